@@ -230,3 +230,14 @@ def test_a_table_wider_than_its_place_shows_a_bar(phone: Page, lab: Lab) -> None
     table.evaluate("(box) => box.scrollTo(1, 0)")
     table.evaluate("(box) => box.scrollTo(box.scrollWidth, 0)")
     expect(table).to_have_attribute("data-more", "left")
+
+
+def test_chosen_recordings_are_estimated_in_three_clicks(tab: Tab, lab: Lab) -> None:
+    ids = {lab.fake.add_recording(f"walk {k}.c3d").id for k in range(2)}
+    page = tab.go("/recordings")
+    page.get_by_role("button", name="Estimate").click()
+    expect(page.get_by_text("Choose recordings first.")).to_be_visible()
+    page.get_by_label("all on this page").check()
+    page.get_by_role("button", name="Estimate").click()
+    page.wait_for_url("**/jobs?kind=estimate-com")
+    assert {job.recording_id for job in lab.fake.jobs.values()} >= ids

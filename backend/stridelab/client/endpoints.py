@@ -106,9 +106,14 @@ def recordings(
     *,
     subject_id: str | None = None,
     linked: bool | None = None,
+    search: str | None = None,
+    sort: str | None = None,
 ) -> Call[Page[Recording]]:
-    """One page of recordings, newest first; optionally of one session or subject, or with or without a subject."""
-    filters = {"session_id": session_id, "subject_id": subject_id}
+    """One page of recordings; optionally of one session or subject, or with or without a subject.
+
+    ``search`` keeps those that contain all of its words; ``sort`` is ``newest`` (default), ``oldest`` or ``name``.
+    """
+    filters = {"session_id": session_id, "subject_id": subject_id, "search": search, "sort": sort}
     filters["linked"] = None if linked is None else str(linked).lower()
     return _list_page(f"{API}/recordings", Page[Recording], limit, cursor, **filters)
 
@@ -128,9 +133,11 @@ def delete_recording(recording_id: str) -> Call[None]:
     return Call("DELETE", _path_of("recordings", recording_id), read_nothing)
 
 
-def subjects(limit: int = 50, cursor: str | None = None) -> Call[Page[Subject]]:
-    """One page of subjects, newest first."""
-    return _list_page(f"{API}/subjects", Page[Subject], limit, cursor)
+def subjects(
+    limit: int = 50, cursor: str | None = None, *, search: str | None = None, sort: str | None = None
+) -> Call[Page[Subject]]:
+    """One page of subjects; ``search`` and ``sort`` as for ``recordings``."""
+    return _list_page(f"{API}/subjects", Page[Subject], limit, cursor, search=search, sort=sort)
 
 
 def subject(subject_id: str) -> Call[Subject]:
@@ -153,9 +160,11 @@ def delete_subject(subject_id: str) -> Call[None]:
     return Call("DELETE", _path_of("subjects", subject_id), read_nothing)
 
 
-def scenarios(limit: int = 50, cursor: str | None = None) -> Call[Page[StoredScenario]]:
-    """One page of scenarios, newest first."""
-    return _list_page(f"{API}/scenarios", Page[StoredScenario], limit, cursor)
+def scenarios(
+    limit: int = 50, cursor: str | None = None, *, search: str | None = None, sort: str | None = None
+) -> Call[Page[StoredScenario]]:
+    """One page of scenarios; ``search`` and ``sort`` as for ``recordings``."""
+    return _list_page(f"{API}/scenarios", Page[StoredScenario], limit, cursor, search=search, sort=sort)
 
 
 def scenario(scenario_id: str) -> Call[StoredScenario]:
@@ -268,9 +277,11 @@ def jobs(
     kind: str | None = None,
     recording_id: str | None = None,
     scenario_id: str | None = None,
+    search: str | None = None,
 ) -> Call[Page[Job]]:
-    """One page of jobs, newest first."""
+    """One page of jobs, newest first; ``search`` looks in the names of recording and scenario."""
     filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
+    filters["search"] = search
     return _list_page(f"{API}/jobs", Page[Job], limit, cursor, **filters)
 
 

@@ -16,7 +16,7 @@ from stridelab.schemas.jobs import Job
 from stridelab.schemas.scenarios import StoredScenario
 from stridelab_web.api_client import client_of, none_if_missing
 from stridelab_web.config import WebConfig
-from stridelab_web.pages.lists import filenames_of
+from stridelab_web.pages.lists import subjects_of_jobs
 from stridelab_web.pages.render import render_page
 from stridelab_web.pages.scenarios.page import scenario_cards
 
@@ -37,7 +37,7 @@ async def home(request: Request) -> Response:
         sample=await none_if_missing(client.recording(SAMPLE_RECORDING)),
         recordings=recordings.items,
         jobs=jobs.items,
-        filenames=await filenames_of(client, jobs.items),
+        names=await subjects_of_jobs(client, jobs.items),
         scenarios=[
             {**card, "plan": await _motion_of(client, item.id)}
             for card, item in zip(scenario_cards(shown), shown, strict=True)

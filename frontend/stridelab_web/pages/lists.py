@@ -1,7 +1,7 @@
 """The lists of recordings, jobs and subjects, and the page of one subject with the recordings of that person."""
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, TypedDict
 
 from starlette.requests import Request
 from starlette.responses import Response
@@ -17,10 +17,25 @@ OFFERED: Final = 50
 """Number of recordings without a subject that are offered at a time."""
 
 
+class ListQuery(TypedDict):
+    """Words, order and page of a list; None for what its address does not state."""
+
+    search: str | None
+    sort: str | None
+    cursor: str | None
+
+
 async def subjects_page(request: Request) -> Response:
     """``GET /subjects``."""
-    listed = await client_of(request).subjects(cursor=request.query_params.get("cursor"))
-    return render_page(request, "pages/subjects.html", section="Subjects", subjects=listed.items, next=listed.next)
+    listed = await client_of(request).subjects(**list_query(request))
+    return render_page(
+        request,
+        "pages/subjects.html",
+        section="Subjects",
+        subjects=listed.items,
+        query=request.query_params,
+        next=next_page(request, listed.next),
+    )
 
 
 async def subject_page(request: Request) -> Response:
@@ -43,35 +58,59 @@ async def subject_page(request: Request) -> Response:
 
 
 async def recordings_page(request: Request) -> Response:
-    """``GET /recordings``."""
-    listed = await client_of(request).recordings(cursor=request.query_params.get("cursor"))
+    """``GET /recordings?search=&sort=&session_id=``."""
+    query = request.query_params
+    listed = await client_of(request).recordings(session_id=query.get("session_id") or None, **list_query(request))
     return render_page(
-        request, "pages/recordings.html", section="Recordings", recordings=listed.items, next=listed.next
+        request,
+        "pages/recordings.html",
+        section="Recordings",
+        recordings=listed.items,
+        query=query,
+        next=next_page(request, listed.next),
     )
 
 
 async def jobs_page(request: Request) -> Response:
-    """``GET /jobs?state=&kind=``: all jobs, or those of one state, one kind or both."""
+    """``GET /jobs?state=&kind=&search=``: all jobs, or those of one state, of one kind, or that contain words."""
     client, query = client_of(request), request.query_params
-    state, kind = query.get("state", ""), query.get("kind", "")
-    listed = await client.jobs(state=state or None, kind=kind or None, cursor=query.get("cursor"))
+    state, kind, search = query.get("state", ""), query.get("kind", ""), query.get("search", "")
+    listed = await client.jobs(
+        state=state or None, kind=kind or None, search=search or None, cursor=query.get("cursor")
+    )
     return render_page(
         request,
         "pages/jobs.html",
         section="Jobs",
         jobs=listed.items,
-        next=listed.next,
+        next=next_page(request, listed.next),
         state_filter=state,
         kind_filter=kind,
+        query=query,
         kinds=sorted({*KINDS, *(job.kind for job in listed.items), kind} - {""}, key=name_of),
-        filenames=await filenames_of(client, listed.items),
+        names=await subjects_of_jobs(client, listed.items),
     )
 
 
-async def filenames_of(client: AsyncClient, jobs: Sequence[Job]) -> dict[str, str]:
-    """File names of the recordings of the jobs, by recording id; deleted recordings are left out."""
+async def subjects_of_jobs(client: AsyncClient, jobs: Sequence[Job]) -> dict[str, str]:
+    """By job id: the file name of the job's recording or the name of its scenario; deleted ones are left out."""
     names: dict[str, str] = {}
     for recording_id in {job.recording_id for job in jobs if job.recording_id is not None}:
         if recording := await none_if_missing(client.recording(recording_id)):
             names[recording_id] = recording.filename
-    return names
+    for scenario_id in {job.scenario_id for job in jobs if job.scenario_id is not None}:
+        if scenario := await none_if_missing(client.scenario(scenario_id)):
+            names[scenario_id] = scenario.name
+    of_jobs = {job.id: names.get(job.recording_id or job.scenario_id or "") for job in jobs}
+    return {job_id: name for job_id, name in of_jobs.items() if name}
+
+
+def list_query(request: Request) -> ListQuery:
+    """The fields of a list's address, for the client."""
+    query = request.query_params
+    return {"search": query.get("search") or None, "sort": query.get("sort") or None, "cursor": query.get("cursor")}
+
+
+def next_page(request: Request, cursor: str | None) -> str | None:
+    """Address of the next page of a list with the same search, order and filters; None on the last page."""
+    return None if cursor is None else str(request.url.include_query_params(cursor=cursor).query)

@@ -43,7 +43,7 @@ def make_environment(config: WebConfig) -> Environment:
         final_states=FINAL_STATES,
         navigation=NAVIGATION,
         section="",
-        filenames={},
+        names={},
     )
     return environment
 

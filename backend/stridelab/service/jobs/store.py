@@ -25,7 +25,8 @@ from stridelab.service.cursors import decode_cursor, encode_cursor
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.storage import locks
 from stridelab.service.storage.database import autocommit_engine
-from stridelab.service.storage.tables import job, job_event
+from stridelab.service.storage.search import contains_words
+from stridelab.service.storage.tables import job, job_event, recording, scenario
 
 CHANNEL: Final = "stridelab_job"
 """NOTIFY channel; the payload is the id of the job that changed."""
@@ -179,13 +180,19 @@ class JobStore:
         kind: str | None = None,
         recording_id: str | None = None,
         scenario_id: str | None = None,
+        search: str | None = None,
     ) -> JobPage:
-        """Jobs, newest first; raises ``InvalidInput`` (``invalid-cursor``)."""
+        """Jobs, newest first; ``search`` looks in the kind and in the names of recording and scenario.
+
+        Raises ``InvalidInput`` (``invalid-cursor``).
+        """
         wanted = _JOBS_SELECT.order_by(job.c.created_at.desc(), job.c.id.desc()).limit(limit + 1)
         filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
         for column, value in filters.items():
             if value is not None:
                 wanted = wanted.where(job.c[column] == value)
+        if search is not None:
+            wanted = wanted.where(contains_words(search, *_SEARCHED_TEXTS))
         if cursor is not None:
             at, job_id = decode_cursor(cursor)
             wanted = wanted.where(tuple_(job.c.created_at, job.c.id) < tuple_(literal(at), literal(job_id)))
@@ -307,6 +314,11 @@ def _jobs_with_queue_position() -> Select[Any]:
 
 # built once: building the statement costs more than executing it
 _JOBS_SELECT: Final = _jobs_with_queue_position()
+_SEARCHED_TEXTS: Final = (
+    job.c.kind,
+    select(recording.c.filename).where(recording.c.id == job.c.recording_id).scalar_subquery(),
+    select(scenario.c.body["name"].astext).where(scenario.c.id == job.c.scenario_id).scalar_subquery(),
+)
 _JOB_BY_ID: Final = _JOBS_SELECT.where(job.c.id == bindparam("job_id"))
 
 

@@ -7,6 +7,7 @@ from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab_web.api_client import client_of
 from stridelab_web.charts import intervals
 from stridelab_web.charts.scenario_drawing import draw_scenario
+from stridelab_web.pages.lists import list_query, next_page
 from stridelab_web.pages.render import render_page
 from stridelab_web.pages.scenarios.equilibrium_table import (
     equilibrium_bars,
@@ -20,10 +21,15 @@ MAX_CARDS = 24
 
 
 async def scenarios_page(request: Request) -> Response:
-    """``GET /scenarios``."""
-    listed = await client_of(request).scenarios(limit=MAX_CARDS, cursor=request.query_params.get("cursor"))
+    """``GET /scenarios?search=&sort=``."""
+    listed = await client_of(request).scenarios(limit=MAX_CARDS, **list_query(request))
     return render_page(
-        request, "pages/scenarios.html", section="Scenarios", scenarios=scenario_cards(listed.items), next=listed.next
+        request,
+        "pages/scenarios.html",
+        section="Scenarios",
+        scenarios=scenario_cards(listed.items),
+        query=request.query_params,
+        next=next_page(request, listed.next),
     )
 
 

@@ -15,7 +15,7 @@ from stridelab.service.api.jobs import bundle, delete, events
 from stridelab.service.api.jobs.presentation import job_of
 from stridelab.service.api.jobs.submit import add_kinds
 from stridelab.service.api.openapi import failure_responses, file_response
-from stridelab.service.api.pagination import Cursor, Limit
+from stridelab.service.api.pagination import Cursor, Limit, Search
 from stridelab.service.api.shutdown import await_unless
 from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.auth import audit
@@ -49,8 +49,12 @@ async def list_jobs(
     kind: Text = None,
     recording_id: Text = None,
     scenario_id: Text = None,
+    search: Search = None,
 ) -> Page[Job]:
-    """List jobs, newest first, optionally of one state, kind, recording or scenario."""
+    """List jobs, newest first, optionally of one state, kind, recording or scenario.
+
+    `search` looks in the kind and in the names of the recording and the scenario.
+    """
     page = await parts.store.list_jobs(
         limit=limit,
         cursor=cursor or None,
@@ -58,6 +62,7 @@ async def list_jobs(
         kind=kind or None,
         recording_id=recording_id or None,
         scenario_id=scenario_id or None,
+        search=search,
     )
     return Page[Job](items=[job_of(record) for record in page.items], next=page.next)
 

@@ -22,7 +22,7 @@ from stridelab.schemas.marker_sets import (
 from stridelab.service.api.dependencies import AppParts, CallerOf, require_id_form, required_row
 from stridelab.service.api.marker_sets.fitting_recordings import fitting_recordings, parse_all_again
 from stridelab.service.api.openapi import failure_responses
-from stridelab.service.api.pagination import Cursor, Limit, read_page
+from stridelab.service.api.pagination import Cursor, Limit, Order, read_page
 from stridelab.service.api.recordings.service import propose_landmarks
 from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.auth import audit
@@ -56,7 +56,7 @@ _UNKNOWN: Final = failure_responses(s404="No marker set with this id (`marker-se
 @router.get("", summary="List marker sets")
 async def list_marker_sets(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[StoredMarkerSet]:
     """List the marker sets that users stored, newest first. Shipped sets are not listed."""
-    rows, following = await read_page(parts.engine, select(marker_set), marker_set, limit, cursor)
+    rows, following = await read_page(parts.engine, select(marker_set), Order(marker_set), limit, cursor)
     return Page[StoredMarkerSet](items=[_set_of(row) for row in rows], next=following)
 
 

@@ -15,18 +15,26 @@ from stridelab.service.api.downloads import OCTETS, PARQUET, send_blob
 from stridelab.service.api.jobs import delete
 from stridelab.service.api.jobs.presentation import job_of
 from stridelab.service.api.openapi import failure_responses, file_response, form_body
-from stridelab.service.api.pagination import Cursor, Limit, read_page
+from stridelab.service.api.pagination import Cursor, Limit, Order, Search, Sort, read_page
 from stridelab.service.api.recordings import service
 from stridelab.service.api.recordings.batch import receive_batch
 from stridelab.service.api.recordings.form_fields import session_of_form, subject_of_form
 from stridelab.service.api.recordings.multipart import Limits, receive_form
 from stridelab.service.api.recordings.parse import NO_SWITCHES, parse_recording
-from stridelab.service.api.recordings.repository import recording_of, recording_row, recordings_with_subjects
+from stridelab.service.api.recordings.repository import (
+    SEARCHED_COLUMNS,
+    recording_of,
+    recording_row,
+    recordings_with_subjects,
+)
 from stridelab.service.api.strict_json import StrictRoute
+from stridelab.service.storage.search import contains_words
 from stridelab.service.storage.tables import recording
 
 REUSED_HEADER: Final = "Stridelab-Reused"
 """Response header of an upload that was not stored because a recording of the same bytes exists."""
+ESTIMATE_HEADER: Final = "Stridelab-Estimate"
+"""Response header of an upload whose estimate was started: the id of its job."""
 Reuse = Annotated[
     bool,
     Query(
@@ -120,6 +128,9 @@ async def upload_recording(
     The file is parsed before the response: 201 means that it was parsed and stored. An unreadable file is refused with
     the reason and not stored. Uploading the same bytes again creates another recording, unless `reuse` is set: then
     the existing recording is returned, with the header `Stridelab-Reused`.
+
+    If the setting `STRIDELAB_ESTIMATE_UPLOADS` is true, `estimate-com` starts with its default method; the header
+    `Stridelab-Estimate` has the id of this job.
     """
     limits = Limits(parts.settings.max_upload_mb * 1_000_000, parts.settings.min_free_disk_mb * 1_000_000)
     folder = service.spool_folder(parts)
@@ -135,6 +146,8 @@ async def upload_recording(
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     response.headers["Location"] = f"/api/v1/recordings/{stored.id}"
+    if parts.settings.estimate_uploads and (job_id := await service.start_estimate(parts, stored, caller.name)):
+        response.headers[ESTIMATE_HEADER] = job_id
     return stored
 
 
@@ -178,18 +191,25 @@ async def list_recordings(
     session_id: InSession = None,
     subject_id: OfSubject = None,
     linked: Linked = None,
+    search: Search = None,
+    sort: Sort = "newest",
     limit: Limit = 50,
     cursor: Cursor = None,
 ) -> Page[Recording]:
-    """List recordings, newest first, optionally of one session or subject."""
+    """List recordings, optionally of one session or subject.
+
+    `search` looks in the file name, the pseudonym of the subject, the session and the marker set.
+    """
     query = recordings_with_subjects()
+    if search is not None:
+        query = query.where(contains_words(search, *SEARCHED_COLUMNS))
     if subject_id is not None:
         query = query.where(recording.c.subject_id == subject_id)
     if linked is not None:
         query = query.where(recording.c.subject_id.is_not(None) if linked else recording.c.subject_id.is_(None))
     if session_id is not None:
         query = query.where(recording.c.session_id == session_id)
-    rows, following = await read_page(parts.engine, query, recording, limit, cursor)
+    rows, following = await read_page(parts.engine, query, Order(recording, sort, recording.c.filename), limit, cursor)
     return Page[Recording](items=[recording_of(row) for row in rows], next=following)
 
 

@@ -19,6 +19,14 @@ STORED_FIELDS: Final = (
     *("session_id", "session_stated", "bundled", "truth_job_id", "owner"),
 )
 """Fields of a ``Recording`` that are columns of its row."""
+SEARCHED_COLUMNS: Final = (
+    recording.c.filename,
+    recording.c.session_id,
+    recording.c.subject_fields["name"].astext,
+    recording.c.facts["marker_set"].astext,
+    subject.c.fields["name"].astext,
+)
+"""Texts of a row of ``recordings_with_subjects`` in which a search looks."""
 
 
 def recordings_with_subjects() -> Select[Any]:

@@ -12,7 +12,7 @@ from typing import Any, Final
 import structlog
 from sqlalchemy import delete, insert, select, update
 
-from stridelab.errors import Conflict, Fault, InvalidInput, NotFound, Unavailable
+from stridelab.errors import Busy, Conflict, Fault, InvalidInput, NotFound, TooLarge, Unavailable
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.schemas.marker_sets import MarkerSetProposal
 from stridelab.schemas.recordings import PlateSwitch, Recording, RecordingFacts, RecordingPatch, SubjectFields
@@ -250,6 +250,23 @@ async def store_upload(
     if stored is None:
         raise Unavailable("database-unreachable", "The database does not answer; nothing was stored. Try again.")
     return stored
+
+
+async def start_estimate(parts: Parts, stored: Recording, owner: str | None) -> str | None:
+    """Submit ``estimate-com`` with its default method; returns the job id, None where no method is applicable.
+
+    The upload is stored whether or not the queue has a place, so a full queue is logged only.
+    """
+    if not any(offer.possible for offer in stored.estimates):
+        return None
+    try:
+        await refuse_full(parts, owner)
+        request = {"recording_id": stored.id}
+        submitted = await parts.store.submit("estimate-com", request, owner=owner, recording_id=stored.id)
+    except (Busy, TooLarge, NotFound) as error:
+        structlog.get_logger().warning("estimate_not_started", recording_id=stored.id, code=error.code)
+        return None
+    return submitted.job_id
 
 
 async def uploaded_before(parts: Parts, form: ReceivedForm, owner: str | None) -> Recording | None:

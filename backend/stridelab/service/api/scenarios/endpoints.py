@@ -11,7 +11,7 @@ from stridelab.schemas.plans import PlanContactsInput
 from stridelab.schemas.scenarios import Course, Scenario, ScenarioCheck, StoredScenario
 from stridelab.service.api.dependencies import AppParts, CallerOf
 from stridelab.service.api.openapi import failure_responses
-from stridelab.service.api.pagination import Cursor, Limit
+from stridelab.service.api.pagination import Cursor, Limit, Search, Sort
 from stridelab.service.api.scenarios.bodies import add_body_checks
 from stridelab.service.api.scenarios.repository import (
     check_if_match,
@@ -48,13 +48,15 @@ _INVALID: Final = failure_responses(
 
 
 @router.get("", summary="List scenarios")
-async def list_scenarios(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[StoredScenario]:
-    """List scenarios, newest first, including bundled ones.
+async def list_scenarios(
+    parts: AppParts, search: Search = None, sort: Sort = "newest", limit: Limit = 50, cursor: Cursor = None
+) -> Page[StoredScenario]:
+    """List scenarios, including bundled ones. `search` looks in the name and the robot.
 
     A page of very long scenarios may contain fewer than `limit`; `next` is null on the last page.
     """
     async with parts.engine.connect() as connection:
-        return await scenarios_page(connection, limit, cursor)
+        return await scenarios_page(connection, limit, cursor, search, sort)
 
 
 @router.post("", status_code=201, summary="Add a scenario", responses=_INVALID)

@@ -10,7 +10,8 @@ from stridelab.errors import Conflict
 from stridelab.schemas.base import Page
 from stridelab.schemas.scenarios import StoredScenario
 from stridelab.service.api.dependencies import require_id_form, required_row
-from stridelab.service.api.pagination import cut_page, newest_first
+from stridelab.service.api.pagination import Order
+from stridelab.service.storage.search import contains_words
 from stridelab.service.storage.tables import scenario
 
 Row = Mapping[str, Any]
@@ -55,9 +56,16 @@ def check_if_match(row: Row, if_match: str | None) -> None:
         raise Conflict("scenario-changed", "This scenario has been changed elsewhere since it was read.")
 
 
-async def scenarios_page(connection: AsyncConnection, limit: int, cursor: str | None) -> Page[StoredScenario]:
-    """Read one page, newest first; rows are streamed, so that no more are fetched than the page contains."""
-    query: Select[Any] = newest_first(select(scenario), scenario, limit, cursor)
+async def scenarios_page(
+    connection: AsyncConnection, limit: int, cursor: str | None, search: str | None = None, sort: str = "newest"
+) -> Page[StoredScenario]:
+    """Read one page; rows are streamed, so that no more are fetched than the page contains."""
+    name = scenario.c.body["name"].astext
+    wanted = select(scenario)
+    if search is not None:
+        wanted = wanted.where(contains_words(search, name, scenario.c.body["robot"].astext))
+    order = Order(scenario, sort, name)
+    query: Select[Any] = order.restrict(wanted, limit, cursor)
     rows: list[Row] = []
     parts = 0
     async with connection.stream(query.execution_options(yield_per=_BATCH)) as result:
@@ -68,7 +76,7 @@ async def scenarios_page(connection: AsyncConnection, limit: int, cursor: str | 
             rows.append(row)
             if len(rows) > limit:
                 break
-    shown, following = cut_page(rows, limit)
+    shown, following = order.cut_page(rows, limit)
     return Page[StoredScenario](items=[scenario_of(row) for row in shown], next=following)
 
 

@@ -13,10 +13,11 @@ from stridelab.schemas.recordings import Subject, SubjectInput
 from stridelab.service.api.dependencies import AppParts, CallerOf, require_id_form, required_row
 from stridelab.service.api.jobs import delete as deleting
 from stridelab.service.api.openapi import failure_responses
-from stridelab.service.api.pagination import Cursor, Limit, read_page
+from stridelab.service.api.pagination import Cursor, Limit, Order, Search, Sort, read_page
 from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.auth import audit
 from stridelab.service.auth.callers import require_owner
+from stridelab.service.storage.search import contains_words
 from stridelab.service.storage.tables import recording, subject
 
 router = APIRouter(prefix="/subjects", tags=["subjects"], route_class=StrictRoute)
@@ -32,9 +33,14 @@ _UNKNOWN: Final = failure_responses(s404="No subject with this id (`subject-not-
 
 
 @router.get("", summary="List subjects")
-async def list_subjects(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[Subject]:
-    """List subjects, newest first, each with the number of its recordings."""
-    rows, following = await read_page(parts.engine, subjects_with_counts(), subject, limit, cursor)
+async def list_subjects(
+    parts: AppParts, search: Search = None, sort: Sort = "newest", limit: Limit = 50, cursor: Cursor = None
+) -> Page[Subject]:
+    """List subjects, each with the number of its recordings. `search` looks in the pseudonym."""
+    name, query = subject.c.fields["name"].astext, subjects_with_counts()
+    if search is not None:
+        query = query.where(contains_words(search, name))
+    rows, following = await read_page(parts.engine, query, Order(subject, sort, name), limit, cursor)
     return Page[Subject](items=[subject_of(row) for row in rows], next=following)
 
 

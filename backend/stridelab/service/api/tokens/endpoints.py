@@ -9,7 +9,7 @@ from stridelab.schemas.access import AuditEntry, CallerFacts, NewToken, TokenFac
 from stridelab.schemas.base import Page
 from stridelab.service.api.dependencies import AppParts, CallerOf, require_id_form
 from stridelab.service.api.openapi import failure_responses
-from stridelab.service.api.pagination import Cursor, Limit, read_page
+from stridelab.service.api.pagination import Cursor, Limit, Order, read_page
 from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.auth import audit, tokens
 from stridelab.service.auth.callers import require_scope
@@ -37,7 +37,7 @@ async def read_caller(caller: CallerOf) -> CallerFacts:
 @router.get("/tokens", summary="List tokens")
 async def list_tokens(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[TokenFacts]:
     """List tokens, newest first, including revoked and expired ones. Secrets are not stored."""
-    rows, following = await read_page(parts.engine, select(tables.token), tables.token, limit, cursor)
+    rows, following = await read_page(parts.engine, select(tables.token), Order(tables.token), limit, cursor)
     return Page[TokenFacts](items=[tokens.facts_of(row) for row in rows], next=following)
 
 
@@ -75,5 +75,5 @@ async def revoke_token(parts: AppParts, caller: CallerOf, token_id: str) -> Toke
 @router.get("/audit", summary="Audit log")
 async def list_audit(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[AuditEntry]:
     """List audit entries, newest first: tokens, logins, deletions, cancellations and refused requests."""
-    rows, following = await read_page(parts.engine, select(tables.audit), tables.audit, limit, cursor)
+    rows, following = await read_page(parts.engine, select(tables.audit), Order(tables.audit), limit, cursor)
     return Page[AuditEntry](items=[AuditEntry(**row) for row in rows], next=following)
