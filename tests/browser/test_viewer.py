@@ -226,3 +226,33 @@ def test_a_recording_that_does_not_exist_is_said(tab: Tab) -> None:
     page = tab.go("/view/?recording=nothing")
     expect(page.get_by_role("heading", level=1)).to_have_text("Not found")
     tab.missteps = [m for m in tab.missteps if "status of 404" not in m]
+
+
+def test_the_scene_beside_the_curves_shares_their_cursor(tab: Tab, estimated: tuple[str, str]) -> None:
+    recording, _ = estimated
+    page = tab.go(f"/recordings/{recording}")
+    expect(page.locator("[data-headline]")).to_contain_text("Centre of mass known to")
+    page.wait_for_selector("#plots[data-ready]", timeout=60_000)
+    height = page.locator("#plots").evaluate("box => box.getBoundingClientRect().height")
+    page.get_by_role("button", name="3D beside the curves").click()
+    frame = page.frame_locator("[data-beside] > iframe")
+    expect(frame.locator("[data-player][data-ready]")).to_be_attached(timeout=60_000)
+    expect(frame.get_by_role("banner")).to_be_hidden()
+    clock, read_out = frame.locator("[data-time]"), page.locator("#readout")
+
+    page.locator("#cursor").evaluate("(box) => { box.value = '40'; box.dispatchEvent(new Event('input')); }")
+    time_s = (read_out.text_content() or "").split()[1]
+    expect(clock).to_contain_text(f"{time_s} s")
+
+    page.wait_for_timeout(100)  # longer than the interval at which the curves follow
+    frame.locator("[data-do=forward]").click()
+    expect(clock).not_to_contain_text(f"{time_s} s")
+    moved_s = (clock.text_content() or "").split()[0]
+    expect(read_out).to_contain_text(f"t {moved_s} s")
+    # Curves that give way to the scene keep their height.
+    assert page.locator("#plots").evaluate("box => box.getBoundingClientRect().height") == height
+
+    page.reload()
+    expect(page.locator("[data-beside] > iframe")).to_be_visible()  # as it was left
+    page.get_by_role("button", name="3D beside the curves").click()
+    expect(page.locator("[data-beside] > iframe")).to_have_count(0)

@@ -16,7 +16,7 @@ Style = Literal[
     "line1", "line2", "line3", "line4", "line5", "line6", "line7", "line8",
     "full1", "full2", "full3", "full4", "dashed1", "dashed2", "dashed3", "dashed4",
 ]  # fmt: skip
-"""How a curve is drawn (static/js/pages/plots.js); the numbered ones tell up to eight curves apart by colour and dash,
+"""How a curve is drawn (static/js/charts/plots.js); the numbered ones tell up to eight curves apart by colour and dash,
 or four, each full and dashed."""
 
 

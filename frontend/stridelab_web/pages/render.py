@@ -51,5 +51,5 @@ def make_environment(config: WebConfig) -> Environment:
 def render_page(request: Request, template: str, status_code: int = 200, **values: Any) -> HTMLResponse:
     """``template`` filled with ``values``; pages show the present state and must not be cached."""
     environment: Environment = request.app.state.environment
-    text = environment.get_template(template).render(**values)
+    text = environment.get_template(template).render(embedded="embedded" in request.query_params, **values)
     return HTMLResponse(text, status_code=status_code, headers={"Cache-Control": "no-store"})

@@ -119,6 +119,7 @@ function seek(target, inUrl = true) {
     "aria-valuetext",
     `${time_s[index].toFixed(3)} seconds, frame ${index + 1}${label && `, ${label}`}`,
   );
+  document.dispatchEvent(new CustomEvent("instant", { detail: time_s[index] }));
   clock.textContent = `${time_s[index].toFixed(3)} s · frame ${index + 1} of ${time_s.length}${label && ` · ${label}`}`;
   if (inUrl) writeTimeToUrl(index);
 }
@@ -214,6 +215,11 @@ for (const strip of player.querySelectorAll("[data-seek]")) {
     seek(frameAt(((event.clientX - box.left) / box.width) * time_s.at(-1)));
   });
 }
+
+// A page that contains this one moves its cursor.
+document.addEventListener("seek", ({ detail }) => {
+  if (player.dataset.ready) pauseAndSeek(detail);
+});
 
 const moments = player.querySelector("[data-moments]");
 moments?.addEventListener("change", () => {

@@ -65,6 +65,7 @@ function rowTraces(row, columns) {
 
 function draw(data) {
   const { traces, layout } = buildFigure(data);
+  box.style.height = `${layout.height}px`; // a figure that is resized takes the height of its element
   Plotly.newPlot(box, traces, layout, { displayModeBar: false, responsive: true, doubleClick: "reset" }).then(() =>
     linkCursor(data.columns[data.x.key], data),
   );
