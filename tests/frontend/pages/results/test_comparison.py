@@ -127,7 +127,7 @@ def test_one_figure_is_shown_and_the_others_are_offered(fake: FakeService, brows
 
 
 def test_every_line_that_a_trace_can_have_is_known_to_the_page_script() -> None:
-    script = (STATIC / "js" / "pages" / "plots.js").read_text(encoding="utf-8")
+    script = (STATIC / "js" / "charts" / "plots.js").read_text(encoding="utf-8")
     css = (STATIC / "css" / "app.css").read_text(encoding="utf-8")
     for style in get_args(Style):
         assert f" {style}: {{ color" in script, style
