@@ -3,6 +3,7 @@
     Recording -> MeasuredRecording -> RecordedWalk -> RobotWalk -> Scenario -> MotionResult, Replay -> comparison
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -20,11 +21,12 @@ from stridelab.pipelines.progress import ProgressCallback
 from stridelab.recordings.recording import Remark
 from stridelab.robots.loader import load_robot
 from stridelab.schemas import base
-from stridelab.schemas.imitation.contract import ImitateSummary, ImitateTask
+from stridelab.pipelines.imitation.wheel_trials import judge_wheel
+from stridelab.schemas.imitation.contract import ImitateSummary, ImitateTask, WheelTrial
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.replay import Replay
 
-REFERENCES: Final = ("alexander1976", "hof2005")
+REFERENCES: Final = ("hof1996", "hof2005")
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class ImitationResult:
 
 
 def imitate(task: ImitateTask, folder: Path, progress: ProgressCallback) -> ImitationResult:
-    """Let ``task.input.robot`` imitate the recording of ``task.source``, whose files are in ``folder``.
+    """Let ``task.input.robot`` imitate ``task.recording``, whose file is in ``folder``.
 
     Raises the errors of ``gait-measures``, with ``stairs`` for a walk that is not level, and of ``recorded_walk``;
     ``NotFound`` (``robot-not-found``, ``reachability-not-learned``), ``InvalidInput`` (``feet-missing``),
@@ -60,7 +62,7 @@ def imitate(task: ImitateTask, folder: Path, progress: ProgressCallback) -> Imit
     robot = load_robot(request.robot)
     scale = RobotScale.of_robot(robot)
     progress(0.02, "measuring the walk")
-    measured = measure_recording(request.recording_id, task.source, folder)
+    measured = measure_recording(request.recording_id, task, folder)
     recorded = recorded_walk(measured)
     name = f"Walk of {measured.filename}"[:80]
     imitation = find_pace(recorded, scale, name, lambda share, text: progress(0.08 + 0.72 * share, text))
@@ -72,7 +74,8 @@ def imitate(task: ImitateTask, folder: Path, progress: ProgressCallback) -> Imit
     moved = robot_motion(robot, best.replay)
     all_steps = robot_steps(best.result.plan.sequence, best.replay, moved)
     other = Walker.of_motion(moved, steady_steps(all_steps))
-    summary = _summary(task, measured, recorded, scale, imitation, own, other)
+    trials = judge_wheel(own, best, lambda share, text: progress(0.82 + 0.07 * share, text)) if request.wheel else ()
+    summary = _summary(task, measured, recorded, scale, imitation, own, other, trials)
     return ImitationResult(
         measured,
         recorded,
@@ -95,6 +98,7 @@ def _summary(
     imitation: Imitation,
     person: Walker,
     robot: Walker,
+    trials: Sequence[WheelTrial],
 ) -> ImitateSummary:
     best = imitation.best
     if best.result is None:
@@ -123,7 +127,7 @@ def _summary(
         recorded_footholds=len(recorded.footholds),
         repeated_footholds=best.walk.repeated,
         attempts=list(imitation.attempts),
-        wheel=None,
+        wheel=list(trials),
         plan=plan,
         quality=measured.quality.quality,
         warnings=[base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)],

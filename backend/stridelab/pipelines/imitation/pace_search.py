@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from stridelab.errors import Fault, NotEstimable, StridelabError
 from stridelab.pipelines.imitation.recorded_walk import RecordedWalk
 from stridelab.pipelines.imitation.robot_walk import RobotScale, RobotWalk, mean_speed_m_s, scale_walk
+from stridelab.pipelines.plan_centroidal import Change
 from stridelab.pipelines.plan_motion import MotionResult, plan_motion, replay_motion, stage_shares
 from stridelab.pipelines.progress import ProgressCallback, Stages
 from stridelab.schemas.imitation.contract import ImitationAttempt
@@ -53,8 +54,10 @@ Try = Callable[[float, float], Trial]
 """``try(step_share, pace)``."""
 
 
-def find_pace(recorded: RecordedWalk, robot: RobotScale, name: str, progress: ProgressCallback) -> Imitation:
-    """Search steps and pace of ``recorded`` on ``robot``.
+def find_pace(
+    recorded: RecordedWalk, robot: RobotScale, name: str, progress: ProgressCallback, change: Change | None = None
+) -> Imitation:
+    """Search steps and pace of ``recorded`` on ``robot``; ``change`` is that of ``plan_motion``.
 
     Raises ``NotEstimable`` (``imitation-not-certified``) if no steps pass even at the slowest pace; its faults are the
     attempts.
@@ -65,7 +68,8 @@ def find_pace(recorded: RecordedWalk, robot: RobotScale, name: str, progress: Pr
         walk = scale_walk(recorded, robot, step_share=step_share)
         label = f"steps of {step_share:.0%} at {pace:.2f} of the scaled pace"
         share = len(done) / (len(done) + 6.0)
-        trial = try_walk(walk, walk.scenario(name, pace), pace, lambda _f, text: progress(share, f"{label}: {text}"))
+        body = walk.scenario(name, pace)
+        trial = try_walk(walk, body, pace, lambda _f, text: progress(share, f"{label}: {text}"), change)
         done.append(trial.attempt)
         return trial
 
@@ -108,8 +112,13 @@ def search_fastest(attempt: Try, slow: Trial) -> Trial:
     return best
 
 
-def try_walk(walk: RobotWalk, body: dict[str, Any], pace: float, progress: ProgressCallback) -> Trial:
-    """Plan, check and replay one scenario; a failure at any stage is the reason of the attempt."""
+def try_walk(
+    walk: RobotWalk, body: dict[str, Any], pace: float, progress: ProgressCallback, change: Change | None = None
+) -> Trial:
+    """Plan, check and replay one scenario; a failure at any stage is the reason of the attempt.
+
+    ``change`` is that of ``plan_motion``.
+    """
     scenario = Scenario.model_validate(body)
     request = PlanMotionInput(scenario=scenario, replay=True)
     stages = Stages(progress, stage_shares(request))
@@ -126,7 +135,7 @@ def try_walk(walk: RobotWalk, body: dict[str, Any], pace: float, progress: Progr
         return Trial(walk, attempt, scenario, result, None, stages)
 
     try:
-        result = plan_motion(PlanMotionTask(scenario=scenario, input=request), stages)
+        result = plan_motion(PlanMotionTask(scenario=scenario, input=request), stages, change)
     except StridelabError as error:
         return refused(error.message, None)
     if result.stopped is not None or result.certificate is None or result.motion is None:

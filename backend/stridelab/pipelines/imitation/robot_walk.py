@@ -2,7 +2,7 @@
 
 With l the height of the hips above the floor, of the person as measured and of the robot in its reference posture,
 lengths scale with ``s = l_robot / l_person`` and times with ``sqrt(s)``, so that at pace 1 both walk at the same Froude
-number ``v^2 / (g l)`` (Alexander 1976). Times are divided by the pace. Steps are at least as wide as the soles need.
+number ``v^2 / (g l)`` (Hof 1996). Times are divided by the pace. Steps are at least as wide as the soles need.
 
 The robot starts and ends at rest with its feet side by side, which few recordings show: it starts beside the first
 foothold and closes its feet beside the last one.

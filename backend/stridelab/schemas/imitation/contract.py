@@ -1,26 +1,21 @@
 """Input and result of ``imitate``: a person's recorded walk carried out by a robot."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.methods import Method
 from stridelab.schemas.plans import CertificateSummary, PlanMotionSummary, ReplaySummary
 from stridelab.schemas.quality import Quality
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.tasks import EstimateComTask
 
 
-class ImitateInput(Contract):
-    """Input of ``imitate``: a recorded walk on level ground, and the robot that imitates it."""
+class ImitateInput(EstimateComInput):
+    """Input of ``imitate``: a recorded walk on level ground with the fields of ``estimate-com``, and the robot."""
 
-    recording_id: str
     robot: Annotated[str, Field(min_length=1, max_length=60)]
-    method: Method | None = Field(
-        default=None, description="estimator of the person's centre of mass; null selects it as in `estimate-com`"
-    )
     wheel: bool = Field(
         default=True,
         description="plan the walk a second time with the acceleration of the person's rolling wheel as reference, and "
@@ -28,10 +23,9 @@ class ImitateInput(Contract):
     )
 
 
-class ImitateTask(Contract):
-    """Task of ``imitate``: the input, and the files of ``estimate-com``."""
+class ImitateTask(EstimateComTask):
+    """Task of ``imitate``."""
 
-    source: EstimateComTask
     input: ImitateInput
 
 
@@ -72,27 +66,23 @@ class ComparedQuantity(Contract):
 class WheelTrial(Contract):
     """One plan at the steps and the pace of the imitation: costs, margins and errors."""
 
+    wheel: Literal["none", "thesis", "reversed"] = Field(
+        description="reference: none; the wheel of (3.1), slowest at its lowest point; the one that is fastest there"
+    )
     certified: bool
     completed: bool
-    reason: str
-    acceleration_cost_s: float | None = Field(description="int |c''|^2 dt of the plan, (m/s^2)^2 s")
-    torque_squared_nm2s: float | None = Field(description="sum over the joints of int tau^2 dt of the motion")
-    momentum_mismatch_max_nms: float | None = None
-    support_margin_min_m: float | None = Field(default=None, description="smallest margin of the centre of pressure")
+    reason: str = Field(description="empty if certified and completed")
+    r_m: float | None = Field(default=None, description="radius of the reference's point, for the robot")
+    lowest_share: float | None = Field(default=None, description="share of a step at its lowest point")
+    com_excursion_m: float | None = Field(default=None, description="of the plan, vertical, over the steady steps")
+    acceleration_m2_s3: float | None = Field(default=None, description="int |c''|^2 dt of the plan")
+    torque_squared_nm2s: float | None = Field(default=None, description="sum over joints of int tau^2 dt, motion")
+    joint_work_j: float | None = Field(default=None, description="sum over joints of int |tau omega| dt, motion")
+    momentum_mismatch_nms: float | None = Field(default=None, description="certificate, largest")
+    friction_cone_margin: float | None = Field(default=None, description="certificate, smallest")
     com_error_max_m: float | None = Field(default=None, description="replay")
     com_error_rms_m: float | None = Field(default=None, description="replay")
     torque_ratio_max: float | None = Field(default=None, description="replay")
-
-
-class WheelJudgement(Contract):
-    """The person's wheel, scaled, and the plans without and with its acceleration as reference."""
-
-    R_m: float
-    r_m: float
-    z0_m: float
-    steps: int = Field(description="steps of the person whose wheel is averaged")
-    without: WheelTrial
-    with_wheel: WheelTrial
 
 
 class ImitateSummary(Contract):
@@ -119,12 +109,7 @@ class ImitateSummary(Contract):
     recorded_footholds: int
     repeated_footholds: int = Field(description="footholds that repeat the last recorded stride")
     attempts: list[ImitationAttempt]
-    wheel: WheelJudgement | None
+    wheel: list[WheelTrial] = Field(description="plans of the same scenario without and with a wheel as reference")
     plan: PlanMotionSummary
     quality: Quality
     warnings: list[Remark]
-
-
-def estimate_input(request: ImitateInput) -> EstimateComInput:
-    """The input of ``estimate-com`` for the recording of ``request``."""
-    return EstimateComInput(recording_id=request.recording_id, method=request.method)
