@@ -49,7 +49,9 @@ def _squared_rates(problem: CentroidalProblem, motion: Motion) -> tuple[Series, 
     """
     n = len(motion.phase)
     limbs_nm = np.zeros((n, N_GAUSS, 3)) if problem.limbs_nm is None else problem.limbs_nm.reshape(n, -1, 3)
-    reference = np.zeros((n, N_GAUSS, 3)) if problem.reference_m_s2 is None else problem.reference_m_s2.reshape(n, -1, 3)
+    reference = (
+        np.zeros((n, N_GAUSS, 3)) if problem.reference_m_s2 is None else problem.reference_m_s2.reshape(n, -1, 3)
+    )
     if not motion.curves_n:
         a = total_force_n(motion) / problem.mass_kg + g - reference[:, 0]
         l_rate = np.diff(motion.l_nms, axis=0) / np.diff(motion.time_s)[:, None] - limbs_nm[:, 0]

@@ -83,8 +83,8 @@ class CentroidalProblem:
     constant between nodes, or for ``shape`` "cubic" splines (``force_splines``). ``durations`` and ``placements`` are
     fixed unless given as free variables. ``limbs_nm`` (N m) is the momentum rate of the limbs about the CoM, averaged
     between ``limb_times_s``; the cost then weighs the difference from it. ``reference_m_s2`` is an acceleration of the
-    CoM, averaged between the same times; the cost then weighs ``|c'' - a|^2`` instead of ``|c''|^2``. The motion begins at ``start`` and ends at
-    rest or ``capturable``, within ``bounds``.
+    CoM, averaged between the same times; the cost then weighs ``|c'' - a|^2`` instead of ``|c''|^2``. The motion begins
+    at ``start`` and ends at rest or ``capturable``, within ``bounds``.
 
     Raises ``InvalidInput`` for inconsistent problems: ``effector-unknown``, ``proxy-missing``,
     ``phase-without-duration``, ``mass-out-of-range``, ``node-rate-out-of-range``, ``com-not-finite``,

@@ -20,7 +20,6 @@ WHEEL_ROWS: Final = (
     ("torque_squared_nm2s", "int |tau|^2 dt of the motion (N^2 m^2 s)"),
     ("joint_work_j", "int |tau omega| dt of the motion (J)"),
     ("momentum_mismatch_nms", "angular momentum against the plan, max (N m s)"),
-    ("friction_cone_margin", "margin in the friction cones, min"),
     ("com_error_max_m", "CoM error in the replay, max (m)"),
     ("com_error_rms_m", "CoM error in the replay, RMS (m)"),
     ("torque_ratio_max", "torque over its limit in the replay, max"),

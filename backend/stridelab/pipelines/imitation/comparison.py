@@ -134,7 +134,9 @@ def _curves_of_step(motion: WalkMotion, step: GaitStep, share: Series) -> dict[s
     if not motion.covers(step.start_s, step.end_s):
         return None
     at_s = step.start_s + share * (step.end_s - step.start_s)
-    com, velocity = ([np.interp(at_s, motion.time_s, track) for track in t.T] for t in (motion.com_m, motion.velocity_m_s))
+    com, velocity = (
+        [np.interp(at_s, motion.time_s, track) for track in t.T] for t in (motion.com_m, motion.velocity_m_s)
+    )
     standing = OTHER_SIDE[step.side]
     outwards = 1.0 if standing == "left" else -1.0
     margin = np.interp(at_s, motion.time_s, sideways_margin_m(motion, extrapolated_com(motion), standing))

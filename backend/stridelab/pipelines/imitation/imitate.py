@@ -1,6 +1,6 @@
 """A person's recorded walk becomes that of a robot, and both are compared.
 
-    Recording -> MeasuredRecording -> RecordedWalk -> RobotWalk -> Scenario -> MotionResult, Replay -> comparison
+Recording -> MeasuredRecording -> RecordedWalk -> RobotWalk -> Scenario -> MotionResult, Replay -> comparison
 """
 
 from collections.abc import Sequence
@@ -16,12 +16,12 @@ from stridelab.pipelines.imitation.pace_search import Imitation, Trial, find_pac
 from stridelab.pipelines.imitation.recorded_walk import RecordedWalk, recorded_walk
 from stridelab.pipelines.imitation.robot_motion import robot_motion, robot_steps, steady_steps
 from stridelab.pipelines.imitation.robot_walk import RobotScale
+from stridelab.pipelines.imitation.wheel_trials import judge_wheel
 from stridelab.pipelines.plan_motion import MotionResult
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.recordings.recording import Remark
 from stridelab.robots.loader import load_robot
 from stridelab.schemas import base
-from stridelab.pipelines.imitation.wheel_trials import judge_wheel
 from stridelab.schemas.imitation.contract import ImitateSummary, ImitateTask, WheelTrial
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.replay import Replay

@@ -97,7 +97,7 @@ def search_longest(attempt: Try) -> Trial | None:
 
 
 def search_fastest(attempt: Try, slow: Trial) -> Trial:
-    """The fastest pace that passes with the steps of ``slow``, by bisection up to 1 (or ``FIRST_PACE``, which failed)."""
+    """The fastest pace that passes with the steps of ``slow``, by bisection up to 1 or a failed ``FIRST_PACE``."""
     share, low = slow.attempt.step_share, round(slow.attempt.pace / PACE_STEP)
     # one above the largest pace to try: 1.0 itself is tried, FIRST_PACE has failed
     high = round(1.0 / PACE_STEP) + 1 if slow.attempt.pace >= FIRST_PACE else round(FIRST_PACE / PACE_STEP)

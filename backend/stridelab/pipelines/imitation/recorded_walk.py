@@ -18,7 +18,7 @@ from stridelab.errors import NotEstimable
 from stridelab.measures.walk_motion import AHEAD, OTHER_SIDE, FootMotion, WalkMotion
 from stridelab.pipelines.gait_measures import MeasuredRecording
 from stridelab.recordings.foot_contact import find_feet, ground_of_feet_m_s, is_treadmill
-from stridelab.recordings.recording import Recording, Side
+from stridelab.recordings.recording import Side
 from stridelab.walking.gait_events import Contact
 from stridelab.walking.steps import GaitStep
 
@@ -188,4 +188,3 @@ def _step_times(
         np.where(np.isfinite(swings), swings, float(np.mean(fallback[0]))),
         np.where(np.isfinite(supports), supports, float(np.mean(fallback[1]))),
     )
-

@@ -55,7 +55,8 @@ def robot_steps(sequence: ContactSequence, replay: "Replay", motion: WalkMotion)
         other = "right_foot" if side == "left" else "left_foot"
         later = swings[index + 1][0] if index + 1 < len(swings) else len(sequence.phases) - 1
         off_s, strike_s, next_s = (
-            _replay_time_s(replay, float(at)) for at in (sequence.starts_s[k], sequence.ends_s[k], sequence.starts_s[later])
+            _replay_time_s(replay, float(at))
+            for at in (sequence.starts_s[k], sequence.ends_s[k], sequence.starts_s[later])
         )
         before = steps[-1].strike_s if steps else None
         landing, standing = (sequence.next_contact(name, k) for name in (f"{side}_foot", other))

@@ -55,7 +55,9 @@ class RobotScale:
         soles = [robot.effectors.get(f"{side}_foot") for side in ("left", "right")]
         sizes = [sole.contact_half_size_m for sole in soles if sole is not None and sole.contact_half_size_m]
         if len(sizes) < 2:
-            raise InvalidInput("feet-missing", f"An imitation needs two soles, left_foot and right_foot, of {robot.name}.")
+            raise InvalidInput(
+                "feet-missing", f"An imitation needs two soles, left_foot and right_foot, of {robot.name}."
+            )
         data = robot.model.createData()
         pin.forwardKinematics(robot.model, data, robot.q_reference)
         hip_m = float(np.mean([data.oMi[joint].translation[2] for joint in _hip_joints(robot)]))

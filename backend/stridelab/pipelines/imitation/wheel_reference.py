@@ -37,7 +37,7 @@ class RollingWheel:
     lowest_share: float
 
     def accelerations_m_s2(self, sequence: ContactSequence, times_s: Series) -> Points:
-        """Mean accelerations between ``times_s`` (n,) in the steady steps of a walk along x, zero elsewhere; (n - 1, 3).
+        """Mean accelerations between ``times_s`` (n,) in the steady steps of a walk along x, else zero: (n - 1, 3).
 
         A mean is the difference of the wheel's velocity against that of its hub over the length of the interval.
         """
@@ -67,7 +67,7 @@ class RollingWheel:
 
 
 def steady_spans(sequence: ContactSequence) -> list[tuple[float, float, float]]:
-    """Start and end (s) of each steady step, from a lift-off to the next, and the way of the feet's middle in it (m)."""
+    """Start and end (s) of each steady step, from a lift-off to the next, and the advance (m) of the feet's middle."""
     swings = [k for k, phase in enumerate(sequence.phases) if len(phase.contacts) == 1]
     spans = []
     for index in range(FROM_REST, len(swings) - TO_REST):

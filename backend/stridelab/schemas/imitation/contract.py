@@ -79,7 +79,6 @@ class WheelTrial(Contract):
     torque_squared_nm2s: float | None = Field(default=None, description="sum over joints of int tau^2 dt, motion")
     joint_work_j: float | None = Field(default=None, description="sum over joints of int |tau omega| dt, motion")
     momentum_mismatch_nms: float | None = Field(default=None, description="certificate, largest")
-    friction_cone_margin: float | None = Field(default=None, description="certificate, smallest")
     com_error_max_m: float | None = Field(default=None, description="replay")
     com_error_rms_m: float | None = Field(default=None, description="replay")
     torque_ratio_max: float | None = Field(default=None, description="replay")

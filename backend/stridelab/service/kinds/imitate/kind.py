@@ -29,7 +29,9 @@ KIND = JobKind(
         "Lets a robot walk as a recorded person does: scales footholds and times by the height of the hips, searches "
         "the longest steps and the fastest pace that are certified and replayed in physics, and compares both walks."
     ),
-    examples={"talos": {"summary": "The bundled recording on TALOS", "value": {"recording_id": SAMPLE_ID, "robot": "talos"}}},
+    examples={
+        "talos": {"summary": "The bundled recording on TALOS", "value": {"recording_id": SAMPLE_ID, "robot": "talos"}}
+    },
     input_model=ImitateInput,
     summary_model=ImitateSummary,
     stage=stage,
