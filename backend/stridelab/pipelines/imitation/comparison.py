@@ -84,8 +84,8 @@ def compared_curves(person: Walker, robot: Walker, ratio: float) -> dict[str, np
     share = np.linspace(0.0, 1.0, CURVE_POINTS)
     columns: dict[str, np.ndarray] = {"step_share": share}
     for name, walker, s in (("person", person, ratio), ("robot", robot, 1.0)):
-        curves = [_curves_of_step(walker.motion, step, share) for step in walker.steps]
-        curves = [curve for curve in curves if curve is not None]
+        of_steps = (_curves_of_step(walker.motion, step, share) for step in walker.steps)
+        curves = [curve for curve in of_steps if curve is not None]
         powers = {"com_height_m": s, "com_sideways_m": s, "com_speed_m_s": sqrt(s), "margin_m": s}
         for column, factor in powers.items():
             tracks = [curve[column] for curve in curves]
