@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.conventions import Mask, Points
+from stridelab.conventions import Mask
 from stridelab.errors import NotEstimable
 from stridelab.measures.walk_motion import AHEAD, OTHER_SIDE, FootMotion, WalkMotion
 from stridelab.pipelines.gait_measures import MeasuredRecording
@@ -79,23 +79,31 @@ def recorded_walk(measured: MeasuredRecording) -> RecordedWalk:
     Raises ``NotEstimable``: ``too-few-footholds`` for less than three footholds in a row, ``belt-speed-unknown`` for a
     treadmill whose belt has no speed, ``hips-not-marked`` without hip joints.
     """
-    recording, motion = measured.prepared.trial.recording, measured.motion
     _require_known_belt(measured)
-    height_m = _hip_height_m(measured)
-    holds = [(contact, _foothold(motion, contact)) for contact in measured.contacts]
+    return walk_of_motion(measured.motion, measured.contacts, measured.steps, _hip_height_m(measured))
+
+
+def walk_of_motion(
+    motion: WalkMotion, contacts: Sequence[Contact], steps: Sequence[GaitStep], hip_height_m: float
+) -> RecordedWalk:
+    """The longest run of footholds of both feet in turn, with their times.
+
+    Raises ``NotEstimable`` (``too-few-footholds``).
+    """
+    holds = [(contact, _foothold(motion, contact)) for contact in contacts]
     run = _longest_alternation([(contact, hold) for contact, hold in holds if hold is not None])
     if len(run) < LEAST_FOOTHOLDS:
         raise NotEstimable(
             "too-few-footholds",
             f"An imitation needs at least {LEAST_FOOTHOLDS} footholds in a row, of both feet in turn; in "
-            f"{recording.duration_s:.2f} s there are {len(run)}.",
+            f"{motion.time_s[-1] - motion.time_s[0]:.2f} s there are {len(run)}.",
         )
-    swing_s, double_support_s = _step_times([contact for contact, _ in run], measured.steps)
+    swing_s, double_support_s = _step_times([contact for contact, _ in run], steps)
     return RecordedWalk(
         tuple(hold for _, hold in run),
         swing_s,
         double_support_s,
-        height_m,
+        hip_height_m,
         motion.mean_height_m,
         motion.mean_speed_m_s,
     )
@@ -144,7 +152,7 @@ def _foothold(motion: WalkMotion, contact: Contact) -> Foothold | None:
     return Foothold(contact.side, np.median(middle[used], axis=0), float(np.arctan2(ahead[1], ahead[0])))
 
 
-def _shape_of(foot: FootMotion) -> tuple[Points, float, float]:
+def _shape_of(foot: FootMotion) -> tuple[Float[np.ndarray, "n 2"], float, float]:
     """Direction of the foot on the floor (n, 2); its length, and the distance from the ball to its middle (ahead)."""
     back, ball, tip = foot.outline_m[:, HEEL].mean(axis=1), foot.outline_m[:, BALL].mean(axis=1), foot.outline_m[:, TIP]
     along = (ball - back)[:, :2]

@@ -36,12 +36,12 @@ class RollingWheel:
     ratio: float
     lowest_share: float
 
-    def accelerations_m_s2(self, sequence: ContactSequence, times_s: Series) -> Points:
+    def accelerations_m_s2(self, sequence: ContactSequence, times_s: Series) -> Float[np.ndarray, "m 3"]:
         """Mean accelerations between ``times_s`` (n,) in the steady steps of a walk along x, else zero: (n - 1, 3).
 
         A mean is the difference of the wheel's velocity against that of its hub over the length of the interval.
         """
-        mean = np.zeros((len(times_s) - 1, 3))
+        mean: Float[np.ndarray, "m 3"] = np.zeros((len(times_s) - 1, 3))
         begin, end = times_s[:-1], times_s[1:]
         middle_s = 0.5 * (begin + end)
         for start_s, end_s, length_m in steady_spans(sequence):

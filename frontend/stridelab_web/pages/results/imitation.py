@@ -30,7 +30,10 @@ CURVES: Final[Mapping[str, tuple[str, str]]] = {
     "com_speed_m_s": ("Speed of the centre of mass, from its mean", "speed [mm/s]"),
     "margin_m": ("Margin of stability sideways, single support", "margin [mm]"),
 }
-LEGEND: Final = (("measured", "line", "person, measured, scaled to the robot"), ("", "line", "robot, replayed in physics"))
+LEGEND: Final = (
+    ("measured", "line", "person, measured, scaled to the robot"),
+    ("", "line", "robot, replayed in physics"),
+)
 WHEELS: Final = {"none": "Without", "thesis": "Wheel of the thesis", "reversed": "Wheel with s = −1"}
 TRIAL_ROWS: Final = (
     ("com_excursion_m", "Vertical excursion of the plan", 1000.0, "mm", 1),

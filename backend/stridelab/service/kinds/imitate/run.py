@@ -20,7 +20,11 @@ def run(task: ImitateTask, folder: Path, progress: ProgressCallback) -> Outcome:
 
     Raises as ``stridelab.pipelines.imitation.imitate.imitate`` does.
     """
-    result = imitate(task, folder, progress)
+    return publish_imitation(folder, imitate(task, folder, progress), progress)
+
+
+def publish_imitation(folder: Path, result: ImitationResult, progress: ProgressCallback) -> Outcome:
+    """Write the files of ``result`` into ``folder``; 0.9 to 1 of the progress."""
     artifacts = write_imitation(folder, result, lambda share, text: progress(0.9 + 0.1 * share, text))
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), result.citation_keys, artifacts)
