@@ -47,7 +47,7 @@ def test_a_foot_that_is_only_seen_on_its_ball_has_the_same_middle() -> None:
     outline[early, :2, 0] += 1.0 * (motion.time_s[early, None] - motion.time_s[0])
     walk = walk_of_motion(motion, truth.contacts, truth.gait_steps, HIPS_M)
     assert len(walk.footholds) == truth.steps + 1
-    assert walk.footholds[0].position_m == pytest.approx(truth.place_m(0), abs=0.003)
+    assert walk.footholds[0].position_m == pytest.approx(truth.place_m(0), abs=0.005)
 
 
 def test_a_foot_that_is_only_seen_striking_has_the_same_middle() -> None:

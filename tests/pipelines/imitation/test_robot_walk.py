@@ -1,6 +1,7 @@
 """Scaling of a recorded walk to a robot, and the scenario of it."""
 
 from dataclasses import replace
+from itertools import pairwise
 from math import cos, sin
 
 import numpy as np
@@ -72,7 +73,7 @@ def test_the_last_stride_is_repeated_where_few_steps_are_recorded() -> None:
     assert len(walk.footholds) == LEAST_FOOTHOLDS
     assert walk.repeated == LEAST_FOOTHOLDS - 4
     sides = [hold.side for hold in walk.footholds]
-    assert all(a != b for a, b in zip(sides, sides[1:], strict=False))
+    assert all(a != b for a, b in pairwise(sides))
     assert np.diff([hold.position_m[0] for hold in walk.footholds]) == pytest.approx(np.full(5, 0.3), abs=1e-3)
     assert len(walk.swing_s) == len(walk.double_support_s) == LEAST_FOOTHOLDS
 

@@ -1,4 +1,4 @@
-"""A walk whose footholds are known: flat feet that rest at given places and swing between them, in the frame of the walk."""
+"""A walk whose footholds are known: flat feet that rest at given places and swing between them."""
 
 from dataclasses import dataclass, field, replace
 
@@ -14,7 +14,7 @@ FOOT_M = 0.26
 
 @dataclass(frozen=True)
 class FlatFootedWalk:
-    """``steps`` steps of ``length_m`` and ``width_m`` with toes ``toe_out_rad`` outwards, the left foot first on the floor.
+    """``steps`` steps of ``length_m`` and ``width_m`` with toes ``toe_out_rad`` outwards; the left foot first.
 
     The first contact begins before the recording and the last one ends after it.
     """
