@@ -9,6 +9,7 @@ from typing import Any
 
 from stridelab.library.options import Progress, data_frame, ignore_progress, validate_fields
 from stridelab.library.recordings import LoadedRecording, load_recording, staged_sources
+from stridelab.pipelines.imitation.imitate import imitate as _imitate
 from stridelab.schemas.imitation.contract import ImitateInput, ImitateSummary, ImitateTask
 
 
@@ -79,7 +80,7 @@ def imitate(
     try:
         with staged_sources(loaded) as (sources, recorded, static):
             task = ImitateTask(recording=recorded, static=static, input=request)
-            result = job.imitate(task, sources, progress or ignore_progress)
+            result = _imitate(task, sources, progress or ignore_progress)
         outcome = job.publish_imitation(folder, result, progress or ignore_progress)
         write_result(folder, "imitate", request, outcome)
     except BaseException:
