@@ -112,7 +112,7 @@ def commissioned(folder: Path) -> Any:
 
 def imitated(folder: Path) -> Any:
     task = estimate_task(TRIAL, folder)
-    asked = ImitateInput(recording_id="r", robot="talos", wheel=False)
+    asked = ImitateInput(recording_id="r", robot="talos", step_share=0.7, pace=0.5, wheel=False)
     return ImitateTask.model_validate(task.model_dump() | {"input": asked})
 
 

@@ -31,6 +31,13 @@ def imitate(
     *,
     walk: Walk,
     robot: Annotated[str, typer.Option("--robot", help="The robot that walks, e.g. talos.")],
+    step_share: Annotated[
+        float | None,
+        typer.Option("--step-share", help="Length of the steps over the scaled ones; default: the longest."),
+    ] = None,
+    pace: Annotated[
+        float | None, typer.Option("--pace", help="Pace over the scaled one; default: the fastest.")
+    ] = None,
     wheel: Annotated[
         bool, typer.Option("--wheel/--no-wheel", help="Also plan with the person's rolling wheel as reference.")
     ] = True,
@@ -40,7 +47,8 @@ def imitate(
     delivery: Delivery,
 ) -> None:
     """Let a robot walk as the person of a recording, certified and replayed; needs no server."""
-    request = EstimateRequest(walk, method, estimation, preparation, robot=robot, wheel=wheel)
+    options = {"robot": robot, "step_share": step_share, "pace": pace, "wheel": wheel}
+    request = EstimateRequest(walk, method, estimation, preparation, more=options)
     deliver_estimate("imitate", ImitateTask, request, f"{walk.file.stem}-{robot}", delivery, show_imitation)
 
 

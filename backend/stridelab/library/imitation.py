@@ -51,6 +51,8 @@ def imitate(
     recording: LoadedRecording | str | Path,
     *,
     robot: str,
+    step_share: float | None = None,
+    pace: float | None = None,
     wheel: bool = True,
     method: str | None = None,
     progress: Progress | None = None,
@@ -61,6 +63,8 @@ def imitate(
     Args:
         recording: Result of ``read``, or a path; ``stated`` are then options of ``read``, such as ``mass_kg``.
         robot: Name of the robot, such as "talos".
+        step_share: Length of the steps over those scaled by the height of the hips; None searches the longest.
+        pace: Pace over the scaled one; None searches the fastest.
         wheel: Plan the walk also with the person's rolling wheel as reference.
         method: An estimator of the person's centre of mass by name; None takes the best one.
         progress: Called with a fraction from 0 to 1 and a message.
@@ -75,6 +79,7 @@ def imitate(
 
     loaded = load_recording(recording, stated)
     fields = {"recording_id": loaded.path.name, "robot": robot, "wheel": wheel, "method": method}
+    fields |= {"step_share": step_share, "pace": pace}
     request = validate_fields(ImitateInput, fields)
     folder = Path(tempfile.mkdtemp(prefix="stridelab-imitation-"))
     try:

@@ -75,7 +75,7 @@ def test_slows_down_where_no_steps_pass_at_first() -> None:
 def test_a_walk_that_never_passes_is_refused_with_all_attempts(monkeypatch: pytest.MonkeyPatch) -> None:
     never = Limited(0.0, 0.0)
 
-    def try_walk(walk: Any, _body: Any, pace: float, _tell: Any, _change: Any) -> Trial:
+    def try_walk(walk: Any, _body: Any, pace: float, _tell: Any) -> Trial:
         return never(walk.step_share, pace)
 
     monkeypatch.setattr(pace_search, "try_walk", try_walk)
@@ -84,3 +84,15 @@ def test_a_walk_that_never_passes_is_refused_with_all_attempts(monkeypatch: pyte
     assert caught.value.code == "imitation-not-certified"
     assert len(caught.value.faults) == 2 * len(STEP_SHARES)
     assert all(fault.message == "too fast" for fault in caught.value.faults)
+
+
+def test_given_steps_and_pace_are_the_only_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = Limited(0.8, 0.9)
+    monkeypatch.setattr(pace_search, "try_walk", lambda walk, _body, pace, _tell: robot(walk.step_share, pace))
+    best = find_pace(RECORDED, SCALE, "Walk", quiet, step_share=0.65, pace=0.7).best.attempt
+    assert robot.tried == [(0.65, 0.7)]
+    assert (best.step_share, best.pace) == (0.65, 0.7)
+    best = find_pace(RECORDED, SCALE, "Walk", quiet, step_share=0.65).best.attempt
+    assert (best.step_share, best.pace) == pytest.approx((0.65, 0.9))
+    best = find_pace(RECORDED, SCALE, "Walk", quiet, pace=0.75).best.attempt
+    assert (best.step_share, best.pace) == pytest.approx((0.8, 0.75))

@@ -65,7 +65,14 @@ def imitate(task: ImitateTask, folder: Path, progress: ProgressCallback) -> Imit
     measured = measure_recording(request.recording_id, task, folder)
     recorded = recorded_walk(measured)
     name = f"Walk of {measured.filename}"[:80]
-    imitation = find_pace(recorded, scale, name, lambda share, text: progress(0.08 + 0.72 * share, text))
+    imitation = find_pace(
+        recorded,
+        scale,
+        name,
+        lambda share, text: progress(0.08 + 0.72 * share, text),
+        step_share=request.step_share,
+        pace=request.pace,
+    )
     best = imitation.best
     if best.result is None or best.result.motion is None or best.replay is None:
         raise AssertionError("a trial that passes has a motion and a replay")

@@ -4,7 +4,7 @@ A pace passes if the motion is planned, its certificate passes, and its replay i
 steps that pass at ``FIRST_PACE`` are taken (at ``SLOWEST_PACE`` if none do); then the pace is bisected.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -55,9 +55,15 @@ Try = Callable[[float, float], Trial]
 
 
 def find_pace(
-    recorded: RecordedWalk, robot: RobotScale, name: str, progress: ProgressCallback, change: Change | None = None
+    recorded: RecordedWalk,
+    robot: RobotScale,
+    name: str,
+    progress: ProgressCallback,
+    *,
+    step_share: float | None = None,
+    pace: float | None = None,
 ) -> Imitation:
-    """Search steps and pace of ``recorded`` on ``robot``; ``change`` is that of ``plan_motion``.
+    """Search steps and pace of ``recorded`` on ``robot``, or only what is not given.
 
     Raises ``NotEstimable`` (``imitation-not-certified``) if no steps pass even at the slowest pace; its faults are the
     attempts.
@@ -69,27 +75,31 @@ def find_pace(
         label = f"steps of {step_share:.0%} at {pace:.2f} of the scaled pace"
         share = len(done) / (len(done) + 6.0)
         body = walk.scenario(name, pace)
-        trial = try_walk(walk, body, pace, lambda _f, text: progress(share, f"{label}: {text}"), change)
+        trial = try_walk(walk, body, pace, lambda _f, text: progress(share, f"{label}: {text}"))
         done.append(trial.attempt)
         return trial
 
-    best = search_longest(attempt)
+    shares = STEP_SHARES if step_share is None else (step_share,)
+    best = search_longest(attempt, shares, (FIRST_PACE, SLOWEST_PACE) if pace is None else (pace,))
     if best is None:
         faults = [Fault(f"steps {a.step_share:.0%}, pace {a.pace:.2f}", a.reason) for a in done]
         raise NotEstimable(
             "imitation-not-certified",
-            f"{robot.robot} cannot imitate this walk: down to {STEP_SHARES[-1]:.0%} of the scaled steps and "
-            f"{SLOWEST_PACE:.0%} of the scaled pace no motion is certified and completed. The last: {done[-1].reason}",
+            f"{robot.robot} cannot imitate this walk: down to {done[-1].step_share:.0%} of the scaled steps and "
+            f"{done[-1].pace:.0%} of the scaled pace no motion is certified and completed. The last: {done[-1].reason}",
             faults,
         )
-    best = search_fastest(attempt, best)
+    if pace is None:
+        best = search_fastest(attempt, best)
     return Imitation(best, tuple(done))
 
 
-def search_longest(attempt: Try) -> Trial | None:
-    """The longest steps that pass at ``FIRST_PACE``, else at ``SLOWEST_PACE``; None if none do."""
-    for pace in (FIRST_PACE, SLOWEST_PACE):
-        for share in STEP_SHARES:
+def search_longest(
+    attempt: Try, shares: Sequence[float] = STEP_SHARES, paces: Sequence[float] = (FIRST_PACE, SLOWEST_PACE)
+) -> Trial | None:
+    """The first of ``shares`` that passes at the first pace, else at the next one; None if none do."""
+    for pace in paces:
+        for share in shares:
             trial = attempt(share, pace)
             if trial.attempt.passed:
                 return trial

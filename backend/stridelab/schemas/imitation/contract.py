@@ -16,6 +16,12 @@ class ImitateInput(EstimateComInput):
     """Input of ``imitate``: a recorded walk on level ground with the fields of ``estimate-com``, and the robot."""
 
     robot: Annotated[str, Field(min_length=1, max_length=60)]
+    step_share: Annotated[float, Field(ge=0.1, le=1.5)] | None = Field(
+        default=None, description="length of the steps over the scaled ones; null searches the longest that pass"
+    )
+    pace: Annotated[float, Field(ge=0.1, le=2.0)] | None = Field(
+        default=None, description="pace over the scaled one; null searches the fastest that passes"
+    )
     wheel: bool = Field(
         default=True,
         description="plan the walk a second time with the acceleration of the person's rolling wheel as reference, and "
