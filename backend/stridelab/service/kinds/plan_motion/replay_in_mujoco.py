@@ -19,6 +19,7 @@ import mujoco.viewer
 import numpy as np
 
 BASE = ("base_x_m", "base_y_m", "base_z_m", "base_qw", "base_qx", "base_qy", "base_qz")
+AXIS_JOINTS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
 def read_motion(path: Path) -> dict[str, np.ndarray]:
@@ -39,7 +40,7 @@ def matching_columns(model: mujoco.MjModel, columns: Sequence[str]) -> dict[int,
     matching = {}
     for joint in range(model.njnt):
         column = angles.get(plain_name(model.joint(joint).name))
-        if column is not None and model.jnt_type[joint] in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+        if column is not None and int(model.jnt_type[joint]) in AXIS_JOINTS:
             matching[joint] = column
     return matching
 
