@@ -75,6 +75,13 @@ def test_a_hidden_foothold_interrupts_the_run() -> None:
     assert [hold.position_m[0] for hold in walk.footholds] == pytest.approx([truth.place_m(k)[0] for k in range(3, 7)])
 
 
+def test_the_middle_of_a_long_walk_is_taken() -> None:
+    truth = FlatFootedWalk(steps=19)
+    walk = walk_of_motion(truth.motion, truth.contacts, truth.gait_steps, HIPS_M)
+    assert [hold.position_m[0] for hold in walk.footholds] == pytest.approx([truth.place_m(k)[0] for k in range(4, 16)])
+    assert len(walk.swing_s) == 12
+
+
 def test_two_footholds_are_too_few() -> None:
     truth = FlatFootedWalk(steps=3)
     two: tuple[Contact, ...] = truth.contacts[:2]

@@ -22,7 +22,8 @@ from stridelab.recordings.recording import Side
 from stridelab.walking.gait_events import Contact
 from stridelab.walking.steps import GaitStep
 
-LEAST_FOOTHOLDS: Final = 3
+LEAST_FOOTHOLDS, MOST_FOOTHOLDS = 3, 12
+"""Of a longer run of footholds, the middle is taken: every plan takes seconds per step."""
 REST_SPEED_SHARE: Final = 0.25
 """Largest speed of the end of a resting foot, over the walking speed."""
 EVENT_SPAN_S: Final = 0.04
@@ -86,7 +87,7 @@ def recorded_walk(measured: MeasuredRecording) -> RecordedWalk:
 def walk_of_motion(
     motion: WalkMotion, contacts: Sequence[Contact], steps: Sequence[GaitStep], hip_height_m: float
 ) -> RecordedWalk:
-    """The longest run of footholds of both feet in turn, with their times.
+    """The longest run of footholds of both feet in turn, at most the middle ``MOST_FOOTHOLDS``, with their times.
 
     Raises ``NotEstimable`` (``too-few-footholds``).
     """
@@ -98,6 +99,8 @@ def walk_of_motion(
             f"An imitation needs at least {LEAST_FOOTHOLDS} footholds in a row, of both feet in turn; in "
             f"{motion.time_s[-1] - motion.time_s[0]:.2f} s there are {len(run)}.",
         )
+    first = max(0, (len(run) - MOST_FOOTHOLDS) // 2)
+    run = run[first : first + MOST_FOOTHOLDS]
     swing_s, double_support_s = _step_times([contact for contact, _ in run], steps)
     return RecordedWalk(
         tuple(hold for _, hold in run),
