@@ -1,3 +1,5 @@
+from .library.imitation import ImitatedWalk as ImitatedWalk
+from .library.imitation import imitate as imitate
 from .library.measures import GaitMeasures as GaitMeasures
 from .library.measures import GaitReport as GaitReport
 from .library.measures import gait_measures as gait_measures
@@ -19,6 +21,7 @@ __all__ = [
     "CycloidFit",
     "GaitMeasures",
     "GaitReport",
+    "ImitatedWalk",
     "LoadedRecording",
     "PlannedMotion",
     "PushedMotion",
@@ -26,6 +29,7 @@ __all__ = [
     "fit_cycloid",
     "gait_measures",
     "gait_report",
+    "imitate",
     "load_robot",
     "plan_motion",
     "push_basin",

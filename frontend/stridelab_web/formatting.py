@@ -133,6 +133,7 @@ KINDS = {
     "plan-motion": "Motion plan",
     "plan-receding": "Receding horizon",
     "push-basin": "Pushes",
+    "imitate": "Imitation",
     "sweep": "Sweep",
     "learn-reachability": "Reachability",
     "fit-cycloid": "Rolling wheel",

@@ -49,6 +49,22 @@ def test_plans_for_what_the_limbs_take(scenario: str, shape: Shape) -> None:
     assert ours.l_nms == pytest.approx(theirs.l_nms, abs=1e-2)
 
 
+@pytest.mark.parametrize(("scenario", "shape"), [("flat-walk", "constant"), ("long-stride", "cubic")])
+def test_follows_a_reference_acceleration(scenario: str, shape: Shape) -> None:
+    """Heave of 4 cm costs what ipopt says it does, and the path follows it."""
+    walk = bundled(scenario, control=CircularCones(), shape=shape)
+    time_s, omega = walk.limb_times_s(), 2.0 * np.pi
+    velocity = 0.02 * omega * (1.0 - np.cos(omega * time_s))
+    reference = np.zeros((len(time_s) - 1, 3))
+    reference[:, 2] = np.diff(velocity - velocity[-1] * time_s / time_s[-1]) / np.diff(time_s)
+    heaved = replace(walk, reference_m_s2=reference)
+    ours, theirs = solve(heaved, "native"), solve(heaved, "ipopt")
+    assert ours.converged
+    assert ours.objective == pytest.approx(theirs.objective, rel=2e-5)
+    assert ours.com_m == pytest.approx(theirs.com_m, abs=1e-4)
+    assert np.ptp(ours.com_m[:, 2]) > np.ptp(solve(walk, "native").com_m[:, 2]) + 0.01
+
+
 def test_limbs_and_contacts_that_move_are_too_much_at_once() -> None:
     walk = bundled("flat-walk", control=CircularCones(), placements=FreePlacements())
     both = replace(walk, limbs_nm=np.zeros((len(walk.grid().phase), 3)))

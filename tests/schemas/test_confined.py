@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from stridelab.schemas.imitation.contract import ImitateInput, ImitateSummary, ImitateTask
 from stridelab.schemas.jobs import SimulateRecordingInput
 from stridelab.schemas.measures import GaitReportInput
 from stridelab.schemas.population import PersonFields
@@ -109,6 +110,12 @@ def commissioned(folder: Path) -> Any:
     return {"input": {"robot": "small", "samples": 500}}
 
 
+def imitated(folder: Path) -> Any:
+    task = estimate_task(TRIAL, folder)
+    asked = ImitateInput(recording_id="r", robot="talos", step_share=0.7, pace=0.5, wheel=False)
+    return ImitateTask.model_validate(task.model_dump() | {"input": asked})
+
+
 def reported(folder: Path) -> Any:
     members = measured(folder).members
     asked = GaitReportInput(recording_ids=["r"], title="Confined")
@@ -121,6 +128,7 @@ STAGED: dict[str, Callable[[Path], Any]] = {
     "fit-cycloid": fitted,
     "com-bench": benched,
     "gait-measures": measured,
+    "imitate": imitated,
     "gait-report": reported,
     "study-population": studied,
     "simulate-recording": lambda _: SimulateRecordingTask(input=SimulateRecordingInput(duration_s=2.0)),
@@ -168,6 +176,16 @@ def test_it_does_its_work_confined(name: str, tmp_path: Path, monkeypatch: pytes
     assert all((folder / item).stat().st_size > 0 for item in artifacts)
     if name == "plan-motion":
         assert {"motion.gif", "motion.viser"} <= set(artifacts)
+    if name == "imitate":
+        summary = ImitateSummary.model_validate(outcome.value["summary"])
+        assert summary.certificate.passed
+        assert summary.replay.completed
+        assert any(attempt.passed for attempt in summary.attempts)
+        length = next(row for row in summary.comparison if row.name == "step_length")
+        assert length.robot is not None
+        assert length.scaled is not None
+        assert length.robot == pytest.approx(summary.step_share * length.scaled, rel=0.1)
+        assert {"poses.f32", "replay.npz", "comparison.csv", "curves.csv"} <= set(artifacts)
     if name == "read-batch":
         (read,) = outcome.value["read"]["files"]
         assert (folder / read["tracks"]).stat().st_size > 0

@@ -64,14 +64,15 @@ double wrench(const Iterate& it, Stage& s) {
   return s.h * s.effort;
 }
 
-// h (w_c |c''|^2 + w_L |(L_c+ - L_c) / h - r|^2) with its gradient, r the limbs' rate.
+// h (w_c |c'' - a|^2 + w_L |(L_c+ - L_c) / h - r|^2) with its gradient, a the reference and r the limbs' rate.
 double squares(const Problem& problem, Stage& s) {
   const double h = s.h;
   const double* F = s.w;
   const double* T = s.w + 3;
   for (int i = 0; i < 3; ++i) s.m[i] = s.x[i] + 0.5 * h * s.x[3 + i];
   s.m[2] -= h * h / 6.0 * gravity;
-  const double a[3] = {gravity * F[0], gravity * F[1], gravity * (F[2] - 1.0)};
+  const double a[3] = {gravity * F[0] - s.reference[0], gravity * F[1] - s.reference[1],
+                       gravity * (F[2] - 1.0) - s.reference[2]};
   double* l = s.l;
   l[0] = T[0] - (s.m[1] * F[2] - s.m[2] * F[1]) - s.limbs[0];
   l[1] = T[1] - (s.m[2] * F[0] - s.m[0] * F[2]) - s.limbs[1];

@@ -94,7 +94,7 @@ std::unique_ptr<ProblemState> build(const Reals1& weights, const Reals1& start, 
                                     const Ints1& phase_cone, const Reals1& length_limits, const Ints2& block_edges,
                                     bool cubic, const Ints2& places, const Reals3& place_axes,
                                     const Reals2& place_windows, const Ints1& block_place, const Ints1& visit_place_of,
-                                    const Reals2& limbs) {
+                                    const Reals2& limbs, const Reals2& reference) {
   auto held = std::make_unique<ProblemState>();
   Problem& p = held->problem;
   require(weights.size() == 3, "weights are those of acceleration, momentum rate and likelihood");
@@ -251,6 +251,11 @@ std::unique_ptr<ProblemState> build(const Reals1& weights, const Reals1& start, 
   require(limbs.shape(0) == 0 || (length_limits.size() == 0 && n_places == 0), "limbs move on a given grid");
   finite(limbs, "rates of the limbs");
   p.limbs.assign(limbs.data(), limbs.data() + limbs.size());
+  require(reference.shape(1) == 3 && (reference.shape(0) == 0 || reference.shape(0) == rates),
+          "the reference has an acceleration per interval");
+  require(reference.shape(0) == 0 || length_limits.size() == 0, "a reference is on a given grid");
+  finite(reference, "accelerations of the reference");
+  p.reference.assign(reference.data(), reference.data() + reference.size());
   return held;
 }
 

@@ -136,9 +136,11 @@ double curved_squares(const Problem& problem, Iterate& it) {
       const double* w = now.w;
       const double* c = now.c;
       const double* F = w;
-      const double a[3] = {gravity * F[0], gravity * F[1], gravity * (F[2] - 1.0)};
-      const double* limbs =
-          problem.limbs.empty() ? none : &problem.limbs[3 * (n_gauss * k + static_cast<std::size_t>(g))];
+      const std::size_t row = 3 * (n_gauss * k + static_cast<std::size_t>(g));
+      const double* reference = problem.reference.empty() ? none : &problem.reference[row];
+      const double* limbs = problem.limbs.empty() ? none : &problem.limbs[row];
+      const double a[3] = {gravity * F[0] - reference[0], gravity * F[1] - reference[1],
+                           gravity * (F[2] - 1.0) - reference[2]};
       const double l[3] = {w[3] - (c[1] * F[2] - c[2] * F[1]) - limbs[0], w[4] - (c[2] * F[0] - c[0] * F[2]) - limbs[1],
                            w[5] - (c[0] * F[1] - c[1] * F[0]) - limbs[2]};
       const double wc = 2.0 * h * shares[g] * problem.w_acceleration;

@@ -55,6 +55,9 @@ void cold_start(const Problem& problem, Iterate& it, double barrier) {
       if (problem.shape == Shape::constant && !problem.limbs.empty()) {
         for (std::size_t c = 0; c < 3; ++c) s.limbs[c] = problem.limbs[3 * k + c];
       }
+      if (problem.shape == Shape::constant && !problem.reference.empty()) {
+        for (std::size_t c = 0; c < 3; ++c) s.reference[c] = problem.reference[3 * k + c];
+      }
       s.first_contact_block = slot;
       s.hold = phase.cone < 0 ? -1 : static_cast<int>(it.wrench_controls.size());
       if (s.hold >= 0) {

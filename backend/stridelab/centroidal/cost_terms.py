@@ -42,22 +42,25 @@ def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float
 
 
 def _squared_rates(problem: CentroidalProblem, motion: Motion) -> tuple[Series, Series]:
-    """``|c''|^2`` and ``|L_c'|^2`` per interval.
+    """``|c'' - a|^2`` and ``|L_c' - r|^2`` per interval.
 
     Constant forces: from the mean rate of L_c. Splines: by the Gauss rule of the nonlinear program. The momentum rate
-    of the limbs is subtracted.
+    of the limbs and the reference acceleration are subtracted.
     """
     n = len(motion.phase)
     limbs_nm = np.zeros((n, N_GAUSS, 3)) if problem.limbs_nm is None else problem.limbs_nm.reshape(n, -1, 3)
+    reference = (
+        np.zeros((n, N_GAUSS, 3)) if problem.reference_m_s2 is None else problem.reference_m_s2.reshape(n, -1, 3)
+    )
     if not motion.curves_n:
-        a = total_force_n(motion) / problem.mass_kg + g
+        a = total_force_n(motion) / problem.mass_kg + g - reference[:, 0]
         l_rate = np.diff(motion.l_nms, axis=0) / np.diff(motion.time_s)[:, None] - limbs_nm[:, 0]
         return (a**2).sum(axis=1), (l_rate**2).sum(axis=1)
     a_squared, l_squared = np.zeros(n), np.zeros(n)
     wrenches = wrenches_of(problem.sequence, motion)
     for k, (s, w) in enumerate(gauss_rule(N_GAUSS)):
         now = interval_states(problem.mass_kg, motion, wrenches, s)
-        a_squared += w * (now.com_a_m_s2**2).sum(axis=1)
+        a_squared += w * ((now.com_a_m_s2 - reference[:, k]) ** 2).sum(axis=1)
         l_squared += w * ((now.l_rate_nm - limbs_nm[:, k]) ** 2).sum(axis=1)
     return a_squared, l_squared
 

@@ -82,15 +82,16 @@ class CentroidalProblem:
     on every side. ``control`` is u: forces (``Pyramids``, ``CircularCones``) or the wrench (``ContactWrench``),
     constant between nodes, or for ``shape`` "cubic" splines (``force_splines``). ``durations`` and ``placements`` are
     fixed unless given as free variables. ``limbs_nm`` (N m) is the momentum rate of the limbs about the CoM, averaged
-    between ``limb_times_s``; the cost then weighs the difference from it. The motion begins at ``start`` and ends at
-    rest or ``capturable``, within ``bounds``.
+    between ``limb_times_s``; the cost then weighs the difference from it. ``reference_m_s2`` is an acceleration of the
+    CoM, averaged between the same times; the cost then weighs ``|c'' - a|^2`` instead of ``|c''|^2``. The motion begins
+    at ``start`` and ends at rest or ``capturable``, within ``bounds``.
 
     Raises ``InvalidInput`` for inconsistent problems: ``effector-unknown``, ``proxy-missing``,
     ``phase-without-duration``, ``mass-out-of-range``, ``node-rate-out-of-range``, ``com-not-finite``,
     ``placements-need-forces`` for free placements with a control whose cones depend on them, ``bounds-need-forces`` for
     force bounds with a control without forces, ``shape-needs-forces`` and ``shape-needs-durations`` for splines of a
-    wrench, whose cones differ from phase to phase, or with free durations, and ``limbs-need-grid`` if the limbs' rates
-    do not match the grid or durations are free.
+    wrench, whose cones differ from phase to phase, or with free durations, ``limbs-need-grid`` if the limbs' rates
+    do not match the grid or durations are free, and ``reference-needs-grid`` for the reference likewise.
     """
 
     sequence: ContactSequence
@@ -110,6 +111,7 @@ class CentroidalProblem:
     durations: FreeDurations | None = None
     placements: FreePlacements | None = None
     limbs_nm: Float[np.ndarray, "m 3"] | None = None
+    reference_m_s2: Float[np.ndarray, "m 3"] | None = None
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.sequence.effectors if name not in self.effectors]
@@ -160,6 +162,15 @@ class CentroidalProblem:
                 "The limbs' momentum rate needs fixed durations and one row per interval, or four with continuous "
                 "forces.",
                 [Fault("limbs_nm", "must have one row per interval of the grid, or four for splines")],
+            )
+        if self.reference_m_s2 is not None and (
+            self.durations is not None or self.reference_m_s2.shape != (len(self.limb_times_s()) - 1, 3)
+        ):
+            raise InvalidInput(
+                "reference-needs-grid",
+                "A reference acceleration needs fixed durations and one row per interval, or four with continuous "
+                "forces.",
+                [Fault("reference_m_s2", "must have one row per interval of the grid, or four for splines")],
             )
         if self.placements is not None and not self.control.shifts_with_its_contacts:
             raise InvalidInput(

@@ -17,6 +17,7 @@ from stridelab.cli.bridges.command import bridge
 from stridelab.cli.compare import bench_methods
 from stridelab.cli.contacts import export_contacts, import_contacts, plan_contacts
 from stridelab.cli.fit_cycloid import fit_cycloid
+from stridelab.cli.imitate import imitate
 from stridelab.cli.learn_reachability import add_robot, learn_reachability
 from stridelab.cli.measures import measure_gait, report_gait
 from stridelab.cli.options import (
@@ -125,6 +126,7 @@ def compare(
 app.command()(stream)
 app.command()(bridge)
 app.command(name="fit-cycloid")(fit_cycloid)
+app.command()(imitate)
 app.command(name="study-population")(study_population)
 app.command(name="measures")(measure_gait)
 app.command(name="com-bench")(bench_methods)

@@ -2,7 +2,7 @@
 
 import shutil
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -200,13 +200,17 @@ Input = TypeVar("Input", bound=EstimateComInput)
 
 @dataclass(frozen=True)
 class EstimateRequest:
-    """Options of ``stridelab estimate``, ``compare``, ``fit-cycloid``, ``stream``; ``steps`` is for the wheel alone."""
+    """Options of ``stridelab estimate``, ``compare``, ``fit-cycloid``, ``imitate``, ``stream``.
+
+    ``steps`` is for the wheel alone, ``more`` holds fields of one job's input alone; None is the default.
+    """
 
     walk: Walk
     method: str | None = None
     estimation: Estimation = field(default_factory=Estimation)
     preparation: Preparation = field(default_factory=Preparation)
     steps: str | None = None
+    more: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def file(self) -> Path:
@@ -260,9 +264,8 @@ class EstimateRequest:
             "cutoffs": cutoffs if cutoffs in {"auto", "thesis", "spectra"} else parse_numbers("--cutoffs", cutoffs, 2),
             "window_s": None if window is None else parse_numbers("--window", window, 2),
         }
-        fields |= {
-            name: value for name, value in (("smoother", self._smoother_fields()), ("steps", self.steps)) if value
-        }
+        of_some = {"smoother": self._smoother_fields(), "steps": self.steps, **self.more}
+        fields |= {name: value for name, value in of_some.items() if value is not None}
         return validate_options(model, fields)
 
     def _smoother_fields(self) -> dict[str, Any] | None:

@@ -1,5 +1,6 @@
 """Centroidal stage of ``plan-motion``: solves with piecewise constant forces first, then with force splines."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
@@ -14,6 +15,8 @@ from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import PlanMotionInput
 
+Change = Callable[[CentroidalProblem], CentroidalProblem]
+"""Changes a problem before it is solved."""
 FIRST_SOLVE_SHARE: Final = 0.3
 """Share of the progress taken by the first of two solves."""
 
@@ -27,20 +30,23 @@ def force_shape(request: PlanMotionInput) -> Shape:
 
 
 def solve_centroidal(
-    problem: CentroidalProblem, request: PlanMotionInput, tell: ProgressCallback
+    problem: CentroidalProblem, request: PlanMotionInput, tell: ProgressCallback, change: Change | None = None
 ) -> tuple[CentroidalProblem, CentroidalPlan]:
     """Solve the centroidal problem; returns the solved problem and its plan.
 
     Splines are solved after constant forces and use the durations of that solution. If the spline problem does not
-    converge and splines were not requested, the constant forces are returned. Raises ``NotEstimable``
+    converge and splines were not requested, the constant forces are returned. ``change`` applies to the problem whose
+    solution is returned; it depends on the grid of its shape. Raises ``NotEstimable``
     (``plan-time-limit``, ``plan-not-converged``).
     """
     if force_shape(request) == "constant":
+        problem = problem if change is None else change(problem)
         return problem, _require_converged(problem, request, _solve_request(problem, request, tell))
     plan = _require_converged(
         problem, request, _solve_request(problem, request, _progress_part(tell, 0.0, FIRST_SOLVE_SHARE))
     )
     smooth = replace(problem, sequence=plan.sequence, durations=None, shape="cubic")
+    smooth = smooth if change is None else change(smooth)
     spline_plan = _solve_request(smooth, request, _progress_part(tell, FIRST_SOLVE_SHARE, 1.0))
     if spline_plan.converged or request.shape is not None:
         return smooth, _require_converged(smooth, request, spline_plan)

@@ -23,7 +23,7 @@ from stridelab.pipelines.motion_summary import (
     replay_summary,
     stopped_motion,
 )
-from stridelab.pipelines.plan_centroidal import force_jump_remarks, solve_centroidal
+from stridelab.pipelines.plan_centroidal import Change, force_jump_remarks, solve_centroidal
 from stridelab.pipelines.plan_problem import (
     control_of,
     free_durations,
@@ -117,8 +117,10 @@ class MotionResult:
         return premises is not None and is_loss_proved(self.robot, self.plan.sequence, premises, replay, max(ends_s))
 
 
-def plan_motion(task: PlanMotionTask, stages: Stages) -> MotionResult:
+def plan_motion(task: PlanMotionTask, stages: Stages, change: Change | None = None) -> MotionResult:
     """Plan the motion of ``task.scenario`` and check it; ``stages`` has the shares of ``stage_shares``.
+
+    ``change`` is for cost terms that the request does not have, such as a reference of the CoM.
 
     Raises ``NotEstimable`` for unavailable features (``...-unavailable``) before any computation. Later errors name
     their stage in the last fault: ``InvalidInput`` (``scenario-invalid``, ``replay-invalid``), ``NotFound``
@@ -144,7 +146,7 @@ def plan_motion(task: PlanMotionTask, stages: Stages) -> MotionResult:
             node_rate_hz=request.node_rate_hz,
             durations=free_durations(request, sequence),
         )
-        problem, plan = solve_centroidal(problem, request, tell)
+        problem, plan = solve_centroidal(problem, request, tell, change)
         given, sequence = sequence, plan.sequence
 
     motion, certificate, stopped = None, None, None

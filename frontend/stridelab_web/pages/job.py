@@ -19,6 +19,7 @@ from stridelab_web.pages.results import (
     com_bench,
     comparison,
     cycloid,
+    imitation,
     measures,
     population,
     push_basin,
@@ -42,6 +43,7 @@ VIEWS: Final = (
     "com_bench",
     "reproduction",
     "basin",
+    "imitation",
 )
 """Views of a result in the template."""
 
@@ -100,6 +102,8 @@ async def _result_view(client: AsyncClient, job: Job, result: JobResult, query: 
             return {"receding": await receding.receding_of(client, job.id, result)}
         case push_basin.KIND:
             return {"basin": await push_basin.push_basin_of(client, job.id, result)}
+        case imitation.KIND:
+            return {"imitation": await imitation.imitation_of(client, job.id, result)}
         case com_bench.KIND:
             return {"com_bench": com_bench.com_bench_of(result)}
         case kind if kind in measures.KINDS:
@@ -127,7 +131,7 @@ def _viewer_url(job: Job, recording: Recording | None, present: set[str]) -> str
     """Address of the 3D view of the result, or None."""
     if recording is not None and present & SCENE_TABLES:
         return f"/view/?recording={recording.id}&job={job.id}"
-    return f"/view/?plan={job.id}" if job.kind == receding.KIND and SCENARIO in present else None
+    return f"/view/?plan={job.id}" if job.kind in (receding.KIND, imitation.KIND) and SCENARIO in present else None
 
 
 async def _recording_of(client: AsyncClient, job: Job, result: JobResult | None) -> Recording | None:

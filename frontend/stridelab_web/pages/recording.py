@@ -79,6 +79,7 @@ async def recording_page(request: Request) -> Response:
         latencies=LATENCIES,
         latency=EstimateComInput.model_fields["latency"].default,
         tables=TABLES,
+        robots=[robot for robot in (await client.robots()).items if robot.available],
     )
 
 

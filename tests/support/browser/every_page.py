@@ -12,7 +12,7 @@ from stridelab.schemas.receding import PushBasinSummary
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
 from stridelab.schemas.sweeps import SweepAxis, SweepSummary
 from stridelab_web.pages.home import SAMPLE_RECORDING
-from support.fakes import reachability, recorded_walk, results
+from support.fakes import imitation, reachability, recorded_walk, results
 from support.fakes.service import FakeService
 
 ROBOT = "boxes"
@@ -38,6 +38,7 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "learned": fake.add_job(reachability.KIND, "succeeded").id,
         "sweep": _keep(fake, "sweep", *_sweep()),
         "pushes": _keep(fake, "push-basin", *push_basin_result()),
+        "imitation": _keep(fake, imitation.KIND, *imitation.imitation_result()),
         "reproduction-of-one": _keep(fake, "reproduce", *_reproduction()),
         "running": fake.add_job(state="running", progress=Progress(fraction=0.5, message="fusing")).id,
         "failed": fake.add_job(state="failed", error=_PROBLEM, log_tail="step 3 of 7\nstopped\n" * 40).id,

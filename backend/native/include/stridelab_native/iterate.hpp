@@ -124,6 +124,7 @@ struct Stage {
   std::size_t first_shift_use, shift_uses;
   std::size_t columns;  // first column of the border that it or a later stage depends on
   double limbs[3];
+  double reference[3];
   // Variables and derived quantities.
   double x[nx];
   double w[nw];

@@ -64,6 +64,7 @@ class NativeInput:
     block_place: Int[np.ndarray, "blocks"]
     visit_place_of: Int[np.ndarray, "visits"]
     limbs: Float[np.ndarray, "_ 3"]
+    reference: Float[np.ndarray, "_ 3"]
     slots: tuple[tuple[Slot, ...], ...]
     moved: tuple[ContactSpan, ...]
 
@@ -149,6 +150,7 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
         block_place=np.array(block_place, dtype=np.int32),
         visit_place_of=np.array(visit_place, dtype=np.int32),
         limbs=np.zeros((0, 3)) if problem.limbs_nm is None else problem.limbs_nm / problem.weight_n,
+        reference=np.zeros((0, 3)) if problem.reference_m_s2 is None else problem.reference_m_s2,
         slots=tuple(slots),
         moved=movable_spans,
     )

@@ -4,9 +4,9 @@ With F and T in Bernstein form (``force_splines``), B'_i, B''_i, B'''_i its inte
 
     c'+ = c' + h sum B'_i F_i + h g,      c+ = c + h c' + h^2 sum B''_i F_i + h^2/2 g
     K+ = K + h sum B'_i T_i + (h c + h^2/2 c' + h^3 sum B'''_i F_i) x g                      (4.8), exact
-    squares    h sum over Gauss points of  w (w_c |c''|^2 + w_L |T - c x F - r|^2)           (4.20a)
+    squares    h sum over Gauss points of  w (w_c |c'' - a|^2 + w_L |T - c x F - r|^2)       (4.20a)
 
-r is the momentum rate of the limbs around each of the points.
+r is the momentum rate of the limbs around each of the points, a the reference acceleration.
 The four-point rule is exact for the first square (degree 6) and not for the second (degree 16 in t), whose integrand
 is almost zero. The outer control points follow from ``junction_weights``: y holds the inner point before the interval,
 (x, F_1, T_1, F_2, T_2), x+, and the inner point after it.
@@ -57,10 +57,10 @@ def dynamics_gap(first: bool, last: bool) -> RowFunctions:
 def squared_rates(first: bool, last: bool) -> CostFunctions:
     """Squared rates with Gauss-Newton Hessian; y has no K and x+.
 
-    ``q = (h, own weights in both ends, w_c, w_L (m |g|)^2, r / (m |g|))``.
+    ``q = (h, own weights in both ends, w_c, w_L (m |g|)^2, r / (m |g|), a)``, r and a for every Gauss point.
     """
     before, after = (0 if first else N_WRENCH), (0 if last else N_WRENCH)
-    y, q = ca.SX.sym("y", before + 6 + 2 * N_WRENCH + after), ca.SX.sym("q", 5 + 3 * N_GAUSS)
+    y, q = ca.SX.sym("y", before + 6 + 2 * N_WRENCH + after), ca.SX.sym("q", 5 + 6 * N_GAUSS)
     h, G, down = q[0], GRAVITY_M_S2, ca.DM(DOWN)
     c, v = (y[before + 3 * i : before + 3 * i + 3] for i in range(2))
     f = _control_points(y, before + 6, last, first, q[1:3])
@@ -69,7 +69,9 @@ def squared_rates(first: bool, last: bool) -> CostFunctions:
         F, T = ca.vertsplit(_weighted_sum(s, 0, f), 3)
         com = c + h * s * v + h**2 * G * (_weighted_sum(s, 2, f)[:3] + s**2 / 2 * down)
         l_rate = T - ca.cross(com, F) - q[5 + 3 * k : 8 + 3 * k]
-        parts += [ca.sqrt(2 * h * w * q[3]) * G * (F + down), ca.sqrt(2 * h * w * q[4]) * l_rate]
+        at = 5 + 3 * (N_GAUSS + k)
+        acceleration = G * (F + down) - q[at : at + 3]
+        parts += [ca.sqrt(2 * h * w * q[3]) * acceleration, ca.sqrt(2 * h * w * q[4]) * l_rate]
     r = ca.vertcat(*parts)
     J = ca.jacobian(r, y)
     return cost_functions(ca.sumsqr(r) / 2, y, q, ca.densify(J.T @ J))

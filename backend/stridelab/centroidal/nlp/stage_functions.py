@@ -3,7 +3,7 @@
     gap       x+ - A(h) x - B(h) (F, T) - b(h)                                       (4.8), exact (``dynamics``)
     tie       (F, T) - sum of G u,     with a contact moved by d:  T - d x (forces)  (4.2)
     cone      eta^2 - |tau|^2,  scaled                                               (4.20c)
-    squares   h w_c |c''|^2 + h w_L |(L_c+ - L_c) / h - r|^2,   r = 0 in             (4.20a)
+    squares   h w_c |c'' - a|^2 + h w_L |(L_c+ - L_c) / h - r|^2,   a = r = 0 in             (4.20a)
     effort    h u^T Q u / 2
 
 The length of an interval is ``h = q_0``, or ``h = q_0 T_s`` where the duration of its phase is a variable, the last
@@ -160,14 +160,14 @@ def cone_row(size: int) -> RowFunctions:
 
 @cache
 def squared_rates(free: bool) -> CostFunctions:
-    """``y = (c, c', F, T [, T_s])``, ``q = (h, w_c, w_L (m |g|)^2, r / (m |g|))``: ``|e|^2 / 2``.
+    """``y = (c, c', F, T [, T_s])``, ``q = (h, w_c, w_L (m |g|)^2, r / (m |g|), a)``: ``|e|^2 / 2``.
 
-    e = (sqrt(2 h w_c) c'', sqrt(2 h w_L) ((L_c+ - L_c) / h - r)).
+    e = (sqrt(2 h w_c) (c'' - a), sqrt(2 h w_L) ((L_c+ - L_c) / h - r)).
     """
-    y, q = ca.SX.sym("y", 12 + free), ca.SX.sym("q", 6)
+    y, q = ca.SX.sym("y", 12 + free), ca.SX.sym("q", 9)
     c, v, F, T = (y[3 * i : 3 * i + 3] for i in range(4))
     h, G, down = _interval_length(y, q, free), GRAVITY_M_S2, ca.DM(DOWN)
-    acceleration = G * (F + down)
+    acceleration = G * (F + down) - q[6:9]
     momentum_rate = T - ca.cross(c + h / 2 * v + h**2 / 6 * G * down, F) - q[3:6]
     phi = h * (q[1] * ca.sumsqr(acceleration) + q[2] * ca.sumsqr(momentum_rate))
     if free:

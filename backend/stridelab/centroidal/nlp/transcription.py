@@ -161,11 +161,13 @@ def _parameter_values(
     limbs = np.zeros((len(h), 3 * n_rates))
     if problem.limbs_nm is not None:
         limbs = problem.limbs_nm.reshape(len(h), -1) / problem.weight_n
-    numbers = {"squares": np.column_stack([h, weight_rows, limbs]), "gap": h[:, None]}
+    reference = np.zeros_like(limbs) if problem.reference_m_s2 is None else problem.reference_m_s2.reshape(len(h), -1)
+    targets = np.hstack([weight_rows, limbs, reference])
+    numbers = {"squares": np.column_stack([h, targets]), "gap": h[:, None]}
     if problem.shape == "cubic":
         junctions = np.column_stack([h, junction_weights(h)])
         for part, k, _ in spline_parts(len(h)):
-            numbers |= {f"gap{part}": junctions[k], f"squares{part}": np.hstack([junctions, weight_rows, limbs])[k]}
+            numbers |= {f"gap{part}": junctions[k], f"squares{part}": np.hstack([junctions, targets])[k]}
     for name, uses in compiled.ties.items():
         rows = []
         for use in uses:

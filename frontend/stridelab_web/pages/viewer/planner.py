@@ -79,7 +79,7 @@ def _moment_text(check: CertificateCheck) -> str:
 
 EXPORTS = {"motion.viser": ".viser", "motion.html": "HTML"}
 """Artifacts that play a plan without the service, with the texts of their links."""
-KINDS = {"plan-motion": "/plans", "plan-receding": "/jobs"}
+KINDS = {"plan-motion": "/plans", "plan-receding": "/jobs", "imitate": "/jobs"}
 """Kinds of jobs whose result is a motion, with the base address of their pages."""
 
 

@@ -37,7 +37,7 @@ CENTROIDAL_FILES = {"centroidal.parquet", "centroidal.csv", "iterations.parquet"
 MOTION_FILES = {
     *("motion.npz", "motion.parquet", "motion.csv", "joints.parquet", "joints.csv"),
     *("joint_trajectory.json", "joint_trajectory.yaml", "poses.f32", "poses.json", "forces.f32"),
-    *("motion.viser", "motion.html"),
+    *("motion.viser", "motion.html", "replay_in_mujoco.py"),
 }
 REPLAY_FILES = {"replay.npz", "replay.parquet", "replay.csv", "replay_poses.f32", "replay_forces.f32"}
 ALL_FILES = CENTROIDAL_FILES | MOTION_FILES | REPLAY_FILES | {"certificate.json"}

@@ -1,5 +1,6 @@
 """Writes the files of ``plan-motion``: tables, arrays, and tracks for viewers."""
 
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,6 +48,9 @@ if TYPE_CHECKING:
     from stridelab.wholebody.replay.replay import Replay
 
 NPZ = "application/x-npz"
+PYTHON = "text/x-python"
+PLAYER = "replay_in_mujoco.py"
+"""Script that plays ``joints.csv`` on a user's own model, copied as it is."""
 
 
 def write_plan(folder: Path, plan: CentroidalPlan) -> tuple[ArtifactFile, ...]:
@@ -87,7 +91,8 @@ def write_motion(
     recording = record_scene(sequence.terrain, links, shown.poses[::every], RECORDING_HZ)
     write_atomically(folder / RECORDING_FILE, lambda path: path.write_bytes(recording))
     write_text_atomically(folder / PAGE_FILE, player_page(recording))
-    player = [ArtifactFile(RECORDING_FILE, RAW), ArtifactFile(PAGE_FILE, HTML)]
+    shutil.copyfile(Path(__file__).with_name(PLAYER), folder / PLAYER)
+    player = [ArtifactFile(RECORDING_FILE, RAW), ArtifactFile(PAGE_FILE, HTML), ArtifactFile(PLAYER, PYTHON)]
     if film is not None:
         player.append(write_film(folder, film, sequence.terrain, links, shown.poses[::every], RECORDING_HZ, progress))
     return (*display, *tables, arrays, *trajectory, *player)

@@ -75,7 +75,7 @@ const showRefusals = (method) => {
   setRefusal(estimate.querySelector("button.primary"), method);
   setRefusal(find("[data-wheel]"), method);
   setRefusal(find("[data-compare]"), "");
-  for (const name of ["measures", "report"]) setRefusal(find(`[data-${name}]`), method || "geometry"); // else markers alone
+  for (const name of ["measures", "report", "imitate"]) setRefusal(find(`[data-${name}]`), method || "geometry"); // else markers alone
   refusalText.textContent = refusals[method] ?? refusals[""] ?? "";
   refusalText.hidden = !refusalText.textContent;
 };
@@ -125,6 +125,7 @@ const startOnClick = (selector, kind, adapt) =>
 startOnClick("[data-compare]", "compare-estimators", (input) => ({ ...input, method: null }));
 startOnClick("[data-wheel]", "fit-cycloid", (input) => input);
 startOnClick("[data-measures]", "gait-measures", ({ method }) => ({ recording_ids: [id], method }));
+startOnClick("[data-imitate]", "imitate", (input) => ({ ...input, robot: estimate.robot.value }));
 startOnClick("[data-report]", "gait-report", ({ method }) => ({ recording_ids: [id], method }));
 const sessionWalks = () => ({ recording_ids: find("[data-session-measures]").dataset.sessionMeasures.split(" ") });
 startOnClick("[data-session-measures]", "gait-measures", sessionWalks);

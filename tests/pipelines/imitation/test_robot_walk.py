@@ -1,0 +1,110 @@
+"""Scaling of a recorded walk to a robot, and the scenario of it."""
+
+from dataclasses import replace
+from itertools import pairwise
+from math import cos, sin
+
+import numpy as np
+import pytest
+
+from stridelab.errors import InvalidInput
+from stridelab.pipelines.imitation.recorded_walk import Foothold, RecordedWalk, walk_of_motion
+from stridelab.pipelines.imitation.robot_walk import LEAST_FOOTHOLDS, RobotScale, scale_walk
+from stridelab.pipelines.plan_problem import validate_scenario
+from stridelab.robots.loader import load_robot
+from stridelab.schemas.scenarios import Scenario
+from support.recordings.flat_footed import FlatFootedWalk
+
+HIPS_M = 0.9
+HALF = RobotScale("talos", 0.45, 0.1)
+
+
+def person(truth: FlatFootedWalk) -> RecordedWalk:
+    return walk_of_motion(truth.motion, truth.contacts, truth.gait_steps, HIPS_M)
+
+
+def test_lengths_scale_with_the_hips_and_times_with_their_root() -> None:
+    """At pace 1 and with all of the steps, the Froude number is the person's."""
+    truth = FlatFootedWalk(width_m=0.3)
+    walk = scale_walk(person(truth), HALF)
+    places = np.array([hold.position_m for hold in walk.footholds])
+    assert np.diff(places[:, 0]) == pytest.approx(np.full(5, 0.5 * truth.length_m), abs=1e-3)
+    assert np.abs(places[:, 1]) == pytest.approx(np.full(6, 0.25 * truth.width_m), abs=1e-3)
+    assert walk.swing_s == pytest.approx(np.full(6, np.sqrt(0.5) * truth.swing_s))
+    speed = 0.5 * truth.length_m / (np.sqrt(0.5) * (truth.swing_s + truth.both_s))
+    assert speed**2 / HALF.hip_height_m == pytest.approx((truth.length_m / 0.5) ** 2 / HIPS_M)
+    assert walk.widened_m == pytest.approx(0.0)
+
+
+def test_a_share_shortens_steps_alone() -> None:
+    truth = FlatFootedWalk(width_m=0.3)
+    whole, short = scale_walk(person(truth), HALF), scale_walk(person(truth), HALF, step_share=0.7)
+    for one, other in zip(whole.footholds, short.footholds, strict=True):
+        assert other.position_m == pytest.approx([0.7 * one.position_m[0], one.position_m[1]])
+    assert short.swing_s == pytest.approx(whole.swing_s)
+
+
+def test_narrow_steps_are_widened_to_what_the_soles_need() -> None:
+    truth = FlatFootedWalk(width_m=0.1)
+    walk = scale_walk(person(truth), HALF)
+    left = np.array([hold.position_m[1] for hold in walk.footholds])
+    assert np.abs(np.diff(left)) == pytest.approx(np.full(5, HALF.step_width_min_m))
+    assert walk.widened_m == pytest.approx(HALF.step_width_min_m - 0.5 * truth.width_m, abs=1e-3)
+
+
+@pytest.mark.parametrize("turn", [0.3, -0.2])
+def test_a_walk_askew_in_its_frame_is_straightened(turn: float) -> None:
+    walk = person(FlatFootedWalk(width_m=0.3))
+    R = np.array([[cos(turn), -sin(turn)], [sin(turn), cos(turn)]])
+    turned = replace(
+        walk,
+        footholds=tuple(
+            Foothold(hold.side, R @ hold.position_m + [2.0, -1.0], hold.yaw_rad + turn) for hold in walk.footholds
+        ),
+    )
+    for one, other in zip(scale_walk(walk, HALF).footholds, scale_walk(turned, HALF).footholds, strict=True):
+        assert other.position_m == pytest.approx(one.position_m, abs=2e-3)
+        assert other.yaw_rad == pytest.approx(one.yaw_rad, abs=2e-3)
+
+
+def test_the_last_stride_is_repeated_where_few_steps_are_recorded() -> None:
+    truth = FlatFootedWalk(steps=3, width_m=0.3)
+    walk = scale_walk(person(truth), HALF)
+    assert len(walk.footholds) == LEAST_FOOTHOLDS
+    assert walk.repeated == LEAST_FOOTHOLDS - 4
+    sides = [hold.side for hold in walk.footholds]
+    assert all(a != b for a, b in pairwise(sides))
+    assert np.diff([hold.position_m[0] for hold in walk.footholds]) == pytest.approx(np.full(5, 0.3), abs=1e-3)
+    assert len(walk.swing_s) == len(walk.double_support_s) == LEAST_FOOTHOLDS
+
+
+def test_the_scenario_stands_at_both_ends_and_steps_in_turn() -> None:
+    truth = FlatFootedWalk(toe_out_rad=0.5)
+    scale = RobotScale.of_robot(load_robot("talos"))
+    walk = scale_walk(person(truth), scale, step_share=0.6)
+    body = walk.scenario("Walk", 0.5)
+    sequence, _ = validate_scenario(Scenario.model_validate(body))
+    counts = [len(phase.contacts) for phase in sequence.phases]
+    assert counts == [2, 1] * 6 + [2]
+    for phase in (sequence.phases[0], sequence.phases[-1]):
+        left, right = (phase.contacts[f"{side}_foot"].placement.position_m for side in ("left", "right"))
+        assert left[0] == pytest.approx(right[0])
+        assert left[1] - right[1] >= scale.step_width_min_m - 1e-6
+    assert sequence.durations_s[1] == pytest.approx(2.0 * walk.swing_s[1], abs=1e-3)
+    assert sequence.durations_s[2] == pytest.approx(2.0 * walk.double_support_s[1], abs=1e-3)
+    R = sequence.phases[0].contacts["left_foot"].placement.rotation
+    assert np.arctan2(R[1, 0], R[0, 0]) == pytest.approx(np.radians(15.0), abs=1e-6)  # toes far out are turned back
+
+
+@pytest.mark.parametrize(("robot", "height_m"), [("talos", 0.75), ("g1", 0.6), ("hrp2", 0.7)])
+def test_hips_of_the_bundled_robots(robot: str, height_m: float) -> None:
+    """Published leg lengths: TALOS 0.38 + 0.325 + 0.107 m, HRP-2 0.3 + 0.3 + 0.105 m, G1 about 0.3 + 0.3 m."""
+    assert RobotScale.of_robot(load_robot(robot)).hip_height_m == pytest.approx(height_m, abs=0.09)
+
+
+def test_a_robot_without_soles_is_refused() -> None:
+    robot = load_robot("talos")
+    handed = replace(robot, effectors={k: v for k, v in robot.effectors.items() if "hand" in k})
+    with pytest.raises(InvalidInput) as caught:
+        RobotScale.of_robot(handed)
+    assert caught.value.code == "feet-missing"
