@@ -3,12 +3,13 @@
 ``PhysicsReplay.run`` and a live session advance the same stepper.
 """
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.conventions import Angles
+from stridelab.conventions import Angles, Vector3
 from stridelab.errors import InvalidInput
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -47,7 +48,7 @@ class ReplayStepper:
         observe: StateObserver,
         disturbances: Disturbances,
     ) -> None:
-        self._physics, self._robot, self._sequence, self._motion = physics, robot, sequence, motion
+        self._physics, self._robot, self._sequence, self.motion = physics, robot, sequence, motion
         self._observe, self._disturbances = observe, disturbances
         terrain = disturbances.disturbed_terrain(sequence)
         built = build_simulation(robot, terrain, sequence.friction, sequence.effectors, disturbances)
@@ -72,26 +73,62 @@ class ReplayStepper:
     @property
     def time_s(self) -> float:
         """Time since the start of the replay."""
-        return self.samples / self._motion.rate_hz
+        return self.samples / self.motion.rate_hz
 
     @property
     def plan_time_s(self) -> float:
         """Time of the plan, whose clock the stabiliser may change."""
-        return float(self._motion.time_s[self._pace.sample_index])
+        return float(self.motion.time_s[self._pace.sample_index])
 
     @property
     def has_ended(self) -> bool:
         """Whether a replay ends here: after a fall, at rest after a recovery, or after holding the last posture."""
         at_rest = self.recovering is not None and self.recovering.at_rest
-        return not self.standing or at_rest or self._hold_samples >= round(HOLD_S * self._motion.rate_hz)
+        return not self.standing or at_rest or self._hold_samples >= round(HOLD_S * self.motion.rate_hz)
 
     def add_push(self, push: Push) -> None:
         """Add a push. Raises ``InvalidInput`` (``link-not-found``) for a link that the robot lacks."""
         self._pushed.append((self.simulation.built.body_of(push.link), push))
 
+    def drop_ended_pushes(self) -> None:
+        """Remove pushes that have ended."""
+        self.simulation.apply_forces([(body, np.zeros(3)) for body, _ in self._pushed])
+        self._pushed = [(body, push) for body, push in self._pushed if push.end_s > self.time_s]
+
+    def pushing_forces_n(self) -> dict[int, Vector3]:
+        """Force (N, world axes) of the pushes at this time, by index of the body."""
+        forces: dict[int, Vector3] = {}
+        for body, push in self._pushed:
+            forces[body] = forces.get(body, np.zeros(3)) + push.force_n(self.time_s)
+        return {body: force_n for body, force_n in forces.items() if force_n.any()}
+
+    def set_delay(self, delay_s: float) -> None:
+        """Let stabiliser and joint control read everything ``delay_s`` late from now on."""
+        self._disturbances = replace(self._disturbances, delay_s=delay_s, joint_delay_s=delay_s)
+        self._sensors = SimulatedSensors(self.simulation, self._disturbances, self._substeps)
+        self._joints = JointReadings(self.simulation, delay_s)
+
+    def renew_recovery(self) -> None:
+        """Begin the recovery anew on the loaded soles, so that a robot at rest goes on standing."""
+        if self._physics.recovery is None or self._legs is None:
+            return
+        measured = self._observe(self._sensors.read_state(self.time_s))
+        contacts = {name: one for phase in self._sequence.phases for name, one in phase.contacts.items()}
+        soles = {name: contacts[name] for name in self._legs.side if name in contacts}
+        self.recovering = RecoveryRun(
+            self._physics.recovery, self._robot, self._legs, self._sequence, soles, measured, self._dt_s
+        )
+
+    def collapse(self) -> None:
+        """Carry out one sample without control: the joints are damped only. Nothing is recorded."""
+        still = np.zeros(len(self._kp))
+        self._control_joints(still, still, still, JointCommand(still, still, still))
+        self.simulation.refresh_derived()
+        self.samples += 1
+
     def advance(self) -> int:
         """Carry out one sample; returns its index in the motion."""
-        motion, simulation = self._motion, self.simulation
+        motion, simulation = self.motion, self.simulation
         i, rate = self._pace.sample_index, self._pace.rate * float(self._pace.sample_index < self._last_sample)
         forward, v_target = motion.tau_nm[i], rate * motion.v[i][6:]
         q_target = motion.q[i][7:] + (self._pace.sample - i) * self._dt_s * motion.v[i][6:]
@@ -128,7 +165,7 @@ class ReplayStepper:
         recovery = self._physics.recovery
         if recovery is None or self._legs is None or stabilising.pace.excess_m <= recovery.takeover_m:
             return
-        planned = self._sequence.phases[self._sequence.phase_at(float(self._motion.time_s[i]) + 1e-9)].contacts
+        planned = self._sequence.phases[self._sequence.phase_at(float(self.motion.time_s[i]) + 1e-9)].contacts
         self.recovering = RecoveryRun(recovery, self._robot, self._legs, self._sequence, planned, measured, self._dt_s)
 
     def _control_joints(
