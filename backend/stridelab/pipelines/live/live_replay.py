@@ -127,11 +127,8 @@ class LiveReplay:
         stepper, simulation = self._stepper, self._stepper.simulation
         q, _ = simulation.coordinates()
         (com_m, com_v_m_s), forces = simulation.com_state(), simulation.forces_n()
-        soles_m = [
-            simulation.contact_placement(name).position_m[2]
-            for name in forces
-            if self._robot.effectors[name].kind == "surface"
-        ]
+        places_m = {name: simulation.contact_placement(name).position_m for name in forces}
+        soles_m = [place[2] for name, place in places_m.items() if self._robot.effectors[name].kind == "surface"]
         ground_m = float(min(soles_m, default=0.0))
         capture_m = com_m[:2] + com_v_m_s[:2] / pendulum_rate(max(float(com_m[2]) - ground_m, 0.05))
         recovering = stepper.recovering
@@ -147,6 +144,8 @@ class LiveReplay:
             links=np.round(link_poses(self._robot, q), _DIGITS).tolist(),
             com_m=_rounded(com_m),
             capture_m=_rounded(capture_m),
+            ground_m=round(ground_m, _DIGITS),
+            effectors_m={name: _rounded(place) for name, place in places_m.items()},
             contacts=[name for name, force in forces.items() if float(np.linalg.norm(force)) > LOADED_N],
             forces_n={name: tuple(np.round(force, 1).tolist()) for name, force in forces.items()},
             foothold_m=None if aim is None else _rounded(aim),

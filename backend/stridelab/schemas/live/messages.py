@@ -142,7 +142,8 @@ class LiveFrame(Contract):
     """``frame``: one instant; ``links`` are poses ``px, py, pz, qw, qx, qy, qz`` in the world.
 
     ``doing`` is ``plan`` while the robot follows its plan, ``recovery`` once it steps to stay upright, ``fallen``.
-    ``capture_m`` is the capture point on the ground, ``foothold_m`` the place that the swinging sole is aimed at.
+    ``capture_m`` is the capture point, at the height ``ground_m`` of the lowest sole, ``foothold_m`` the place that the
+    swinging sole is aimed at, ``effectors_m`` the position and ``forces_n`` the contact force of each effector.
     """
 
     type: Literal["frame"] = "frame"
@@ -153,7 +154,9 @@ class LiveFrame(Contract):
     links: list[list[float]]
     com_m: _Vector
     capture_m: tuple[float, float]
+    ground_m: float
     contacts: list[str]
+    effectors_m: dict[str, _Vector]
     forces_n: dict[str, _Vector]
     foothold_m: _Vector | None = None
     push: LivePushState | None = None

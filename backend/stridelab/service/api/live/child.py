@@ -4,11 +4,10 @@ A task is ``{"plan": ...}`` first, then ``{"commands": [...], "advance_s", "budg
 JSON text, so that the web server passes it on unread.
 """
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from stridelab.errors import InvalidInput, StridelabError
+from stridelab.errors import InvalidInput
 from stridelab.pipelines.commission_robot import foot_places_m, scaled_walk
 from stridelab.pipelines.live.live_replay import LiveReplay
 from stridelab.pipelines.plan_motion import plan_motion, stage_shares
@@ -22,6 +21,7 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab.service.filenames import STAGED_ROBOT
 from stridelab.service.kinds.robots.staged import use_staged_robot
 
+MESSAGE_LENGTH: Final = 300
 WALK_SHARE: Final = 0.7
 """Step length of the level walk of a robot, as a share of the scaled walk of TALOS."""
 
@@ -71,7 +71,7 @@ class LiveSimulation:
             try:
                 self._obey(replay, document)
             except InvalidInput as refusal:
-                refusals.append({"command": k, **_problem(refusal)})
+                refusals.append({"command": k, "code": refusal.code, "message": refusal.message[:MESSAGE_LENGTH]})
         before = replay.fall
         advanced_s = replay.advance(task["advance_s"], task["budget_s"])
         fall = replay.fall
@@ -97,7 +97,3 @@ class LiveSimulation:
             replay.rewind()
         elif command.type == "restart":
             replay.restart()
-
-
-def _problem(error: StridelabError) -> dict[str, Any]:
-    return {"code": error.code, "message": error.message, "faults": [asdict(fault) for fault in error.faults]}

@@ -161,7 +161,7 @@ class LiveRoom:
             if value["commands"] or value["fall"] or loop.time() - said_s > _STATE_S:
                 said_s = loop.time()
                 self._update_state(
-                    pace=self._pace(loop.time()),
+                    pace=self._pace(),
                     can_rewind_s=round(value["can_rewind_s"], 3),
                     settings=LiveSettings.model_validate(value["settings"]),
                 )
@@ -227,10 +227,11 @@ class LiveRoom:
         while self._paces[0][0] < at_s - _PACE_WINDOW_S:
             self._paces.popleft()
 
-    def _pace(self, now_s: float) -> float | None:
-        if len(self._paces) < 2 or now_s - self._paces[0][0] < 0.5:
+    def _pace(self) -> float | None:
+        if len(self._paces) < 2 or self._paces[-1][0] - self._paces[0][0] < 0.5:
             return None
-        return round(sum(advanced_s for _, advanced_s in self._paces) / (now_s - self._paces[0][0]), 3)
+        (first_s, _), (last_s, last) = self._paces[0], self._paces[-1]
+        return round((sum(advanced_s for _, advanced_s in self._paces) - last) / (last_s - first_s), 3)
 
     def _show_frame(self, frame: str) -> None:
         self._frame = frame
