@@ -18,6 +18,7 @@ from stridelab.cli.compare import bench_methods
 from stridelab.cli.contacts import export_contacts, import_contacts, plan_contacts
 from stridelab.cli.fit_cycloid import fit_cycloid
 from stridelab.cli.learn_reachability import add_robot, learn_reachability
+from stridelab.cli.live import live
 from stridelab.cli.measures import measure_gait, report_gait
 from stridelab.cli.options import (
     AsJson,
@@ -124,6 +125,7 @@ def compare(
 
 app.command()(stream)
 app.command()(bridge)
+app.command()(live)
 app.command(name="fit-cycloid")(fit_cycloid)
 app.command(name="study-population")(study_population)
 app.command(name="measures")(measure_gait)

@@ -44,6 +44,7 @@ let latest = null;
 let drawn = null;
 let pushNumber = 0;
 let isReady = false;
+let wasDrawn = false;
 
 const live = { nodes, layout: { n_frames: 1, width: 3, points: [["/com/live", 0]], bodies: [] }, values: REST };
 const camera = new Camera(live);
@@ -64,7 +65,6 @@ async function openScene() {
   new DarkMode(nodes);
   shortcuts.listenInFrame(iframe);
   isReady = true;
-  if (root.dataset.follow === "true") field("follow").click();
   requestAnimationFrame(drawAlways);
   await hideOverlay(stage, nodes);
   root.dataset.ready = "true";
@@ -157,6 +157,8 @@ function drawFrame(frame) {
   for (const [k, link] of robot.links.entries())
     nodes.setPose(`/robot/${link}`, frame.links[k].slice(0, 3), frame.links[k].slice(3));
   live.values = frame.com_m;
+  if (!wasDrawn && field("follow").checked) camera.follow(true, 0);
+  wasDrawn = true;
   camera.onFrame(0);
   drawn = frame;
   const arrows = Object.entries(frame.forces_n).map(([name, force]) => ({ at: frame.effectors_m[name], force }));
@@ -164,7 +166,9 @@ function drawFrame(frame) {
   nodes.redraw();
   fact("time", `${frame.time_s.toFixed(1)} s`);
   const steps = frame.steps ? `, ${counted(frame.steps, "step")}` : "";
-  fact("doing", { plan: "follows its plan", recovery: `steps to stay upright${steps}`, fallen: "fallen" }[frame.doing]);
+  const isOver = frame.plan_time_s > robot.duration_s - 0.05,
+    planned = isOver ? "stands at the end of its plan" : "follows its plan";
+  fact("doing", { plan: planned, recovery: `steps to stay upright${steps}`, fallen: "fallen" }[frame.doing]);
   root.dataset.shown = String(frame.time_s);
   root.dataset.doing = frame.doing;
   if (frame.push) root.dataset.pushed = String(frame.push.number);
