@@ -56,6 +56,8 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "new scenario": "/scenarios/new",
         "scenario": f"/scenarios/{own.id}",
         "live": "/live",
+        "live-robots": "/live/robots",
+        "live-robot-ended": "/live/robots/nothing",
         "sweeps": "/sweeps",
         "settings": "/settings",
         "robots": "/robots",

@@ -223,6 +223,8 @@ class FakeService:
             Route(f"{api}/scenarios/{{id}}", self._scenario, methods=["GET", "PUT"]),
             Route(f"{api}/solvers", self._solvers),
             Route(f"{api}/stream/markers", lambda _: JSONResponse({"items": []})),
+            Route(f"{api}/live", lambda _: JSONResponse({"items": []})),
+            Route(f"{api}/live/{{id}}", lambda _: _problem(404, "session-not-found", "It has ended.")),
             Route(f"{api}/robots", self._robots),
             Route(f"{api}/robots/{{name}}", self._robot),
             Route(f"{api}/robots/{{name}}/preparation", self._preparation),

@@ -39,6 +39,7 @@ MAX_PUSHES: Final = 8
 """Pushes that act at a time."""
 BROKEN: Final = "The motion cannot be computed any further: a push or a setting was beyond all measure."
 _DIGITS: Final = 4
+_ROUNDING_S: Final = 1e-9
 
 
 class LiveReplay:
@@ -113,7 +114,7 @@ class LiveReplay:
         """Simulate ``duration_s``, or what ``budget_s`` of real time allows; returns the simulated time (s)."""
         began_s, began, dt_s = time.perf_counter(), self.time_s, 1.0 / self._motion.rate_hz
         self._owed_s += duration_s
-        while self._owed_s >= dt_s and not self.has_stopped:
+        while self._owed_s > dt_s - _ROUNDING_S and not self.has_stopped:
             self._advance_sample()
             self._owed_s -= dt_s
             if time.perf_counter() - began_s > budget_s:
