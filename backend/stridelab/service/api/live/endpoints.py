@@ -115,7 +115,7 @@ async def _motion_of(parts: Parts, body: LiveInput) -> LiveMotion:
         robot = str(body.robot)
         if robot not in robot_names() and await find_robot(connection, robot) is None:
             raise NotFound("robot-not-found", "There is no robot of this name.")
-    return LiveMotion(f"{robot}: level walk", robot)
+    return LiveMotion(f"{robot.upper()}: level walk", robot)
 
 
 async def _next_of(viewer: Viewer, receiving: asyncio.Task[None]) -> str | None:

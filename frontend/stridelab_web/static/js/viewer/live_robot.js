@@ -105,6 +105,7 @@ function showState(message) {
   state = message;
   if (message.robot && !robot) {
     robot = message.robot;
+    showStrength();
     field("link").append(...robot.links.map((name) => createElement("option", { value: name }, name)));
   }
   if (before?.phase === "fallen" && message.phase !== "fallen") part("fall").hidden = true;
@@ -115,7 +116,7 @@ function showState(message) {
   pause.disabled ||= message.phase === "fallen";
   fact("watching", counted(message.n_watching, "viewer"));
   const slow = message.phase === "running" && message.pace && message.pace < SLOW_PACE * message.settings.pace;
-  fact("pace", slow ? `runs at ${(100 * message.pace).toFixed(0)} % of real time: the computer is busy` : "");
+  fact("pace", slow ? `· runs at ${(100 * message.pace).toFixed(0)} % of real time: the computer is busy` : "");
   if (message.phase === "planning") say(`Planning: ${message.message}`);
   else if (message.phase === "failed") say(message.problem?.detail ?? message.message);
   else if (before?.phase !== message.phase)
