@@ -55,3 +55,6 @@ def test_a_live_robot_is_pushed_changed_paused_and_rewound(tab: Tab, service: Se
     service.client.end_live(session.session_id)
     expect(page.locator("[data-said]")).to_have_text("This robot is no longer live.")
     service.client.delete_scenario(scenario.id)
+    tab.go(session.page)
+    expect(page.locator("h1")).to_have_text("This live robot has ended")
+    tab.missteps = [misstep for misstep in tab.missteps if "status of 404" not in misstep]

@@ -57,7 +57,6 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "scenario": f"/scenarios/{own.id}",
         "live": "/live",
         "live-robots": "/live/robots",
-        "live-robot-ended": "/live/robots/nothing",
         "sweeps": "/sweeps",
         "settings": "/settings",
         "robots": "/robots",

@@ -50,7 +50,7 @@ async def start_live(
 ) -> LiveSession:
     """Plan a motion and carry it out in physics, at real time, in a process of its own.
 
-    The session is watched at `WS /live/{session_id}`, and on its page. It ends when nobody has watched it for a minute
+    The session is watched at `WS /live/{session_id}`, and on its page. It ends a minute after its last viewer has left
     (`STRIDELAB_LIVE_IDLE_S`).
     """
     session = parts.rooms.open_room(await _motion_of(parts, body), caller.name).describe()
@@ -81,7 +81,7 @@ async def get_live(parts: AppParts, session_id: str) -> LiveSession:
     responses=failure_responses(s404="No live robot with this id (`session-not-found`)."),
 )
 async def end_live(parts: AppParts, caller: CallerOf, session_id: str) -> None:
-    """End a session; those who watch are told."""
+    """End a session and the connections of its viewers."""
     require_owner(caller, parts.rooms.require_room(session_id).owner, "live robot")
     await parts.rooms.close_room(session_id)
 

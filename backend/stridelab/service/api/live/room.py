@@ -56,7 +56,7 @@ class LiveMotion:
 
 
 class LiveRoom:
-    """A live robot; ``run`` plans its motion and simulates it until nobody watches for ``idle_s``."""
+    """A live robot; ``run`` plans its motion and simulates it until it has had no viewer for ``idle_s``."""
 
     def __init__(self, motion: LiveMotion, owner: str | None, idle_s: float) -> None:
         self.session_id = secrets.token_hex(8)
