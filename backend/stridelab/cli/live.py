@@ -14,9 +14,7 @@ import typer
 from rich.markup import escape
 
 from stridelab.cli.options import AsJson, Token
-from stridelab.cli.remote import translated_errors
 from stridelab.cli.results import err, out
-from stridelab.client import Client, Unreachable
 from stridelab.errors import Fault, InvalidInput, NotFound, Unavailable
 
 SERVER: Final = "http://127.0.0.1:8000"
@@ -38,6 +36,9 @@ def live(
         raise InvalidInput(
             "option-invalid", "Give either a scenario or --robot.", [Fault("SCENARIO, --robot", "give one of them")]
         )
+    from stridelab.cli.remote import translated_errors
+    from stridelab.client import Client
+
     with _running_service(server, token) as started, translated_errors(server, lambda: NotFound):
         with Client(server, token) as client:
             session = client.start_live(scenario, robot)
@@ -81,6 +82,8 @@ def _running_service(server: str, token: str | None) -> Iterator["subprocess.Pop
 
 
 def _answers(server: str, token: str | None) -> bool:
+    from stridelab.client import Client, Unreachable
+
     try:
         with Client(server, token) as client:
             client.health()
