@@ -1,4 +1,5 @@
 // A live robot in 3D: moves its links as frames arrive, and sends pushes, settings and orders.
+import { AdaptiveResolution } from "./adaptive_resolution.js";
 import { Camera } from "./camera.js";
 import { DarkMode } from "./dark_mode.js";
 import { LiveOverlay, directedImpulse } from "./live_overlay.js";
@@ -63,6 +64,7 @@ async function openScene() {
     throw new Error((await response?.json().catch(() => null))?.detail || "The scene could not be read.");
   await nodes.ready();
   new DarkMode(nodes);
+  new AdaptiveResolution(nodes, () => state?.phase === "running");
   shortcuts.listenInFrame(iframe);
   isReady = true;
   requestAnimationFrame(drawAlways);
