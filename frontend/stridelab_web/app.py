@@ -14,8 +14,8 @@ from stridelab_web.pages.render import make_environment
 from stridelab_web.pages.results import comparison, population, reachability, sweep
 from stridelab_web.pages.scenarios import new_scenario
 from stridelab_web.pages.scenarios import page as scenario
+from stridelab_web.pages.viewer import live, planner
 from stridelab_web.pages.viewer import page as view
-from stridelab_web.pages.viewer import planner
 from stridelab_web.scene import proxy
 from stridelab_web.scene.frame_cache import FrameCache
 from stridelab_web.viser_client import FOLDER
@@ -57,6 +57,8 @@ def web_routes() -> list[BaseRoute]:
         Route("/robots/{name}", robot.robot_page),
         Route("/robots/{name}/reach.json", robot.reach_json),
         Route("/live", home.live_page),
+        Route("/live/robots", live.live_robots_page),
+        Route("/live/robots/{id}", live.live_robot_page),
         Route("/sweeps", sweep.sweeps_page),
         Route("/settings", home.settings_page),
         Route("/jobs", lists.jobs_page),

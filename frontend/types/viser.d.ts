@@ -41,6 +41,8 @@ interface Vector3 {
   sub(other: Vector3): Vector3;
   normalize(): Vector3;
   addScaledVector(other: Vector3, scale: number): Vector3;
+  project(camera: SceneCamera): Vector3;
+  unproject(camera: SceneCamera): Vector3;
 }
 
 interface Color {
@@ -72,6 +74,7 @@ interface SceneObject {
   clone(recursive: boolean): SceneObject;
   traverse(visit: (object: SceneObject) => void): void;
   localToWorld(point: Vector3): Vector3;
+  worldToLocal(point: Vector3): Vector3;
   children: SceneObject[];
   geometry: Geometry;
   isMesh?: boolean;

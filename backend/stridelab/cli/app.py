@@ -19,6 +19,7 @@ from stridelab.cli.contacts import export_contacts, import_contacts, plan_contac
 from stridelab.cli.fit_cycloid import fit_cycloid
 from stridelab.cli.imitate import imitate
 from stridelab.cli.learn_reachability import add_robot, learn_reachability
+from stridelab.cli.live import live
 from stridelab.cli.measures import measure_gait, report_gait
 from stridelab.cli.options import (
     AsJson,
@@ -125,6 +126,7 @@ def compare(
 
 app.command()(stream)
 app.command()(bridge)
+app.command()(live)
 app.command(name="fit-cycloid")(fit_cycloid)
 app.command()(imitate)
 app.command(name="study-population")(study_population)

@@ -15,6 +15,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.schemas.base import Page, Problem
 from stridelab.schemas.jobs import Job, JobResult
+from stridelab.schemas.live.messages import LiveSession, LiveSessions
 from stridelab.schemas.plans import PlanContactsInput
 from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, Solvers
 from stridelab.schemas.reachability import RobotReachability
@@ -226,6 +227,27 @@ def robots() -> Call[Page[RobotSummary]]:
 def marker_streams() -> Call[LiveStreams]:
     """Open streams of markers."""
     return Call("GET", f"{API}/stream/markers", response_reader(LiveStreams))
+
+
+def live_robots() -> Call[LiveSessions]:
+    """Robots that are live, the newest first."""
+    return Call("GET", f"{API}/live", response_reader(LiveSessions))
+
+
+def live_robot(session_id: str) -> Call[LiveSession]:
+    """One robot that is live."""
+    return Call("GET", _path_of("live", session_id), response_reader(LiveSession))
+
+
+def start_live(scenario_id: str | None = None, robot: str | None = None) -> Call[LiveSession]:
+    """Start a live robot: the motion of a stored scenario, or a level walk of a robot."""
+    body = {"scenario_id": scenario_id} if robot is None else {"robot": robot}
+    return Call("POST", f"{API}/live", response_reader(LiveSession), json=body)
+
+
+def end_live(session_id: str) -> Call[None]:
+    """End a live robot."""
+    return Call("DELETE", _path_of("live", session_id), read_nothing)
 
 
 def robot(name: str) -> Call[RobotFacts]:

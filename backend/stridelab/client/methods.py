@@ -101,3 +101,7 @@ class Endpoints:
     download_bundle = _download_method(endpoints.download_bundle)
     read_artifact = _method(endpoints.read_artifact)
     marker_streams = _method(endpoints.marker_streams)
+    live_robots = _method(endpoints.live_robots)
+    live_robot = _method(endpoints.live_robot)
+    start_live = _method(endpoints.start_live)
+    end_live = _method(endpoints.end_live)

@@ -90,6 +90,9 @@ class Settings(BaseSettings):
     stream_rate_hz: float = Field(default=2000.0, gt=0, description="maximum samples per second of one stream")
     stream_message_kb: int = Field(default=256, ge=1, description="largest message of a stream in kB (10^3 bytes)")
     stream_idle_s: float = Field(default=60.0, gt=0, description="silence after which a stream is closed")
+    live_limit: int = Field(default=4, ge=0, description="live robots at a time per web server process")
+    user_live_limit: int = Field(default=2, ge=0, description="live robots of one user; 0 for no limit")
+    live_idle_s: float = Field(default=60.0, gt=0, description="time without a viewer after which a live robot ends")
     viewer_url: str | None = Field(default=None, description="loopback control address of the viewer process")
     viewer_scenes: int | None = Field(
         default=None, ge=1, description="3D scenes that may be open in all; by default as memory allows"

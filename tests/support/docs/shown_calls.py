@@ -39,7 +39,8 @@ def description() -> dict[str, Any]:
 def models() -> dict[str, type[BaseModel]]:
     """All models of the contract by name."""
     modules = [
-        importlib.import_module(f"stridelab.schemas.{m.name}") for m in pkgutil.iter_modules(stridelab.schemas.__path__)
+        importlib.import_module(m.name)
+        for m in pkgutil.walk_packages(stridelab.schemas.__path__, f"{stridelab.schemas.__name__}.")
     ]
     found = [value for module in modules for value in vars(module).values() if isinstance(value, type)]
     return {model.__name__: model for model in found if issubclass(model, BaseModel) and model is not BaseModel}

@@ -19,6 +19,8 @@ from stridelab.robots.card import robot_names
 from stridelab.service.api import health, login, metrics, openapi, problems
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.jobs import endpoints as jobs
+from stridelab.service.api.live import endpoints as live_robots
+from stridelab.service.api.live.rooms import LiveRooms
 from stridelab.service.api.marker_sets import endpoints as marker_sets
 from stridelab.service.api.middleware.authentication import AuthenticationMiddleware
 from stridelab.service.api.middleware.lingering_close import LingeringCloseMiddleware
@@ -117,6 +119,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
         plans,
         stream,
         marker_stream,
+        live_robots,
         access,
     ):
         api.include_router(part.router)
@@ -185,6 +188,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 )
             ) as robot_cache,
             aclosing(OwnRobotPlanners(pool, engine, blobs, spool)) as own_planners,
+            aclosing(LiveRooms(pool, engine, blobs, spool, settings)) as rooms,
             aclosing(StoredChecks(bodies, own_planners, validation_limiter, robot_cache)) as stored_checks,
         ):
             yield Parts(
@@ -209,6 +213,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 stored_checks=stored_checks,
                 streams=StreamLimiter(settings.stream_limit),
                 live=LiveBoard(),
+                rooms=rooms,
                 started_at_s=time.monotonic(),
                 closing=asyncio.Event(),
             )

@@ -13,6 +13,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from starlette.requests import HTTPConnection
 
 from stridelab.errors import NotFound
+from stridelab.service.api.live.rooms import LiveRooms
 from stridelab.service.api.previews.own_robots import OwnRobotPlanners
 from stridelab.service.api.robots.cache import RobotCache
 from stridelab.service.api.scenarios.stored_checks import StoredChecks
@@ -71,6 +72,7 @@ class Parts:
     stored_checks: StoredChecks
     streams: StreamLimiter
     live: LiveBoard
+    rooms: LiveRooms
     started_at_s: float
     closing: asyncio.Event
     """Set when the server begins to shut down."""

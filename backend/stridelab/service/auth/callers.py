@@ -13,8 +13,9 @@ ADMIN: Final = "admin"
 _SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 _API: Final = "/api/v1/"
 _ADMIN_ONLY: Final = ("tokens", "audit")
-_WATCHED: Final = "stream/markers/"
-"""Path of an open stream of markers, which is shown to those who connect; what they send is ignored."""
+_WATCHED: Final = ("stream/markers/", "live/")
+"""Paths of open streams of markers and of live robots, which are shown to those who connect: what they send is ignored,
+or needs the scope ``submit``."""
 
 
 @dataclass(frozen=True)

@@ -39,10 +39,13 @@ class ChildSession:
         """Whether the child has ended."""
         return self._child.has_ended
 
-    async def run(self, task: Mapping[str, Any]) -> IsolatedOutcome:
-        """Run ``task``. The child goes on after an outcome ``ok`` or ``error``; after any other it is gone."""
-        timeout_s = max(START_TIMEOUT_S, self._answer_s) if self._is_first else self._answer_s
-        outcome = await self._child.run_task(task, timeout_s=timeout_s)
+    async def run(
+        self, task: Mapping[str, Any], *, answer_s: float | None = None, on_progress: OnProgress | None = None
+    ) -> IsolatedOutcome:
+        """Run ``task``, within ``answer_s`` if given. The child goes on after an outcome ``ok`` or ``error`` only."""
+        answer_s = self._answer_s if answer_s is None else answer_s
+        timeout_s = max(START_TIMEOUT_S, answer_s) if self._is_first else answer_s
+        outcome = await self._child.run_task(task, timeout_s=timeout_s, on_progress=on_progress)
         self._is_first = False
         return outcome
 

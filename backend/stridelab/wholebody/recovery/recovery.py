@@ -142,6 +142,11 @@ class RecoveryRun:
             or self._time_s - self.left_plan_s > self._by.most_s
         )
 
+    @property
+    def next_foothold_m(self) -> Float[np.ndarray, "3"] | None:
+        """Where the swinging sole is to land; None while both soles stand."""
+        return None if self._step is None else np.array([*self._step.place_m, self._step.height_m])
+
     def compute_command(self, measured: SensedState) -> JointCommand:
         """Joint command for the measured state."""
         body, self._time_s = self._body, measured.time_s

@@ -280,6 +280,15 @@ class ReplayLog:
                 self._landings_m.append(float(np.linalg.norm(position_m - planned.placement.position_m)))
             self._slips_m.append(float(np.linalg.norm(position_m - self._landed[name])))
 
+    def trim_samples(self, most: int) -> None:
+        """Forget all samples but the last ``most``; largest values, and shares of hands, go back as far as before."""
+        for numbers in (self._time_s, self._plan_time_s, self._errors_m):
+            del numbers[:-most]
+        for arrays in (self._q, self._v, self._com_m, *self._forces_n.values()):
+            del arrays[:-most]
+        for largest in (self._slips_m, self._landings_m):
+            largest[:] = [max(largest)]
+
     def to_replay(
         self, fell: bool, torque_ratio_max: float, took_s: float, left_plan: LeftPlan | None = None
     ) -> Replay:

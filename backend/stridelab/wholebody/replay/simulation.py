@@ -25,6 +25,7 @@ class Simulation:
     """State of one simulated robot; coordinates in pinocchio's order (base velocity in the base frame).
 
     ``body_contacts`` are the contacts of the collision shapes in the last step, which are never planned.
+    ``strained_joint`` is the index of the moving joint with the largest torque command over its limit in that step.
     """
 
     def __init__(self, built: SimulationModel, q: Float[np.ndarray, "nq"]) -> None:
@@ -34,6 +35,7 @@ class Simulation:
         self._is_body = np.zeros(built.model.ngeom, dtype=bool)
         self._is_body[list(built.link)] = True
         self.body_contacts: tuple[GeomContact, ...] = ()
+        self.strained_joint = 0
         self._measured: tuple[dict[str, Float[np.ndarray, "6"]], tuple[GeomContact, ...]] | None = None
         self._root = 1  # the robot's first body; 0 is the world
         x, y, z, w = q[3:7]
@@ -84,7 +86,9 @@ class Simulation:
         geoms = self._data.contact.geom[: self._data.ncon]
         is_body = self._is_body[geoms].any(axis=1)
         self.body_contacts = tuple(map(self._geom_contact, np.flatnonzero(is_body).tolist())) if is_body.any() else ()
-        return float(np.max(np.abs(moving_nm) / limit[self.built.moving_actuator]))
+        ratios = np.abs(moving_nm) / limit[self.built.moving_actuator]
+        self.strained_joint = int(np.argmax(ratios))
+        return float(ratios[self.strained_joint])
 
     def apply_forces(self, forces: Sequence[tuple[int, Vector3]]) -> None:
         """Set the forces (N, world axes) at the centres of mass of bodies for the following steps; those of one add."""
@@ -100,6 +104,19 @@ class Simulation:
         """
         mujoco.mj_forward(self._model, self._data)
         self._measured, self._refreshed = None, True
+
+    def save_state(self) -> Float[np.ndarray, "k"]:
+        """Everything that the next steps depend on, apart from the model, as one array."""
+        spec = mujoco.mjtState.mjSTATE_INTEGRATION
+        state = np.empty(mujoco.mj_stateSize(self._model, spec))
+        mujoco.mj_getState(self._model, self._data, state, spec)
+        return state
+
+    def restore_state(self, state: Float[np.ndarray, "k"]) -> None:
+        """Return to a state of ``save_state``."""
+        mujoco.mj_setState(self._model, self._data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        self.body_contacts = ()
+        self.refresh_derived()
 
     def com_state(self) -> tuple[Vector3, Vector3]:
         """Position (m) and velocity (m/s) of the centre of mass."""

@@ -1,0 +1,202 @@
+"""The replay sample by sample: sensors, stabiliser or recovery, joint control, and the steps of the simulator.
+
+``PhysicsReplay.run`` and a live session advance the same stepper.
+"""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.conventions import Angles, Vector3
+from stridelab.errors import InvalidInput
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.recovery.leg_geometry import LegGeometry
+from stridelab.wholebody.recovery.recovery import JointCommand, RecoveryRun
+from stridelab.wholebody.replay.disturbances import Disturbances, Push
+from stridelab.wholebody.replay.log import LeftPlan, Replay, ReplayLog
+from stridelab.wholebody.replay.mujoco_model import build_simulation
+from stridelab.wholebody.replay.sensors import JointReadings, SensedState, SimulatedSensors, StateObserver
+from stridelab.wholebody.replay.simulation import Simulation
+from stridelab.wholebody.replay.stabiliser import StabiliserRun
+from stridelab.wholebody.replay.step_adjustment import ConstantClock
+
+if TYPE_CHECKING:
+    from stridelab.wholebody.replay.replay import PhysicsReplay
+
+FALL_COM_ERROR_M: Final = 0.25
+"""CoM error beyond which the robot counts as fallen."""
+HOLD_S: Final = 1.0
+"""Duration of the last posture, to detect falls right after the end of the motion."""
+
+
+class ReplayStepper:
+    """State of one replay; ``advance`` carries out one sample of the motion's rate.
+
+    ``standing`` is False after a fall; ``recovering`` is the recovery that left the plan, if any; ``samples`` counts
+    the samples. Raises as ``PhysicsReplay.run``.
+    """
+
+    def __init__(
+        self,
+        physics: "PhysicsReplay",
+        robot: Robot,
+        sequence: ContactSequence,
+        motion: WholeBodyMotion,
+        observe: StateObserver,
+        disturbances: Disturbances,
+    ) -> None:
+        self._physics, self._robot, self._sequence, self.motion = physics, robot, sequence, motion
+        self._observe, self._disturbances = observe, disturbances
+        terrain = disturbances.disturbed_terrain(sequence)
+        built = build_simulation(robot, terrain, sequence.friction, sequence.effectors, disturbances)
+        self.simulation = Simulation(built, motion.q[0])
+        self._pushed: list[tuple[int, Push]] = []
+        for push in disturbances.pushes:
+            self.add_push(push)
+        self._substeps = _substep_count(motion.rate_hz, self.simulation.timestep_s)
+        self._kp, self._kd = physics.joint_gains(robot, self.simulation.timestep_s)
+        self.log, self.torque_ratio = ReplayLog(robot, sequence), 0.0
+        self.stabilising = None if physics.stabiliser is None else StabiliserRun(physics.stabiliser, robot, motion)
+        self._sensors = SimulatedSensors(self.simulation, disturbances, self._substeps)
+        self._joints = JointReadings(self.simulation, disturbances.joint_delay_s)
+        self._rng = np.random.default_rng(disturbances.seed)
+        self._last_sample, self._dt_s = len(motion.time_s) - 1, 1.0 / motion.rate_hz
+        self.samples, self._hold_samples = 0, 0
+        self._pace = ConstantClock(self._last_sample) if self.stabilising is None else self.stabilising.pace
+        self._legs = LegGeometry.of_robot(robot)
+        self.standing = True
+        self.recovering: RecoveryRun | None = None
+
+    @property
+    def time_s(self) -> float:
+        """Time since the start of the replay."""
+        return self.samples / self.motion.rate_hz
+
+    @property
+    def plan_time_s(self) -> float:
+        """Time of the plan, whose clock the stabiliser may change."""
+        return float(self.motion.time_s[self._pace.sample_index])
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether a replay ends here: after a fall, at rest after a recovery, or after holding the last posture."""
+        at_rest = self.recovering is not None and self.recovering.at_rest
+        return not self.standing or at_rest or self._hold_samples >= round(HOLD_S * self.motion.rate_hz)
+
+    def add_push(self, push: Push) -> None:
+        """Add a push. Raises ``InvalidInput`` (``link-not-found``) for a link that the robot lacks."""
+        self._pushed.append((self.simulation.built.body_of(push.link), push))
+
+    def drop_ended_pushes(self) -> None:
+        """Remove pushes that have ended."""
+        self.simulation.apply_forces([(body, np.zeros(3)) for body, _ in self._pushed])
+        self._pushed = [(body, push) for body, push in self._pushed if push.end_s > self.time_s]
+
+    def pushing_forces_n(self) -> dict[int, Vector3]:
+        """Force (N, world axes) of the pushes at this time, by index of the body."""
+        forces: dict[int, Vector3] = {}
+        for body, push in self._pushed:
+            forces[body] = forces.get(body, np.zeros(3)) + push.force_n(self.time_s)
+        return {body: force_n for body, force_n in forces.items() if force_n.any()}
+
+    def set_delay(self, delay_s: float) -> None:
+        """Let stabiliser and joint control read everything ``delay_s`` late from now on."""
+        self._disturbances = replace(self._disturbances, delay_s=delay_s, joint_delay_s=delay_s)
+        self._sensors = SimulatedSensors(self.simulation, self._disturbances, self._substeps)
+        self._joints = JointReadings(self.simulation, delay_s)
+
+    def renew_recovery(self) -> None:
+        """Begin the recovery anew on the loaded soles, so that a robot at rest goes on standing."""
+        if self._physics.recovery is None or self._legs is None:
+            return
+        measured = self._observe(self._sensors.read_state(self.time_s))
+        contacts = {name: one for phase in self._sequence.phases for name, one in phase.contacts.items()}
+        soles = {name: contacts[name] for name in self._legs.side if name in contacts}
+        self.recovering = RecoveryRun(
+            self._physics.recovery, self._robot, self._legs, self._sequence, soles, measured, self._dt_s
+        )
+
+    def collapse(self) -> None:
+        """Carry out one sample without control: the joints are damped only. Nothing is recorded."""
+        still = np.zeros(len(self._kp))
+        self._control_joints(still, still, still, JointCommand(still, still, still))
+        self.simulation.refresh_derived()
+        self.samples += 1
+
+    def advance(self) -> int:
+        """Carry out one sample; returns its index in the motion."""
+        motion, simulation = self.motion, self.simulation
+        i, rate = self._pace.sample_index, self._pace.rate * float(self._pace.sample_index < self._last_sample)
+        forward, v_target = motion.tau_nm[i], rate * motion.v[i][6:]
+        q_target = motion.q[i][7:] + (self._pace.sample - i) * self._dt_s * motion.v[i][6:]
+        command = None
+        if self.stabilising is not None:
+            measured = self._observe(self._sensors.read_state(self.time_s))
+            if self.recovering is None:
+                angles, added = self.stabilising.compute_corrections(measured)
+                q_target, forward = q_target + angles, forward + added
+                self._leave_plan_if_needed(self.stabilising, i, measured)
+            if self.recovering is not None:
+                command = self.recovering.compute_command(measured)
+        self._control_joints(q_target, v_target, forward, command)
+        simulation.refresh_derived()
+        if self.recovering is None:
+            self._pace.advance()
+        self.samples, self._hold_samples = self.samples + 1, self._hold_samples + int(i == self._last_sample)
+        com_m, _ = simulation.com_state()
+        error_m = float(np.linalg.norm(com_m - motion.com_reference_m[self._pace.sample_index]))
+        left = self.recovering is not None
+        self.log.record_sample(simulation, self.time_s, self.plan_time_s, com_m, error_m, left)
+        self.standing = error_m < FALL_COM_ERROR_M if self.recovering is None else not self.recovering.has_fallen
+        return i
+
+    def to_replay(self, took_s: float) -> Replay:
+        """The result of all samples, which took ``took_s``."""
+        left = None
+        if self.recovering is not None:
+            left = LeftPlan(self.recovering.left_plan_s, self.recovering.steps, self.standing)
+        return self.log.to_replay(not self.standing, self.torque_ratio, took_s, left)
+
+    def _leave_plan_if_needed(self, stabilising: StabiliserRun, i: int, measured: SensedState) -> None:
+        """Begin a recovery if the capture point's error exceeds what the soles can correct."""
+        recovery = self._physics.recovery
+        if recovery is None or self._legs is None or stabilising.pace.excess_m <= recovery.takeover_m:
+            return
+        planned = self._sequence.phases[self._sequence.phase_at(float(self.motion.time_s[i]) + 1e-9)].contacts
+        self.recovering = RecoveryRun(recovery, self._robot, self._legs, self._sequence, planned, measured, self._dt_s)
+
+    def _control_joints(
+        self, q_target: Angles, v_target: Angles, forward: Angles, command: JointCommand | None
+    ) -> None:
+        """Joint control and steps of the simulator during one sample."""
+        simulation, physics, noise = self.simulation, self._physics, self._disturbances.torque_noise
+        damping_share = 0.0 if physics.recovery is None else physics.recovery.damping
+        start_s, dt_s = self.time_s, simulation.timestep_s
+        for j in range(self._substeps):
+            q_command = q_target + j * dt_s * v_target
+            q_read, v_read = self._joints.read_joints()
+            tau = self._kp * (q_command - q_read) + self._kd * (v_target - v_read) + forward
+            if command is not None:
+                v_command = command.v_rad_s + j * dt_s * command.a_rad_s2
+                tau = command.tau_nm + damping_share * self._kd * (v_command - v_read)
+            if noise:
+                tau = tau * (1.0 + noise * self._rng.normal(size=len(tau)))
+            if self._pushed:
+                time_s = start_s + j * dt_s
+                simulation.apply_forces([(body, push.force_n(time_s)) for body, push in self._pushed])
+            locked_tau = simulation.locked_torques_nm(
+                physics.arm_share * physics.stiffness, physics.arm_share * physics.damping
+            )
+            self.torque_ratio = max(self.torque_ratio, simulation.step(tau, locked_tau))
+            self.log.record_step(simulation, start_s + (j + 1) * dt_s)
+            self._sensors.after_step(j + 1, start_s + (j + 1) * dt_s)
+
+
+def _substep_count(rate_hz: float, timestep_s: float) -> int:
+    substeps = round(1.0 / (rate_hz * timestep_s))
+    if substeps < 1 or not np.isclose(substeps * timestep_s * rate_hz, 1.0):
+        raise InvalidInput("replay-rate", f"A motion at {rate_hz:g} Hz does not fit steps of {timestep_s:g} s.")
+    return substeps

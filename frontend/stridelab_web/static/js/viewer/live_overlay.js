@@ -1,0 +1,204 @@
+// Draws over the scene of a live robot what changes with every frame: forces, CoM, capture point, next foothold, pushes;
+// and turns a drag from the robot into a push. The scene's camera projects; distances on the canvas are CSS pixels.
+import { colour } from "../shared/colours.js";
+
+const FORCE_M_PER_N = 0.0006,
+  PUSH_M_PER_N = 0.0006,
+  GRAB_PX = 70,
+  SPEED_PER_M = 0.6, // a drag of a metre changes the velocity of the robot by this much, in m/s
+  MAX_SPEED = 1.5;
+
+/** The push of a drag of `drag` metres on a robot of `mass_kg`: along the drag, at most MAX_SPEED.
+ * @param {number[]} drag @param {number} mass_kg @returns {number[]} */
+export function dragImpulse(drag, mass_kg) {
+  const length = Math.hypot(...drag);
+  if (!(length > 0)) return [0, 0, 0];
+  const size = mass_kg * Math.min(SPEED_PER_M * length, MAX_SPEED);
+  return drag.map((part) => (size * part) / length);
+}
+
+/** The push of `size` N s towards `direction` as the robot faces by its base, horizontal.
+ * @param {string} direction @param {number} size @param {number[]} base pose px, py, pz, qw, qx, qy, qz */
+export function directedImpulse(direction, size, base) {
+  const [w, x, y, z] = base.slice(3);
+  const yaw = Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z));
+  const turn = { ahead: 0, left: Math.PI / 2, back: Math.PI, right: -Math.PI / 2 }[direction] ?? 0;
+  return [size * Math.cos(yaw + turn), size * Math.sin(yaw + turn), 0];
+}
+
+export class LiveOverlay {
+  // `send(impulse_ns, linkIndex)` is called at the end of a drag; `shown()` returns what is to be drawn.
+  constructor(canvas, camera, { send, shown, mass }) {
+    this.canvas = canvas;
+    this.camera = camera;
+    this.send = send;
+    this.shown = shown;
+    this.mass = mass;
+    /** @type {any} */
+    this.frame = null;
+    /** @type {any} */
+    this.drag = null;
+    canvas.addEventListener("pointerdown", (event) => this.grab(event));
+    canvas.addEventListener("pointermove", (event) => this.pull(event));
+    canvas.addEventListener("pointerup", (event) => this.release(event));
+    canvas.addEventListener("pointercancel", () => this.cancel());
+  }
+
+  setActive(active) {
+    this.canvas.toggleAttribute("data-active", active);
+    this.cancel();
+  }
+
+  cancel() {
+    this.drag = null;
+  }
+
+  // A point of the world in CSS pixels and the depth that `unproject` needs; null behind the camera.
+  /** @param {number[]} point @returns {[number, number, number] | null} */
+  project(point) {
+    const p = this.camera.toViserFrame(point).project(this.camera.viser.camera);
+    if (p.z > 1) return null;
+    const { clientWidth, clientHeight } = this.canvas;
+    return [((p.x + 1) / 2) * clientWidth, ((1 - p.y) / 2) * clientHeight, p.z];
+  }
+
+  /** @param {[number, number]} place @param {number} depth */
+  unproject([x, y], depth) {
+    const { viser } = this.camera,
+      { clientWidth, clientHeight } = this.canvas;
+    const p = viser.camera.position.clone().set((2 * x) / clientWidth - 1, 1 - (2 * y) / clientHeight, depth);
+    const q = viser.nodeRefFromName[""].worldToLocal(p.unproject(viser.camera));
+    return [q.x, q.y, q.z];
+  }
+
+  grab(event) {
+    if (!this.frame || event.button !== 0) return;
+    let nearest = { link: -1, gap: GRAB_PX, at: [0, 0, 0] };
+    for (const [link, pose] of this.frame.links.entries()) {
+      const at = this.project(pose.slice(0, 3));
+      const gap = at ? Math.hypot(at[0] - event.offsetX, at[1] - event.offsetY) : Infinity;
+      if (at && gap < nearest.gap) nearest = { link, gap, at };
+    }
+    if (nearest.link < 0) return;
+    this.canvas.setPointerCapture(event.pointerId);
+    this.drag = { link: nearest.link, depth: nearest.at[2], to: [event.offsetX, event.offsetY] };
+  }
+
+  pull(event) {
+    if (this.drag) this.drag.to = [event.offsetX, event.offsetY];
+  }
+
+  release(event) {
+    if (!this.drag) return;
+    this.pull(event);
+    const impulse = this.draggedImpulse();
+    if (Math.hypot(...impulse) > 0.5) this.send(impulse, this.drag.link);
+    this.drag = null;
+  }
+
+  draggedImpulse() {
+    const from = this.frame.links[this.drag.link].slice(0, 3);
+    const to = this.unproject(this.drag.to, this.drag.depth);
+    return dragImpulse(
+      to.map((value, k) => value - from[k]),
+      this.mass(),
+    );
+  }
+
+  draw() {
+    const { canvas, frame } = this,
+      ratio = window.devicePixelRatio || 1;
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
+    if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
+    const pen = canvas.getContext("2d");
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.clearRect(0, 0, width, height);
+    if (!frame) return;
+    pen.lineCap = pen.lineJoin = "round";
+    const { forces, balance } = this.shown();
+    if (forces)
+      for (const { at, force } of frame.arrows) this.arrow(pen, at, force, FORCE_M_PER_N, colour("green"), false);
+    if (balance) this.drawBalance(pen);
+    this.drawPush(pen);
+  }
+
+  drawBalance(pen) {
+    const { com_m, capture_m, foothold_m, ground_m } = this.frame;
+    const com = this.project(com_m),
+      capture = this.project([...capture_m, ground_m]);
+    if (com) this.dot(pen, com, 6, colour("blue"));
+    if (capture) this.cross(pen, capture, colour("orange-bright"));
+    const ring = foothold_m && this.project(foothold_m);
+    if (ring) {
+      pen.beginPath();
+      pen.ellipse(ring[0], ring[1], 14, 8, 0, 0, 2 * Math.PI);
+      pen.strokeStyle = colour("purple");
+      pen.lineWidth = 3;
+      pen.stroke();
+    }
+  }
+
+  drawPush(pen) {
+    const { push, links } = this.frame;
+    if (push && push.link !== null && Math.hypot(...push.force_n) > 0)
+      this.arrow(pen, links[push.link].slice(0, 3), push.force_n, PUSH_M_PER_N, colour("red"), true);
+    if (!this.drag) return;
+    const from = this.project(links[this.drag.link].slice(0, 3)),
+      impulse = Math.hypot(...this.draggedImpulse());
+    if (!from) return;
+    this.line(pen, from, this.drag.to, colour("red"), 4);
+    pen.fillStyle = colour("ink");
+    pen.font = "600 14px system-ui, sans-serif";
+    pen.fillText(
+      `${impulse.toFixed(0)} N s (${(impulse / this.mass()).toFixed(2)} m/s)`,
+      this.drag.to[0] + 12,
+      this.drag.to[1] - 12,
+    );
+  }
+
+  // An arrow from `at` along `force`; with `into` it ends there, as a push does.
+  arrow(pen, at, force, scale, edge, into) {
+    const far = at.map((value, k) => value + (into ? -1 : 1) * scale * force[k]);
+    const a = this.project(into ? far : at),
+      b = this.project(into ? at : far);
+    if (a && b) this.line(pen, a, b, edge, into ? 5 : 3);
+  }
+
+  line(pen, from, to, edge, width) {
+    const [ax, ay] = from,
+      [bx, by] = to;
+    const angle = Math.atan2(by - ay, bx - ax),
+      head = 4 + 2 * width;
+    pen.strokeStyle = edge;
+    pen.lineWidth = width;
+    pen.beginPath();
+    pen.moveTo(ax, ay);
+    pen.lineTo(bx, by);
+    for (const side of [-0.45, 0.45]) {
+      pen.moveTo(bx, by);
+      pen.lineTo(bx - head * Math.cos(angle + side), by - head * Math.sin(angle + side));
+    }
+    pen.stroke();
+  }
+
+  dot(pen, at, radius, fill) {
+    const [x, y] = at;
+    pen.beginPath();
+    pen.arc(x, y, radius, 0, 2 * Math.PI);
+    pen.fillStyle = fill;
+    pen.fill();
+  }
+
+  cross(pen, at, edge) {
+    const [x, y] = at;
+    pen.strokeStyle = edge;
+    pen.lineWidth = 3;
+    pen.beginPath();
+    for (const side of [-1, 1]) {
+      pen.moveTo(x - 7, y - 7 * side);
+      pen.lineTo(x + 7, y + 7 * side);
+    }
+    pen.stroke();
+  }
+}

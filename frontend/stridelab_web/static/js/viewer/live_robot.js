@@ -1,0 +1,238 @@
+// A live robot in 3D: moves its links as frames arrive, and sends pushes, settings and orders.
+import { AdaptiveResolution } from "./adaptive_resolution.js";
+import { Camera } from "./camera.js";
+import { DarkMode } from "./dark_mode.js";
+import { LiveOverlay, directedImpulse } from "./live_overlay.js";
+import { hideOverlay, showFailure } from "./loading_overlay.js";
+import { HIDDEN, ViserNodes } from "./viser_nodes.js";
+import { counted } from "../shared/plurals.js";
+import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
+import { createElement } from "../shared/elements.js";
+
+const RECONNECT_MS = 2000,
+  REST = [0, 0, 0],
+  UPRIGHT = [1, 0, 0, 0],
+  SLOW_PACE = 0.95,
+  UNUSED_NODES = ["/reach/", "/support/", "/live/"]; // of the pages that plan and show densities
+const root = document.querySelector("[data-live-robot]");
+const part = (name) => root.querySelector(`[data-${name}]`);
+const field = (name) => root.querySelector(`[name=${name}]`);
+const fact = (name, text) => {
+  root.querySelector(`[data-fact="${name}"]`).textContent = text;
+};
+const stage = part("stage"),
+  iframe = stage.querySelector("iframe");
+const nodes = new ViserNodes(iframe, ["/robot"]);
+const orders = [...root.querySelectorAll("[data-order]")];
+const sliders = [...root.querySelectorAll("[data-setting]")];
+const UNITS = {
+  friction: (v) => v.toFixed(2),
+  payload_kg: (v) => `${v.toFixed(0)} kg`,
+  delay_s: (v) => `${(1000 * v).toFixed(0)} ms`,
+  floor_time_s: (v) => `${(1000 * v).toFixed(0)} ms`,
+  pace: (v) => `${(100 * v).toFixed(0)} %`,
+};
+
+/** @type {WebSocket | null} */
+let socket = null;
+/** @type {any} */
+let robot = null;
+/** @type {any} */
+let state = null;
+/** @type {any} */
+let latest = null;
+/** @type {any} */
+let drawn = null;
+let pushNumber = 0;
+let isReady = false;
+let wasDrawn = false;
+
+const live = { nodes, layout: { n_frames: 1, width: 3, points: [["/com/live", 0]], bodies: [] }, values: REST };
+const camera = new Camera(live);
+const overlay = new LiveOverlay(part("marks"), camera, {
+  send: (impulse_ns, link) => push(impulse_ns, robot.links[link]),
+  shown: () => ({ forces: field("forces").checked, balance: field("balance").checked }),
+  mass: () => robot?.mass_kg ?? 1,
+});
+
+connect();
+openScene().catch((error) => showFailure(stage, error));
+
+async function openScene() {
+  const response = await fetch(`${stage.dataset.scene}/open`, { method: "POST" }).catch(() => null);
+  if (!response?.ok)
+    throw new Error((await response?.json().catch(() => null))?.detail || "The scene could not be read.");
+  await nodes.ready();
+  new DarkMode(nodes);
+  new AdaptiveResolution(nodes, () => state?.phase === "running");
+  shortcuts.listenInFrame(iframe);
+  isReady = true;
+  requestAnimationFrame(drawAlways);
+  await hideOverlay(stage, nodes);
+  root.dataset.ready = "true";
+}
+
+function connect() {
+  const scheme = location.protocol === "https:" ? "wss" : "ws";
+  const opened = new WebSocket(`${scheme}://${location.host}/api/v1/live/${root.dataset.session}`);
+  socket = opened;
+  opened.addEventListener("message", (message) => receive(JSON.parse(message.data)));
+  opened.addEventListener("close", (event) => {
+    if (socket !== opened) return;
+    socket = null;
+    setActing(false);
+    if (event.code === 1000 || event.code === 4404) say("This robot is no longer live.");
+    else if (event.code === 4429) say("Too many others watch this robot, or too much was sent.");
+    else {
+      say("The connection is lost; trying again …");
+      setTimeout(connect, RECONNECT_MS);
+    }
+  });
+}
+
+const say = (text) => {
+  part("said").textContent = text;
+};
+
+function receive(message) {
+  if (message.type === "frame") latest = message;
+  else if (message.type === "state") showState(message);
+  else if (message.type === "fall") showFall(message);
+  else if (message.type === "refused") say(message.message);
+  else if (message.problem) say(message.problem.detail);
+}
+
+function showState(message) {
+  const before = state;
+  state = message;
+  if (message.robot && !robot) {
+    robot = message.robot;
+    showStrength();
+    field("link").append(...robot.links.map((name) => createElement("option", { value: name }, name)));
+  }
+  if (before?.phase === "fallen" && message.phase !== "fallen") part("fall").hidden = true;
+  setActing(message.may_push && robot !== null);
+  const pause = root.querySelector("[data-order=pause], [data-order=resume]");
+  pause.dataset.order = message.phase === "paused" ? "resume" : "pause";
+  pause.textContent = message.phase === "paused" ? "Resume" : "Pause";
+  pause.disabled ||= message.phase === "fallen";
+  fact("watching", counted(message.n_watching, "viewer"));
+  const slow = message.phase === "running" && message.pace && message.pace < SLOW_PACE * message.settings.pace;
+  fact("pace", slow ? `· runs at ${(100 * message.pace).toFixed(0)} % of real time: the computer is busy` : "");
+  if (message.phase === "planning") say(`Planning: ${message.message}`);
+  else if (message.phase === "failed") say(message.problem?.detail ?? message.message);
+  else if (before?.phase !== message.phase)
+    say(message.may_push ? "" : "Your token lets you watch; pushing needs the scope submit.");
+  if (document.activeElement?.matches("[data-setting]")) return;
+  for (const slider of sliders) showSetting(slider, message.settings[slider.dataset.setting]);
+}
+
+function showSetting(slider, value) {
+  const name = slider.dataset.setting;
+  if (value !== null) slider.value = String(value);
+  root.querySelector(`[data-value="${name}"]`).textContent =
+    value === null ? "as planned" : UNITS[name](Number(slider.value));
+}
+
+function setActing(may) {
+  for (const group of root.querySelectorAll("[data-acting]")) group.disabled = !may;
+  for (const button of orders) button.disabled = !may;
+}
+
+function showFall(fall) {
+  part("fall").hidden = false;
+  part("fall-summary").textContent = fall.summary;
+  part("fall-reasons").replaceChildren(...fall.reasons.map((text) => createElement("li", {}, text)));
+}
+
+// Draws the newest frame, and the marks over the scene, which move with the camera as well.
+function drawAlways() {
+  if (latest && robot && latest !== drawn) drawFrame(latest);
+  overlay.draw();
+  requestAnimationFrame(drawAlways);
+}
+
+function drawFrame(frame) {
+  nodes.refreshClient();
+  for (const name of Object.keys(nodes.viser.nodeRefFromName))
+    if (UNUSED_NODES.some((group) => name.startsWith(group))) nodes.setScale(name, HIDDEN);
+  nodes.setPose("/robot", REST, UPRIGHT);
+  for (const [k, link] of robot.links.entries())
+    nodes.setPose(`/robot/${link}`, frame.links[k].slice(0, 3), frame.links[k].slice(3));
+  live.values = frame.com_m;
+  if (!wasDrawn && field("follow").checked) camera.follow(true, 0);
+  wasDrawn = true;
+  camera.onFrame(0);
+  drawn = frame;
+  const arrows = Object.entries(frame.forces_n).map(([name, force]) => ({ at: frame.effectors_m[name], force }));
+  overlay.frame = { ...frame, arrows };
+  nodes.redraw();
+  fact("time", `${frame.time_s.toFixed(1)} s`);
+  const steps = frame.steps ? `, ${counted(frame.steps, "step")}` : "";
+  const isOver = frame.plan_time_s > robot.duration_s - 0.05,
+    planned = isOver ? "stands at the end of its plan" : "follows its plan";
+  fact("doing", { plan: planned, recovery: `steps to stay upright${steps}`, fallen: "fallen" }[frame.doing]);
+  root.dataset.shown = String(frame.time_s);
+  root.dataset.doing = frame.doing;
+  if (frame.push) root.dataset.pushed = String(frame.push.number);
+}
+
+function send(command) {
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(command));
+}
+
+function push(impulse_ns, link) {
+  pushNumber += 1;
+  send({ type: "push", impulse_ns, link: link || null, number: pushNumber });
+}
+
+function pushTowards(direction) {
+  if (!latest || part("acting").disabled) return;
+  const speed = Number(field("speed").value),
+    size = speed ? speed * robot.mass_kg : Number(field("impulse").value);
+  push(directedImpulse(direction, Math.min(Math.abs(size), 1000), latest.links[0]), field("link").value);
+}
+
+function showStrength() {
+  const speed = Number(field("speed").value);
+  field("impulse").disabled = speed > 0;
+  if (speed && robot) field("impulse").value = String(Math.round(speed * robot.mass_kg));
+}
+
+field("speed").addEventListener("change", showStrength);
+for (const button of root.querySelectorAll("[data-push]"))
+  button.addEventListener("click", () => pushTowards(button.dataset.push));
+for (const button of orders) button.addEventListener("click", () => send({ type: button.dataset.order }));
+for (const slider of sliders)
+  slider.addEventListener("input", () => {
+    const value = Number(slider.value);
+    showSetting(slider, value);
+    send({ type: "set", [slider.dataset.setting]: value });
+  });
+part("reset").addEventListener("click", () => {
+  send({ type: "set", friction: null, payload_kg: 0, delay_s: 0, floor_time_s: 0.02, pace: 1 });
+});
+field("drag").addEventListener("change", () => overlay.setActive(field("drag").checked));
+field("follow").addEventListener("change", () => {
+  if (latest) live.values = latest.com_m;
+  camera.follow(field("follow").checked, 0);
+});
+
+const press = (order) => {
+  const button = root.querySelector(`[data-order="${order}"]`);
+  if (button && !button.disabled) button.click();
+};
+const shortcuts = new Shortcuts(
+  [
+    { keys: [" "], text: "Pause or resume", run: () => press(state?.phase === "paused" ? "resume" : "pause") },
+    { keys: ["r"], text: "Rewind ten seconds", run: () => press("rewind") },
+    { keys: ["ArrowUp"], page: true, text: "Push ahead", run: () => pushTowards("ahead") },
+    { keys: ["ArrowDown"], page: true, text: "Push back", run: () => pushTowards("back") },
+    { keys: ["ArrowLeft"], page: true, text: "Push to the left", run: () => pushTowards("left") },
+    { keys: ["ArrowRight"], page: true, text: "Push to the right", run: () => pushTowards("right") },
+    { keys: ["p"], text: "Drag from the robot to push", run: () => field("drag").click() },
+    { keys: ["f"], text: "Follow the robot", run: () => field("follow").click() },
+    ...CAMERA_KEYS,
+  ],
+  () => isReady,
+);

@@ -1,0 +1,60 @@
+"""The page of a live robot: the scene follows the simulation, which is pushed, changed, paused and rewound."""
+
+import re
+
+import numpy as np
+from playwright.sync_api import Page, expect
+
+from stridelab.schemas.scenarios import Scenario
+from stridelab.service.samples.scenario_bodies import ONE_STEP
+from support.browser.page import Service, Tab, nodes, until
+
+BASE = "/robot/base_link"
+
+
+def shown_s(page: Page) -> float:
+    return float(page.locator("[data-live-robot]").get_attribute("data-shown") or "nan")
+
+
+def base_m(page: Page) -> np.ndarray:
+    return np.array(nodes(page, BASE)[BASE]["position"])
+
+
+def test_a_live_robot_is_pushed_changed_paused_and_rewound(tab: Tab, service: Service) -> None:
+    scenario = service.client.add_scenario(Scenario.model_validate(ONE_STEP))
+    session = service.client.start_live(scenario.id)
+    page = tab.go(session.page)
+    robot = page.locator("[data-live-robot]")
+    expect(robot).to_have_attribute("data-ready", "true", timeout=90_000)
+    expect(robot).to_have_attribute("data-shown", re.compile(r"[1-9]"), timeout=90_000)
+    before_s, before_m = shown_s(page), base_m(page)
+    assert before_m[2] > 0.8, "TALOS' base is a metre above the floor"
+    page.select_option("[name=speed]", "0.2")
+    page.click('[data-push="ahead"]')
+    expect(robot).to_have_attribute("data-pushed", "1")
+    until(page, lambda: float(np.linalg.norm(base_m(page) - before_m)) > 0.003)
+    page.locator('[data-setting="payload_kg"]').fill("12")
+    expect(page.locator('[data-value="payload_kg"]')).to_have_text("12 kg")
+    page.click("[data-reset]")
+    expect(page.locator('[data-value="payload_kg"]')).to_have_text("0 kg")
+    page.click('[data-order="pause"]')
+    expect(page.locator('[data-order="resume"]')).to_be_visible()
+    page.wait_for_timeout(200)
+    rest_s = shown_s(page)
+    page.wait_for_timeout(300)
+    assert before_s < rest_s == shown_s(page)
+    page.click('[data-order="restart"]')
+    until(page, lambda: shown_s(page) < rest_s)
+    page.check("[name=drag]")
+    expect(page.locator("[data-marks]")).to_have_attribute("data-active", "")
+    page.select_option("[name=speed]", "0.6")
+    for _ in range(4):
+        page.click('[data-push="left"]')
+    expect(page.locator("[data-fall]")).to_be_visible(timeout=20_000)
+    expect(page.locator("[data-fall-summary]")).to_contain_text("The robot fell at")
+    service.client.end_live(session.session_id)
+    expect(page.locator("[data-said]")).to_have_text("This robot is no longer live.")
+    service.client.delete_scenario(scenario.id)
+    tab.go(session.page)
+    expect(page.locator("h1")).to_have_text("This live robot has ended")
+    tab.missteps = [misstep for misstep in tab.missteps if "status of 404" not in misstep]

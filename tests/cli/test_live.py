@@ -1,0 +1,82 @@
+"""``stridelab live``: it uses the service that runs, says the address of the page, and opens it."""
+
+import json
+import webbrowser
+from typing import ClassVar, Self
+
+import pytest
+
+import stridelab.client
+from stridelab.client import Unreachable
+from stridelab.schemas.live.messages import LiveSession
+from support.command_line import Ran, Run
+
+SESSION = LiveSession(
+    session_id="ab12", title="Six stairs", robot="talos", scenario_id="six-stairs", phase="planning", n_watching=0,
+    page="/live/robots/ab12", socket="/api/v1/live/ab12",
+)  # fmt: skip
+
+
+class FakeClient:
+    """A service that runs at every address but ``http://nowhere``."""
+
+    started: ClassVar[list[tuple[str | None, str | None]]] = []
+
+    def __init__(self, server: str, token: str | None) -> None:
+        self.server = server
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def health(self) -> None:
+        if self.server == "http://nowhere":
+            raise Unreachable("connection refused")
+
+    def start_live(self, scenario_id: str | None, robot: str | None) -> LiveSession:
+        self.started.append((scenario_id, robot))
+        return SESSION
+
+
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Addresses that were opened in the browser."""
+    addresses: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", addresses.append)
+    monkeypatch.setattr(stridelab.client, "Client", FakeClient)
+    FakeClient.started.clear()
+    return addresses
+
+
+def test_the_page_of_the_new_robot_is_opened(run: Run, opened: list[str]) -> None:
+    done: Ran = run("live", "six-stairs", "--server", "http://lab:8000/")
+    assert done.code == 0
+    assert "http://lab:8000/live/robots/ab12" in done.out.replace("\n", "")
+    assert opened == ["http://lab:8000/live/robots/ab12"]
+    assert FakeClient.started == [("six-stairs", None)]
+
+
+def test_a_script_gets_the_session_and_no_browser(run: Run, opened: list[str]) -> None:
+    done: Ran = run("live", "--robot", "g1", "--no-open", "--json", "--server", "http://lab:8000")
+    told = json.loads(done.out)
+    assert told["url"] == "http://lab:8000/live/robots/ab12"
+    assert LiveSession.model_validate({k: v for k, v in told.items() if k != "url"}) == SESSION
+    assert not opened
+    assert FakeClient.started == [(None, "g1")]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        ((), "option-invalid"),
+        (("six-stairs", "--robot", "g1"), "option-invalid"),
+        (("six-stairs", "--server", "http://nowhere"), "service-unreachable"),
+    ],
+)
+def test_what_cannot_be_started_is_refused(run: Run, opened: list[str], arguments: tuple[str, ...], code: str) -> None:
+    done: Ran = run("live", *arguments)
+    assert done.code != 0
+    assert code in done.err.replace("\n", "")
+    assert not opened

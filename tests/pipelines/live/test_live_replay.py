@@ -1,0 +1,174 @@
+"""A live motion: it goes on as it would have after a rewind, is pushed, changed, and explains its fall."""
+
+import numpy as np
+import pytest
+
+from stridelab.errors import InvalidInput
+from stridelab.pipelines.live import live_replay
+from stridelab.pipelines.live.live_replay import BROKEN, MAX_PUSHES, LiveReplay
+from stridelab.robots.robot import Robot
+from stridelab.schemas.live.messages import REWIND_S, LivePush, LiveSettings
+from stridelab.wholebody.control.controller import WholeBodyController
+from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.replay.replay import PhysicsReplay
+from support.robots.plans import sway, talos
+
+ENDLESS_S = 60.0
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return talos()
+
+
+@pytest.fixture(scope="module")
+def motion(robot: Robot) -> WholeBodyMotion:
+    """A second of swaying on both feet, after which the robot stands."""
+    plan = sway(robot, duration_s=1.0, amplitude_m=0.02, period_s=1.0)
+    return WholeBodyController().run(robot, plan.sequence, plan)
+
+
+@pytest.fixture(scope="module")
+def shared(robot: Robot, motion: WholeBodyMotion) -> LiveReplay:
+    return LiveReplay(robot, motion, {})
+
+
+@pytest.fixture
+def live(shared: LiveReplay) -> LiveReplay:
+    """At the beginning of the motion, with nothing changed."""
+    shared.apply_settings(LiveSettings())
+    shared.restart()
+    return shared
+
+
+def push(speed_m_s: float, robot: Robot, link: str | None = None) -> LivePush:
+    """A push to the left that changes the velocity of the whole robot by ``speed_m_s``."""
+    return LivePush(type="push", impulse_ns=(0.0, speed_m_s * robot.mass_kg, 0.0), link=link, number=7)
+
+
+def com_m(live: LiveReplay) -> np.ndarray:
+    return np.array(live.frame().com_m)
+
+
+def test_undisturbed_it_is_the_replay(live: LiveReplay, robot: Robot, motion: WholeBodyMotion) -> None:
+    replay = PhysicsReplay().run(robot, motion.sequence, motion, lambda *_: None)
+    assert live.advance(1.0, ENDLESS_S) == pytest.approx(1.0, abs=0.004)
+    k = round(live.time_s * motion.rate_hz) - 1
+    assert com_m(live) == pytest.approx(replay.com_m[k], abs=1e-4)
+    assert live.frame().doing == "plan"
+
+
+def test_time_advances_by_what_is_asked_and_stops_where_the_budget_ends(live: LiveReplay) -> None:
+    assert sum(live.advance(0.003, ENDLESS_S) for _ in range(100)) == pytest.approx(0.3, abs=0.004)
+    behind_s = live.advance(1.0, 0.0)
+    assert behind_s == pytest.approx(0.004), "one sample, however long it takes"
+    assert live.advance(0.0, ENDLESS_S) == 0.0, "what was missed is not caught up"
+
+
+def test_a_rewind_goes_back_and_on_as_before(live: LiveReplay, robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert REWIND_S == 10.0
+    monkeypatch.setattr(live_replay, "REWIND_S", 1.5)
+    live.advance(3.2, ENDLESS_S)
+    assert live.can_rewind_s == pytest.approx(2.2, abs=0.01), "saved every second"
+    before, at_s = com_m(live), live.time_s
+    live.push_link(push(0.3, robot))
+    live.advance(0.3, ENDLESS_S)
+    assert np.linalg.norm(com_m(live) - before) > 0.01
+    live.rewind()
+    assert live.time_s == pytest.approx(2.0, abs=0.01)
+    assert live.frame().push is None
+    live.advance(at_s - live.time_s, ENDLESS_S)
+    assert com_m(live) == pytest.approx(before, abs=1e-6), "without the push"
+
+
+def test_a_push_moves_its_link_at_once(live: LiveReplay, robot: Robot) -> None:
+    live.advance(0.2, ENDLESS_S)
+    live.push_link(push(0.2, robot, "torso_2_link"))
+    live.advance(0.02, ENDLESS_S)
+    shown = live.frame().push
+    assert shown is not None
+    assert (shown.number, live.links[shown.link or 0]) == (7, "torso_2_link")
+    assert shown.force_n[1] == pytest.approx(2.0 * robot.mass_kg)
+    live.advance(0.2, ENDLESS_S)
+    assert live.frame().push is not None
+    assert live.frame().push.force_n == (0.0, 0.0, 0.0)
+
+
+def test_a_push_on_nothing_and_too_many_at_once_are_refused(live: LiveReplay, robot: Robot) -> None:
+    with pytest.raises(InvalidInput, match="no link 'nose'"):
+        live.push_link(push(0.1, robot, "nose"))
+    for _ in range(MAX_PUSHES):
+        live.push_link(push(0.001, robot))
+    with pytest.raises(InvalidInput) as refused:
+        live.push_link(push(0.001, robot))
+    assert refused.value.code == "too-many-pushes"
+    live.advance(0.2, ENDLESS_S)
+    live.push_link(push(0.001, robot))
+
+
+def test_a_fall_is_explained_and_can_be_undone(live: LiveReplay, robot: Robot) -> None:
+    live.advance(0.5, ENDLESS_S)
+    live.push_link(push(2.5, robot))
+    live.advance(6.0, ENDLESS_S)
+    assert live.fall is not None
+    assert "s after a push of" in live.fall.summary
+    assert "2.50 m/s" in live.fall.summary
+    assert live.fall.reasons[0].startswith("Support: at 0.5")
+    assert "Steps: after" in live.fall.reasons[1]
+    assert live.has_stopped
+    assert live.advance(1.0, ENDLESS_S) == 0.0
+    assert live.frame().doing == "fallen"
+    live.rewind()
+    assert live.fall is None
+    assert live.frame().doing == "plan"
+    assert live.advance(0.1, ENDLESS_S) == pytest.approx(0.1)
+
+
+def test_after_steps_the_robot_goes_on_standing(live: LiveReplay, robot: Robot) -> None:
+    live.advance(0.4, ENDLESS_S)
+    live.push_link(push(0.6, robot))
+    live.advance(3.0, ENDLESS_S)
+    stepped = live.frame()
+    assert (stepped.doing, stepped.steps > 0) == ("recovery", True)
+    live.advance(2.0, ENDLESS_S)
+    assert live.fall is None
+    assert live.frame().steps >= stepped.steps
+    assert com_m(live)[2] > 0.7
+
+
+@pytest.mark.parametrize(
+    ("settings", "sinks_mm"),
+    [(LiveSettings(), 0.55), (LiveSettings(floor_time_s=0.08), 4.8)],
+)
+def test_a_soft_floor_gives_way(live: LiveReplay, settings: LiveSettings, sinks_mm: float) -> None:
+    live.apply_settings(settings)
+    live.advance(1.0, ENDLESS_S)
+    sunk_m = [-place[2] for name, place in live.frame().effectors_m.items() if "foot" in name]
+    assert 1e3 * float(np.mean(sunk_m)) == pytest.approx(sinks_mm, rel=0.4)
+
+
+def test_payload_and_friction_reach_the_simulation_and_go_back(live: LiveReplay, robot: Robot) -> None:
+    def load_n() -> float:
+        return sum(force[2] for force in live.frame().forces_n.values())
+
+    live.advance(2.0, ENDLESS_S)
+    assert load_n() == pytest.approx(9.81 * robot.mass_kg, rel=0.02)
+    live.apply_settings(LiveSettings(payload_kg=10.0, delay_s=0.002))
+    live.advance(2.0, ENDLESS_S)
+    assert load_n() == pytest.approx(9.81 * (robot.mass_kg + 10.0), rel=0.02)
+    live.apply_settings(LiveSettings(friction=0.01))
+    live.push_link(push(0.05, robot))
+    live.advance(0.5, ENDLESS_S)
+    moved_m = [abs(place[1]) - 0.085 for place in live.frame().effectors_m.values()]
+    assert max(abs(value) for value in moved_m) > 0.003, "on ice, the feet slide"
+
+
+def test_a_motion_that_cannot_be_computed_stops_and_says_so(live: LiveReplay, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken() -> int:
+        raise np.linalg.LinAlgError("singular")
+
+    monkeypatch.setattr(live._stepper, "advance", broken)
+    live.advance(0.1, ENDLESS_S)
+    assert live.fall is not None
+    assert live.fall.summary == BROKEN
+    assert live.has_stopped
