@@ -36,6 +36,9 @@ from stridelab.wholebody.recovery.swing_aim import AimedSwing
 from stridelab.wholebody.replay.dcm_feedback import pendulum_rate
 from stridelab.wholebody.replay.sensors import SensedState
 
+_OUTSIDE_M = 1e-6
+"""Distance from a hull above which a point is outside of it."""
+
 
 @dataclass(frozen=True)
 class Recovery:
@@ -58,6 +61,7 @@ class Recovery:
     gain: float = 1.0
     margin_m: float = 0.012
     straight: float = 0.97
+    least_height: float = 0.88
     still_m_s: float = 0.05
     rest_s: float = 1.0
     most_s: float = 15.0
@@ -200,10 +204,12 @@ class RecoveryRun:
         origin, other = places.values()
         xi, end = self._axes.T @ (capture_m - origin[:2]), self._axes.T @ (other - origin)[:2]
         half = self._legs.half_m - self._by.margin_m
-        _, excess = nearest_in_hull(xi, end, half)
-        if float(excess) > 0.0:
+        _, excess = nearest_in_hull(xi, end, self._legs.half_m)
+        low_m = self._by.least_height * self._legs.com_height_m
+        short = {name for name, at in places.items() if self._highest_m(name, at, capture_m) - float(at[2]) < low_m}
+        if float(excess) > _OUTSIDE_M or short:
             steps = {}
-            for name in places:
+            for name in short or places:
                 (stance_m,) = (at for sole, at in places.items() if sole != name)
                 swing = Swinging(places[name], np.zeros(3), self._legs.side[name], 0.0)
                 steps[name] = self._chooser.choose_step(capture_m, w, stance_m, swing, self._axes, None)
@@ -254,13 +260,16 @@ class RecoveryRun:
             feet[self._in_air] = np.array([*self._step.place_m, self._step.height_m])
         heights = [float(foot[2]) for foot in feet.values()]
         wished_m = float(np.mean(heights)) + legs.com_height_m
-        longest_m = self._by.straight * legs.leg_m
         for name, foot in feet.items():
-            hip = legs.hip_m[name]
-            away_m = float(np.linalg.norm(com_m[:2] + self._axes @ hip[:2] - foot[:2]))
-            up_m = float(np.sqrt(max(longest_m**2 - away_m**2, (0.6 * longest_m) ** 2)))
-            wished_m = min(wished_m, float(foot[2]) + legs.ankle_m + up_m - float(hip[2]))
+            wished_m = min(wished_m, self._highest_m(name, foot, com_m[:2]))
         rate = float(np.clip((wished_m - self._height_m) / 0.12, -0.7, 0.5))
         change = float(np.clip(rate - self._height_rate_m_s, -6.0 * self._dt_s, 6.0 * self._dt_s))
         self._height_rate_m_s += change
         self._height_m += self._height_rate_m_s * self._dt_s
+
+    def _highest_m(self, name: str, foot_m: Float[np.ndarray, "3"], com_m: Shift) -> float:
+        """Largest height of a CoM above ``com_m`` whose leg reaches the sole at ``foot_m``, with the trunk upright."""
+        hip, longest_m = self._legs.hip_m[name], self._by.straight * self._legs.leg_m
+        away_m = float(np.linalg.norm(com_m + self._axes @ hip[:2] - foot_m[:2]))
+        up_m = float(np.sqrt(max(longest_m**2 - away_m**2, (0.6 * longest_m) ** 2)))
+        return float(foot_m[2]) + self._legs.ankle_m + up_m - float(hip[2])
