@@ -62,6 +62,7 @@ class Recovery:
     margin_m: float = 0.012
     straight: float = 0.97
     least_height: float = 0.88
+    crouch: float = 1.0
     still_m_s: float = 0.05
     rest_s: float = 1.0
     most_s: float = 15.0
@@ -259,7 +260,7 @@ class RecoveryRun:
         if self._step is not None:
             feet[self._in_air] = np.array([*self._step.place_m, self._step.height_m])
         heights = [float(foot[2]) for foot in feet.values()]
-        wished_m = float(np.mean(heights)) + legs.com_height_m
+        wished_m = float(np.mean(heights)) + self._by.crouch * legs.com_height_m
         for name, foot in feet.items():
             wished_m = min(wished_m, self._highest_m(name, foot, com_m[:2]))
         rate = float(np.clip((wished_m - self._height_m) / 0.12, -0.7, 0.5))
