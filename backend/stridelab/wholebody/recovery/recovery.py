@@ -39,6 +39,12 @@ from stridelab.wholebody.replay.sensors import SensedState
 _OUTSIDE_M = 1e-6
 """Distance from a hull above which a point is outside of it."""
 
+_LEVEL_M = 0.02
+"""Difference of the soles' heights below which they stand on one level."""
+
+_DOWN_M = 3e-3
+"""Distance of an unloaded sole from the ground below which it stands."""
+
 
 @dataclass(frozen=True)
 class Recovery:
@@ -62,7 +68,10 @@ class Recovery:
     margin_m: float = 0.012
     straight: float = 0.97
     least_height: float = 0.88
-    crouch: float = 1.0
+    crouch: float = 0.97
+    rise_m_s: float = 0.15
+    climb_m_s: float = 0.5
+    height_m_s2: float = 3.0
     still_m_s: float = 0.05
     rest_s: float = 1.0
     most_s: float = 15.0
@@ -116,7 +125,7 @@ class RecoveryRun:
         loads_n = {name: float(np.linalg.norm(measured.forces_n[name])) for name in legs.side}
         standing = {name for name in legs.side if name in planned} or {max(loads_n, key=loads_n.__getitem__)}
         if len(standing) == 2:
-            standing = {name for name in standing if loads_n[name] > self._loaded_n} or standing
+            standing = {name for name in standing if self._is_down(name, measured, loads_n[name])} or standing
         for name in standing:
             self._put_down(name, measured)
         ahead = sum((c.placement.rotation[:2, 0] for c in self._contacts.values()), start=np.zeros(2))
@@ -172,6 +181,11 @@ class RecoveryRun:
     @property
     def _in_air(self) -> str:
         return next(name for name in self._legs.side if name not in self._contacts)
+
+    def _is_down(self, name: str, measured: SensedState, load_n: float) -> bool:
+        """Whether a sole is loaded, or near enough to the ground below it to be loaded at once."""
+        at_m = measured.contacts[name].position_m
+        return load_n > self._loaded_n or abs(at_m[2] - float(self._footholds.ground_heights_m(at_m[:2]))) < _DOWN_M
 
     def _put_down(self, name: str, measured: SensedState) -> None:
         half = self._robot.effectors[name].contact_half_size_m
@@ -263,8 +277,10 @@ class RecoveryRun:
         wished_m = float(np.mean(heights)) + self._by.crouch * legs.com_height_m
         for name, foot in feet.items():
             wished_m = min(wished_m, self._highest_m(name, foot, com_m[:2]))
-        rate = float(np.clip((wished_m - self._height_m) / 0.12, -0.7, 0.5))
-        change = float(np.clip(rate - self._height_rate_m_s, -6.0 * self._dt_s, 6.0 * self._dt_s))
+        fastest_m_s = self._by.rise_m_s if max(heights) - min(heights) < _LEVEL_M else self._by.climb_m_s
+        rate = float(np.clip((wished_m - self._height_m) / 0.12, -0.7, fastest_m_s))
+        most_m_s = self._by.height_m_s2 * self._dt_s
+        change = float(np.clip(rate - self._height_rate_m_s, -most_m_s, most_m_s))
         self._height_rate_m_s += change
         self._height_m += self._height_rate_m_s * self._dt_s
 

@@ -46,7 +46,7 @@ class StepSearch:
     speed_m_s: float = 3.0
     down_m_s: float = 0.6
     rise_m_s2: float = 15.0
-    acceleration_m_s2: float = 22.0
+    acceleration_m_s2: float = 16.0
     least_s: float = 0.22
     next_s: float = 0.42
     margin_m: float = 0.02
