@@ -35,9 +35,9 @@ class StepSearch:
 
     ``apart_share`` and ``gap_m`` bound how near the soles come to each other: a share of their usual distance, and the
     gap between their edges. A swing from the ground takes ``least_s``, the step after this one ``next_s``. The capture
-    point keeps ``margin_m`` from the edge of the hull, a sole ``edge_m`` from that of its surface. A sole accelerates by
-    at most ``acceleration_m_s2``, and by ``narrow`` g times the half width of the standing sole over the CoM's height:
-    the reaction turns the body about that sole.
+    point keeps ``margin_m`` from the edge of the hull, a sole ``edge_m`` from that of its surface. A sole accelerates
+    by at most ``acceleration_m_s2``, and by ``narrow`` g times the half width of the standing sole over the CoM's
+    height: the reaction turns the body about that sole.
     """
 
     ahead: float = 0.85
