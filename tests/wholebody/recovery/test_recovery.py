@@ -1,6 +1,7 @@
 """Recovery by steps in physics: a standing robot that is pushed harder than its soles can bear."""
 
 import numpy as np
+import pytest
 
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.robots.robot import Robot
@@ -34,6 +35,16 @@ def test_steps_save_a_robot_that_falls_without_them(
     assert "stands at rest" in left.message
     assert np.linalg.norm(found.v[-1][:3]) < 0.1, "it ends at rest"
     assert found.com_m[-1, 2] > 0.75, "and upright"
+
+
+@pytest.mark.parametrize("angle_rad", [1.6, 2.6])
+def test_few_steps_suffice(talos: Robot, swaying: tuple[CentroidalPlan, WholeBodyMotion], angle_rad: float) -> None:
+    """A capture point inside the hull of both soles needs no step, so that the robot does not step on the spot."""
+    found = pushed(talos, swaying[1], 0.5, angle_rad, PhysicsReplay())
+    assert found.left_plan is not None
+    assert found.left_plan.rested
+    assert 1 <= found.left_plan.steps <= 6
+    assert found.time_s[-1] < 6.0
 
 
 def test_a_push_that_no_step_can_undo_ends_in_a_fall(

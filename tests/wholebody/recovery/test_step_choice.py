@@ -1,6 +1,9 @@
 """The choice of a step: hulls, predictions, reach and time."""
 
+from dataclasses import replace
+
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from stridelab.contacts.terrain import Box, Terrain
@@ -110,3 +113,31 @@ def test_lengths_of_a_robot_are_those_of_its_legs() -> None:
     assert legs.ankle_m == pytest.approx(0.107, abs=0.005)
     assert legs.spacing_m == pytest.approx(0.17, abs=0.01)
     assert legs.side == {"left_foot": 1.0, "right_foot": -1.0}
+
+
+def test_a_narrow_sole_takes_slower_steps() -> None:
+    """The same step with soles of a third of the width: their reaction bears less acceleration, so it takes longer."""
+    legs = talos_legs()
+    ground = Box("ground", Placement.from_wxyz([0.0, 0.0, -0.5]), np.array([10.0, 10.0, 1.0]))
+    swing = Swinging(np.array([-0.3, 0.19, 0.05]), np.zeros(3), 1.0, None)
+    times_s = []
+    for half_m in (legs.half_m, legs.half_m / [1.0, 3.0]):
+        chooser = StepChooser(StepSearch(), replace(legs, half_m=half_m), Footholds(Terrain((ground,))))
+        step = chooser.choose_step(np.array([0.3, 0.1]), RATE_PER_S, np.zeros(3), swing, np.eye(2), None)
+        assert step is not None
+        times_s.append(step.in_s)
+    assert times_s[1] > times_s[0]
+
+
+@pytest.mark.parametrize(("robot", "knee"), [("talos", "leg_left_4_joint"), ("g1", "left_knee_joint")])
+def test_the_longest_leg_is_that_of_a_straight_knee(robot: str, knee: str) -> None:
+    loaded = load_robot(robot)
+    legs = LegGeometry.of_robot(loaded)
+    assert legs is not None
+    model, data = loaded.model, loaded.model.createData()
+    chain = list(model.supports[model.getJointId(knee)])[2:]
+    q = loaded.q_reference.copy()
+    q[model.joints[model.getJointId(knee)].idx_q] = 0.0
+    pin.forwardKinematics(model, data, q)
+    hip, ankle = data.oMi[chain[0]], data.oMi[model.getJointId(knee) + 1]
+    assert legs.leg_m == pytest.approx(np.linalg.norm(hip.translation - ankle.translation), abs=0.01)

@@ -49,8 +49,7 @@ class LegGeometry:
             if len(chain) < 3:
                 return None
             hip, ankle = (data.oMi[j].translation.copy() for j in (chain[0], chain[-1]))
-            between = (data.oMi[j].translation for j in chain[1:-1])
-            legs_m.append(max(float(np.linalg.norm(hip - p) + np.linalg.norm(p - ankle)) for p in between))
+            legs_m.append(_longest_leg_m(robot, chain))
             T = data.oMf[model.getFrameId(effector.frame)]
             at_m[name] = T.act(effector.T_frame_contact.position_m)
             side[name] = 1.0 if at_m[name][1] > 0.0 else -1.0
@@ -66,3 +65,18 @@ class LegGeometry:
             spacing_m=abs(float(at_m[first][1] - at_m[second][1])),
             half_m=np.array(robot.effectors[first].contact_half_size_m),
         )
+
+
+def _longest_leg_m(robot: Robot, chain: list[int]) -> float:
+    """Largest distance from the first joint of ``chain`` to the last while one joint moves through its range."""
+    model, data = robot.model, robot.model.createData()
+    longest_m = 0.0
+    for joint in chain[1:-1]:
+        k = model.joints[joint].idx_q
+        for angle_rad in np.linspace(model.lowerPositionLimit[k], model.upperPositionLimit[k], 100):
+            q = robot.q_reference.copy()
+            q[k] = angle_rad
+            pin.forwardKinematics(model, data, q)
+            leg = data.oMi[chain[-1]].translation - data.oMi[chain[0]].translation
+            longest_m = max(longest_m, float(np.linalg.norm(leg)))
+    return longest_m

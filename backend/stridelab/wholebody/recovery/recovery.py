@@ -36,6 +36,15 @@ from stridelab.wholebody.recovery.swing_aim import AimedSwing
 from stridelab.wholebody.replay.dcm_feedback import pendulum_rate
 from stridelab.wholebody.replay.sensors import SensedState
 
+_OUTSIDE_M = 1e-6
+"""Distance from a hull above which a point is outside of it."""
+
+_LEVEL_M = 0.02
+"""Difference of the soles' heights below which they stand on one level."""
+
+_DOWN_M = 3e-3
+"""Distance of an unloaded sole from the ground below which it stands."""
+
 
 @dataclass(frozen=True)
 class Recovery:
@@ -45,9 +54,12 @@ class Recovery:
     landed under ``loaded_share`` of the weight. Steps are chosen every ``choose_every`` samples until ``fixed_s``
     before the landing; a sole passes ``clearance_m`` over the ground. ``gain`` moves the centre of pressure of two
     soles beyond the capture point, at least ``margin_m`` inside their edges. ``straight`` is the largest length of a
-    leg as a share of the straight one. The robot is at rest below ``still_m_s`` for ``rest_s``; a recovery that lasts
-    longer than ``most_s`` has failed. The joints' damping around the solution is ``damping`` of the replay's. A robot
-    has fallen below ``low`` of its CoM height above its lowest sole, or with a base tilted by more than ``tilt_rad``.
+    leg as a share of the straight one. A sole whose leg does not let the CoM be above the capture point at the share
+    ``least_height`` of its usual height steps. The CoM stays at ``crouch`` of its usual height; it rises by at most
+    ``rise_m_s`` on one level and ``climb_m_s`` otherwise, and its vertical reference accelerates by at most
+    ``height_m_s2``. The robot is at rest below ``still_m_s`` for ``rest_s``; a recovery that lasts longer than
+    ``most_s`` has failed. The joints' damping around the solution is ``damping`` of the replay's. A robot has fallen
+    below ``low`` of its CoM height above its lowest sole, or with a base tilted by more than ``tilt_rad``.
     """
 
     takeover_m: float = 0.0
@@ -58,6 +70,11 @@ class Recovery:
     gain: float = 1.0
     margin_m: float = 0.012
     straight: float = 0.97
+    least_height: float = 0.88
+    crouch: float = 0.97
+    rise_m_s: float = 0.15
+    climb_m_s: float = 0.5
+    height_m_s2: float = 3.0
     still_m_s: float = 0.05
     rest_s: float = 1.0
     most_s: float = 15.0
@@ -111,7 +128,7 @@ class RecoveryRun:
         loads_n = {name: float(np.linalg.norm(measured.forces_n[name])) for name in legs.side}
         standing = {name for name in legs.side if name in planned} or {max(loads_n, key=loads_n.__getitem__)}
         if len(standing) == 2:
-            standing = {name for name in standing if loads_n[name] > self._loaded_n} or standing
+            standing = {name for name in standing if self._is_down(name, measured, loads_n[name])} or standing
         for name in standing:
             self._put_down(name, measured)
         ahead = sum((c.placement.rotation[:2, 0] for c in self._contacts.values()), start=np.zeros(2))
@@ -173,6 +190,11 @@ class RecoveryRun:
     def _in_air(self) -> str:
         return next(name for name in self._legs.side if name not in self._contacts)
 
+    def _is_down(self, name: str, measured: SensedState, load_n: float) -> bool:
+        """Whether a sole is loaded, or near enough to the ground below it to be loaded at once."""
+        at_m = measured.contacts[name].position_m
+        return load_n > self._loaded_n or abs(at_m[2] - float(self._footholds.ground_heights_m(at_m[:2]))) < _DOWN_M
+
     def _put_down(self, name: str, measured: SensedState) -> None:
         half = self._robot.effectors[name].contact_half_size_m
         self._contacts[name] = Contact(name, measured.contacts[name], "", self._friction, "surface", half)
@@ -205,10 +227,12 @@ class RecoveryRun:
         origin, other = places.values()
         xi, end = self._axes.T @ (capture_m - origin[:2]), self._axes.T @ (other - origin)[:2]
         half = self._legs.half_m - self._by.margin_m
-        _, excess = nearest_in_hull(xi, end, half)
-        if float(excess) > 0.0:
+        _, excess = nearest_in_hull(xi, end, self._legs.half_m)
+        low_m = self._by.least_height * self._legs.com_height_m
+        short = {name for name, at in places.items() if self._highest_m(name, at, capture_m) - float(at[2]) < low_m}
+        if float(excess) > _OUTSIDE_M or short:
             steps = {}
-            for name in places:
+            for name in short or places:
                 (stance_m,) = (at for sole, at in places.items() if sole != name)
                 swing = Swinging(places[name], np.zeros(3), self._legs.side[name], 0.0)
                 steps[name] = self._chooser.choose_step(capture_m, w, stance_m, swing, self._axes, None)
@@ -258,14 +282,19 @@ class RecoveryRun:
         if self._step is not None:
             feet[self._in_air] = np.array([*self._step.place_m, self._step.height_m])
         heights = [float(foot[2]) for foot in feet.values()]
-        wished_m = float(np.mean(heights)) + legs.com_height_m
-        longest_m = self._by.straight * legs.leg_m
+        wished_m = float(np.mean(heights)) + self._by.crouch * legs.com_height_m
         for name, foot in feet.items():
-            hip = legs.hip_m[name]
-            away_m = float(np.linalg.norm(com_m[:2] + self._axes @ hip[:2] - foot[:2]))
-            up_m = float(np.sqrt(max(longest_m**2 - away_m**2, (0.6 * longest_m) ** 2)))
-            wished_m = min(wished_m, float(foot[2]) + legs.ankle_m + up_m - float(hip[2]))
-        rate = float(np.clip((wished_m - self._height_m) / 0.12, -0.7, 0.5))
-        change = float(np.clip(rate - self._height_rate_m_s, -6.0 * self._dt_s, 6.0 * self._dt_s))
+            wished_m = min(wished_m, self._highest_m(name, foot, com_m[:2]))
+        fastest_m_s = self._by.rise_m_s if max(heights) - min(heights) < _LEVEL_M else self._by.climb_m_s
+        rate = float(np.clip((wished_m - self._height_m) / 0.12, -0.7, fastest_m_s))
+        most_m_s = self._by.height_m_s2 * self._dt_s
+        change = float(np.clip(rate - self._height_rate_m_s, -most_m_s, most_m_s))
         self._height_rate_m_s += change
         self._height_m += self._height_rate_m_s * self._dt_s
+
+    def _highest_m(self, name: str, foot_m: Float[np.ndarray, "3"], com_m: Shift) -> float:
+        """Largest height of a CoM above ``com_m`` whose leg reaches the sole at ``foot_m``, with the trunk upright."""
+        hip, longest_m = self._legs.hip_m[name], self._by.straight * self._legs.leg_m
+        away_m = float(np.linalg.norm(com_m + self._axes @ hip[:2] - foot_m[:2]))
+        up_m = float(np.sqrt(max(longest_m**2 - away_m**2, (0.6 * longest_m) ** 2)))
+        return float(foot_m[2]) + self._legs.ankle_m + up_m - float(hip[2])

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from stridelab.conventions import GRAVITY_M_S2
 from stridelab.wholebody.recovery.footholds import Footholds
 from stridelab.wholebody.recovery.leg_geometry import LegGeometry
 
@@ -34,7 +35,9 @@ class StepSearch:
 
     ``apart_share`` and ``gap_m`` bound how near the soles come to each other: a share of their usual distance, and the
     gap between their edges. A swing from the ground takes ``least_s``, the step after this one ``next_s``. The capture
-    point keeps ``margin_m`` from the edge of the hull, a sole ``edge_m`` from that of its surface.
+    point keeps ``margin_m`` from the edge of the hull, a sole ``edge_m`` from that of its surface. A sole accelerates
+    by at most ``acceleration_m_s2``, and by ``narrow`` g times the half width of the standing sole over the CoM's
+    height: the reaction turns the body about that sole.
     """
 
     ahead: float = 0.85
@@ -47,6 +50,7 @@ class StepSearch:
     down_m_s: float = 0.6
     rise_m_s2: float = 15.0
     acceleration_m_s2: float = 22.0
+    narrow: float = 45.0
     least_s: float = 0.22
     next_s: float = 0.42
     margin_m: float = 0.02
@@ -103,6 +107,8 @@ class StepChooser:
     def __init__(self, search: StepSearch, legs: LegGeometry, footholds: Footholds) -> None:
         self._search, self._footholds, self._half = search, footholds, legs.half_m
         self._spacing_m = legs.spacing_m
+        narrow_m_s2 = search.narrow * GRAVITY_M_S2 * float(legs.half_m[1]) / legs.com_height_m
+        self._most_m_s2 = min(search.acceleration_m_s2, narrow_m_s2)
         near_m = max(search.apart_share * legs.spacing_m, 2.0 * float(legs.half_m[1]) + search.gap_m)
         self._aside_m = (near_m, search.aside * legs.leg_m)
         self._along_m = (-search.back * legs.leg_m, search.ahead * legs.leg_m)
@@ -166,7 +172,7 @@ class StepChooser:
         gone = (axes.T @ swing.velocity_m_s[:2]) * T[..., None]
         peak = np.maximum(np.abs(60.0 * along[:, None] - 36.0 * gone), np.abs(60.0 * along[:, None] - 24.0 * gone))
         peak_m_s2 = QUINTIC_PEAK / 60.0 * np.hypot(*np.moveaxis(peak, -1, 0)) / T**2
-        return T, np.maximum(peak_m_s2 / by.acceleration_m_s2 - 1.0, 0.0)
+        return T, np.maximum(peak_m_s2 / self._most_m_s2 - 1.0, 0.0)
 
     def _excess_of_next(self, rest_m: np.ndarray, rate_per_s: float, side: float) -> np.ndarray:
         """Excess after a step of the standing leg, for a capture point relative to the sole that lands before it."""
