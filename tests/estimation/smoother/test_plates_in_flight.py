@@ -24,7 +24,7 @@ def test_a_declared_error_of_the_moments_leaves_its_share_to_the_geometry(seed: 
     vertical_n = wrench.force_n[window_span(drawn.geometric, wrench).inside, 2]
     assert (vertical_n < 1.0).mean() > 0.1
     geometric = replace(drawn.geometric, sd_m=(TABLE_M, TABLE_M, 0.02))
-    moved = replace(geometric, com_m=geometric.com_m + [0.0, ASIDE_M, 0.0])
+    moved = replace(geometric, com_m=geometric.com_m + np.array([0.0, ASIDE_M, 0.0]))
     smoother = Smoother(learn=False, priors=SmootherPriors(plate_moment_nm=3.0, clock_s=0.0))
     one, other = (smoother.estimate(part, wrench, drawn.mass_kg).com_m for part in (geometric, moved))
     error_m = 3.0 / (drawn.mass_kg * GRAVITY_M_S2)

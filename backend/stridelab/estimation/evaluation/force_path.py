@@ -5,10 +5,11 @@ about the centre of mass is bounded. With P the double integral of f/m + g, per 
 
     c = c_0 + v_0 t + P(t) + sum_k a_k B_k(t),      L(t) = L_0 + int (nu - c x f) dt
 
-are linear in the unknowns; B_k are double integrals of hat functions, ``KNOT_S`` apart, for errors of the plates that
-wander. Least squares with L of the size of a person's, and a_k of the size of the plates' errors (after Shimba 1984 and
-Zatsiorsky and King 1998, who used instants of zero horizontal force). The geometry contributes only its height, which
-the horizontal force multiplies, and the angular momentum of its segments, which is subtracted where it is known.
+are linear in the unknowns; B_k are double integrals of a constant and of hat functions, ``KNOT_S`` apart, for errors of
+the plates that wander. They act at the floor, so that f in L is the corrected force. Least squares with L of the size
+of a person's, and a_k of the size of the plates' errors (after Shimba 1984 and Zatsiorsky and King 1998, who used
+instants of zero horizontal force). The geometry contributes only its height, which the horizontal force multiplies, and
+the angular momentum of its segments, which is subtracted where it is known.
 
 Vertically the force determines neither a height nor, without the exact mass, a curvature: there the path is compared
 after a parabola through at most three seconds has been removed.
@@ -18,8 +19,8 @@ An estimator that has used the same force shares its errors e with the path p, s
     E |c^ - p|^2 = E |c^ - c|^2 + E |e|^2 - 2 E (c^ - c) e
 
 The second term is the same for all estimators; the third is the optimism of testing on the data of the fit. It is
-estimated by the covariance penalty (Efron 2004): wrench, clock and mass are moved by plus and minus one draw of their
-stated errors, and d c^ d p is averaged over the window. Nothing is withheld, so that the estimator that is judged is
+estimated by the covariance penalty (Efron 2004): wrench, clock and mass are moved by plus and minus a draw of their
+stated errors, and d c^ d p is averaged over draws and window. Nothing is withheld, so that the estimator that is judged is
 the one that is used.
 """
 
@@ -86,8 +87,8 @@ class PathError:
     """Mean squares along the walk, lateral and vertical: distance from the force path, and the covariance penalty.
 
     ``coverage_95`` is the share of samples whose distance lies within the 95 % band of the errors of estimate and path
-    together: what one draw of the plates' errors does to the distance, and the stated variance of the estimate beyond
-    what the draw does to it.
+    together: what draws of the plates' errors do to the distance, and the stated variance of the estimate beyond
+    what the draws do to it.
     """
 
     distance_m2: PerAxis
