@@ -128,7 +128,7 @@ def written_out(axis: int, data: Signals) -> Dense:
         rows.append(c + b0 + b + w - p)
         if turned and SEEN[k]:
             y_mean.append(PHI * c_mean)
-            rows.append(PHI * c + swings[0][0][1] + swings[1][0][1] + s.height_m / 9.81 * ab + mu + n - r)
+            rows.append(PHI * (c + s.height_m / 9.81 * ab + mu) + swings[0][0][1] + swings[1][0][1] + n - r)
             rows[-1] += data.segments_m[k, axis] * factor
         if k + 1 < N and SEEN[k] and SEEN[k + 1]:
             known, unknown = data.acceleration_m_s2[k, axis], -ab - u + q

@@ -5,10 +5,11 @@ about the centre of mass is bounded. With P the double integral of f/m + g, per 
 
     c = c_0 + v_0 t + P(t) + sum_k a_k B_k(t),      L(t) = L_0 + int (nu - c x f) dt
 
-are linear in the unknowns; B_k are double integrals of hat functions, ``KNOT_S`` apart, for errors of the plates that
-wander. Least squares with L of the size of a person's, and a_k of the size of the plates' errors (after Shimba 1984 and
-Zatsiorsky and King 1998, who used instants of zero horizontal force). The geometry contributes only its height, which
-the horizontal force multiplies, and the angular momentum of its segments, which is subtracted where it is known.
+are linear in the unknowns; B_k are double integrals of a constant and of hat functions, ``KNOT_S`` apart, for errors of
+the plates that wander. They act at the floor, so that f in L is the corrected force. Least squares with L of the size
+of a person's, and a_k of the size of the plates' errors (after Shimba 1984 and Zatsiorsky and King 1998, who used
+instants of zero horizontal force). The geometry contributes only its height, which the horizontal force multiplies, and
+the angular momentum of its segments, which is subtracted where it is known.
 
 Vertically the force determines neither a height nor, without the exact mass, a curvature: there the path is compared
 after a parabola through at most three seconds has been removed.
@@ -18,8 +19,8 @@ An estimator that has used the same force shares its errors e with the path p, s
     E |c^ - p|^2 = E |c^ - c|^2 + E |e|^2 - 2 E (c^ - c) e
 
 The second term is the same for all estimators; the third is the optimism of testing on the data of the fit. It is
-estimated by the covariance penalty (Efron 2004): wrench, clock and mass are moved by plus and minus one draw of their
-stated errors, and d c^ d p is averaged over the window. Nothing is withheld, so that the estimator that is judged is
+estimated by the covariance penalty (Efron 2004): wrench, clock and mass are moved by plus and minus a draw of their
+stated errors, and d c^ d p is averaged over draws and window. Nothing is withheld, so that the estimator that is judged is
 the one that is used.
 """
 
@@ -39,11 +40,14 @@ from stridelab.recordings.recording import WrenchTrack
 
 KNOT_S: Final = 0.5
 PLATE_N: Final = 1.5
-"""Size of the force errors that the path may correct."""
+WANDER_N: Final = 1.0
+"""Sizes of the constant and of the changing force errors that the path may correct."""
 MOMENTUM_NMS: Final = (1.0, 2.0)
 """RMS of L about the walking and the lateral axis at 70 kg and 1.70 m; the mean of both is used for every direction."""
 UNEXPLAINED: Final = 0.4
 """Share of L that the segments do not explain."""
+UNEXPLAINED_ALOFT: Final = 0.7
+"""Further part of it in a movement with flights, over the L of the segments there: soft tissue moves more."""
 INDEPENDENT_PER_S: Final = 4.0
 """Independent values of L per second."""
 BLOCK_S: Final = 3.0
@@ -54,6 +58,8 @@ STANDS_SHARE: Final = 0.01
 """Standard deviation of the vertical force over the weight below which a body does not swing its limbs."""
 
 LOADED_N: Final = 20.0
+DRAWS: Final = 4
+"""Draws of the plates' errors. With a single one the band of a recording is known to a factor of two."""
 
 Path = Float[np.ndarray, "n 2"]
 
@@ -81,8 +87,8 @@ class PathError:
     """Mean squares along the walk, lateral and vertical: distance from the force path, and the covariance penalty.
 
     ``coverage_95`` is the share of samples whose distance lies within the 95 % band of the errors of estimate and path
-    together: what one draw of the plates' errors does to the distance, and the stated variance of the estimate beyond
-    what the draw does to it.
+    together: what draws of the plates' errors do to the distance, and the stated variance of the estimate beyond
+    what the draws do to it.
     """
 
     distance_m2: PerAxis
@@ -102,10 +108,12 @@ def path_error(
     mass_kg: float,
     errors: PlateErrors | None = None,
     seed: int = 0,
+    draws: int = DRAWS,
 ) -> PathError:
-    """Judge an estimator on the window of a recording; costs three estimates. Raises as the estimator does.
+    """Judge an estimator on the window of a recording. Raises as the estimator does.
 
-    ``seed`` is that of the draw of the errors; only estimators with the same one are comparable.
+    Costs one estimate and two for each of the ``draws`` of the plates' errors. ``seed`` is that of the draws; only
+    estimators with the same one are comparable.
     """
     span = window_span(geometric, wrench)
     rate_hz, inside = span.rate_hz, span.inside
@@ -126,15 +134,19 @@ def path_error(
 
     com, minus_path, sd_m = judged(wrench, mass_kg)
     sizes = errors or PlateErrors()
-    moved = [
-        judged(track, mass)
-        for track, mass in _moved_wrenches(geometric, wrench, span, mass_kg, known is None, sizes, seed)
-    ]
-    d_com, d_minus_path = ((moved[0][k] - moved[1][k]) / 2 @ turn.T for k in (0, 1))
+    rng = np.random.default_rng(seed)
+    height_m = float(np.mean(geometric.com_m[inside, 2]))
+    momentum = _unexplained_nms(known, wrench.force_n[inside], mass_kg, height_m, sizes.momentum_share)
+    changes = []
+    for _ in range(draws):
+        pair = _moved_wrenches(geometric, wrench, span, mass_kg, momentum, sizes, rng)
+        more, less = (judged(track, mass) for track, mass in pair)
+        changes.append([(more[k] - less[k]) / 2 @ turn.T for k in (0, 1)])
+    d_com, d_minus_path = np.swapaxes(np.array(changes), 0, 1)
     distance = (com + minus_path) @ turn.T
-    penalty_m2 = -np.mean(d_com * d_minus_path, axis=0)
-    own_m2 = np.maximum(sd_m**2 @ (turn**2).T - np.mean(d_com**2, axis=0), 0.0)
-    variance_m2 = np.maximum(own_m2 + np.mean((d_com + d_minus_path) ** 2, axis=0), 1e-12)
+    penalty_m2 = -np.mean(d_com * d_minus_path, axis=(0, 1))
+    own_m2 = np.maximum(sd_m**2 @ (turn**2).T - np.mean(d_com**2, axis=(0, 1)), 0.0)
+    variance_m2 = np.maximum(own_m2 + np.mean((d_com + d_minus_path) ** 2, axis=(0, 1)), 1e-12)
     return PathError(
         distance_m2=np.mean(distance**2, axis=0),
         penalty_m2=penalty_m2,
@@ -147,12 +159,12 @@ def _moved_wrenches(
     wrench: WrenchTrack,
     span: Span,
     mass_kg: float,
-    all_momentum: bool,
+    momentum_nms: Float[np.ndarray, "2"],
     sizes: PlateErrors,
-    seed: int,
+    rng: np.random.Generator,
 ) -> list[tuple[WrenchTrack, float]]:
     """Wrench and mass moved by plus and minus one draw; constants have the size itself, of random sign."""
-    rng, t, n = np.random.default_rng(seed), wrench.time_s, len(wrench.time_s)
+    t, n = wrench.time_s, len(wrench.time_s)
     step = ((t - t[0]) / STEP_S).astype(int)
 
     def constants() -> Points:
@@ -163,11 +175,11 @@ def _moved_wrenches(
     moment = sizes.moment_nm * constants() + sizes.noise_nm * rng.normal(size=(n, 3))
     height_m = float(np.mean(geometric.com_m[span.inside, 2]))
     walks = np.std(wrench.force_n[span.inside, 2]) > STANDS_SHARE * mass_kg * GRAVITY_M_S2
-    size = _momentum_size(mass_kg, height_m) * (1.0 if all_momentum else sizes.momentum_share) * walks
+    size = np.append(momentum_nms, 0.0) * walks
     for times in (1, 2, 3):
         w = 2 * np.pi * times * STRIDE_HZ * np.sqrt(0.93 / height_m)
         phase, sign = rng.uniform(0, 2 * np.pi, 3), rng.choice([-1.0, 1.0], 3)
-        moment -= w * size / times * sign * [1.0, 1.0, 0.0] * np.sin(w * t[:, None] + phase)
+        moment -= w * size / times * sign * np.sin(w * t[:, None] + phase)
     loaded = np.nan_to_num(wrench.force_n[:, 2:]) > LOADED_N
     force, moment = force * loaded, moment * loaded
     moment = moment + np.cross(geometric.com_m * [1.0, 1.0, 0.0], force)
@@ -189,6 +201,17 @@ def _momentum_size(mass_kg: float, height_m: float) -> float:
     return float(mass_kg * height_m**2 / (70.0 * 0.93**2) * np.mean(MOMENTUM_NMS))
 
 
+def _unexplained_nms(
+    momentum_nms: Points | None, force_n: Points, mass_kg: float, height_m: float, share: float
+) -> Float[np.ndarray, "2"]:
+    """RMS about x and y of the part of L that is not known; ``share`` is that of a movement without flight."""
+    size = np.full(2, _momentum_size(mass_kg, height_m))
+    if momentum_nms is None:
+        return size
+    aloft = UNEXPLAINED_ALOFT * (force_n[:, 2].min() < LOADED_N)
+    return np.asarray(np.hypot(share * size, aloft * momentum_nms[:, :2].std(axis=0)))
+
+
 def force_path_m(
     wrench: Wrench, height_m: Float[np.ndarray, "n"], momentum_nms: Points | None, mass_kg: float, rate_hz: float
 ) -> Path:
@@ -201,20 +224,23 @@ def force_path_m(
     double = _twice_integrated(com_acceleration(f, mass_kg)[:, :2], rate_hz)
     knots = np.linspace(0.0, t[-1], max(2, round(t[-1] / KNOT_S) + 1))
     hats = np.maximum(0.0, 1.0 - np.abs(t[:, None] - knots) / (knots[1] - knots[0]))
-    basis = np.column_stack([np.ones(n), t, _twice_integrated(hats, rate_hz)])
+    errors = np.column_stack([np.ones(n), hats])
+    basis = np.column_stack([np.ones(n), t, _twice_integrated(errors, rate_hz)])
     known = np.zeros((n, 3)) if momentum_nms is None else momentum_nms
-    size = _momentum_size(mass_kg, float(height_m.mean())) * (1.0 if momentum_nms is None else UNEXPLAINED)
-    row = 1.0 / (size * np.sqrt(rate_hz / INDEPENDENT_PER_S))
-    prior = np.zeros((len(knots), basis.shape[1] + 1))
-    prior[:, 2:-1] = np.eye(len(knots)) * mass_kg / PLATE_N
+    size = _unexplained_nms(momentum_nms, f, mass_kg, float(height_m.mean()), UNEXPLAINED)
+    prior = np.zeros((errors.shape[1], basis.shape[1] + 1))
+    prior[:, 2:-1] = np.diag(mass_kg / np.array([PLATE_N, *[WANDER_N] * len(knots)]))
     out = np.empty((n, 2))
     # (c x f)_y = c_z f_x - c_x f_z and (c x f)_x = c_y f_z - c_z f_y
     for axis, other, sign in ((0, 1, -1.0), (1, 0, 1.0)):
         free = nu[:, other] + sign * (height_m * f[:, axis] - double[:, axis] * f[:, 2])
         momentum = cumulative_trapezoid(free, dx=1 / rate_hz, initial=0.0) - known[:, other]
-        moved = sign * cumulative_trapezoid(basis * f[:, 2:], dx=1 / rate_hz, axis=0, initial=0.0)
+        lever = basis * f[:, 2:]
+        lever[:, 2:] -= mass_kg * height_m[:, None] * errors
+        row = 1.0 / (size[other] * np.sqrt(rate_hz / INDEPENDENT_PER_S))
+        moved = sign * cumulative_trapezoid(lever, dx=1 / rate_hz, axis=0, initial=0.0)
         design = np.vstack([row * np.column_stack([moved, np.ones(n)]), prior])
-        target = np.concatenate([row * momentum, np.zeros(len(knots))])
+        target = np.concatenate([row * momentum, np.zeros(len(prior))])
         unknowns = np.linalg.lstsq(design, target, rcond=None)[0]
         out[:, axis] = double[:, axis] + basis @ unknowns[:-1]
     return out

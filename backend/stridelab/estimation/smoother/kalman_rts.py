@@ -195,8 +195,9 @@ def filter_forward(space: StateSpace, signals: Signals, gain_sets: Gains) -> For
     measured[:, :, 0, 0], measured[:, :, 1, 0] = signals.geometry_m[:, axis], signals.moment_m[:, axis]
     measured[:, :, 0, 1 + TABLE] = -1.0
     with_moment = signals.seen[:, None] & space.turned
-    measured[with_moment, 1, 1 + ACCELERATION] = -space.lever_s2
-    measured[with_moment, 1, 1 + MOMENT] = -1.0
+    loaded = signals.phi[:, None] * with_moment
+    measured[:, :, 1, 1 + ACCELERATION] = -space.lever_s2 * loaded
+    measured[:, :, 1, 1 + MOMENT] = -loaded
     measured[:, :, 1, 1 + SEGMENTS] = -signals.segments_m[:, axis] * with_moment
     measured[:, :, 1, 1 + HEIGHT] = signals.sway[:, axis] * with_moment
 

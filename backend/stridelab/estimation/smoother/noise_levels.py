@@ -279,6 +279,11 @@ def with_segments(sizes: Sizes, signals: Signals, segments_m: Points, *, runs: b
     return rest, replace(signals, moment_m=moment, segments_m=segments_m)
 
 
+def with_walking_noise(sizes: Sizes) -> Sizes:
+    """Sizes of a run with the noise of the vertical force in walking."""
+    return replace(sizes, acceleration_m_s2=sizes.acceleration_m_s2 / np.array([1.0, 1.0, RUN_VERTICAL_FACTOR]))
+
+
 def moves_ahead(walk: Walk) -> bool:
     """Whether the body moves over the ground."""
     return walk.speed_m_s > CONSISTENCY_WALKS_M_S

@@ -117,6 +117,7 @@ class CausalFilter:
         self._x[:, C, 0], self._x[:, V, 0] = position_m, velocity_m_s
         self._p = space.start_covariance
         self._gram = np.zeros((3, COLUMNS, COLUMNS))
+        self._phi = phi
         self._h = observation_matrix(phi, space.turned)
         self._seen_moment = False
         self._constants = np.zeros((3, HEIGHT))
@@ -160,8 +161,8 @@ class CausalFilter:
         if moment_m is not None:
             y[:, 1] = 0.0
             y[:, 1, 0] = moment_m
-            y[:2, 1, 1 + ACCELERATION] = -space.lever_s2
-            y[:2, 1, 1 + MOMENT] = -1.0
+            y[:2, 1, 1 + ACCELERATION] = -space.lever_s2 * self._phi
+            y[:2, 1, 1 + MOMENT] = -self._phi
         self._seen_moment = moment_m is not None
         pht = self._p @ np.swapaxes(self._h, 1, 2)
         s = self._h @ pht

@@ -15,7 +15,7 @@ force turns into a moment. The constants are not states but regression
 coefficients (``kalman_rts``), so that the gains converge. Measurements in metres:
 
     y1 = c + b0 + b + (w - p)                                geometry, white w
-    y2 = phi c + l' + o' + (z/g) ab + mu + k d - s bz + (n - r)    moment over weight, white n
+    y2 = phi (c + (z/g) ab + mu) + l' + o' + k d - s bz + (n - r)    moment over weight, white n
 
 d is the rate of the segments' angular momentum over the weight, 0 where it is not used. phi is 1 in walking, and in
 running the low-passed vertical force over the weight, never the raw one. s is the low-passed horizontal force over the
@@ -23,7 +23,8 @@ weight. The vertical axis has no y2: a nearly vertical force does not determine 
 
 The noises w and n also drive the memories p and r one step later. This correlation is removed by including the
 measurement in the transition: A - G H and an input G y (Anderson & Moore, Optimal Filtering, 5.5). A force bias of
-``ab`` metres per second squared acts at the floor, z below the CoM, and therefore also affects y2.
+``ab`` metres per second squared acts at the floor, z below the CoM, and therefore also affects y2. Errors of the plates
+act while they carry the body: in flight plates read zero.
 """
 
 from dataclasses import dataclass, replace
