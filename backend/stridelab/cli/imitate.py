@@ -60,7 +60,7 @@ def show_imitation(result: JobResult, target: Path) -> None:
         f"[bold]{escape(summary.robot)}[/] walks with {summary.step_share:.0%} of the person's steps and at "
         f"{summary.pace:.2f} of the pace, both scaled by the height of the hips "
         f"({summary.hip_height_person_m:.2f} to {summary.hip_height_robot_m:.2f} m): certified, replay completed, "
-        f"{summary.speed_share:.0%} of the scaled speed; {len(summary.attempts)} plans tried"
+        f"{summary.speed_share:.0%} of the scaled speed; plans tried: {len(summary.attempts)}"
     )
     table = Table("", "person, measured", "scaled", f"{summary.robot}, in physics", box=None, pad_edge=False)
     for row in summary.comparison:

@@ -115,7 +115,7 @@ def _summary(
         raise AssertionError("a trial that passes has a certificate and a replay")
     rows = compare_walks(person, robot, best.walk.length_scale)
     speeds = {row.name: row for row in rows}["walking_speed"]
-    remarks = (*measured.prepared.all_remarks, *measured.estimate.remarks, *_remarks(best))
+    remarks = (*measured.prepared.all_remarks, *measured.estimate.remarks, *_remarks(imitation))
     return ImitateSummary(
         scenario=best.scenario,
         certificate=plan.certificate,
@@ -141,10 +141,10 @@ def _summary(
     )
 
 
-def _remarks(best: Trial) -> tuple[Remark, ...]:
+def _remarks(imitation: Imitation) -> tuple[Remark, ...]:
     remarks = []
-    walk, attempt = best.walk, best.attempt
-    if attempt.step_share < 1.0:
+    walk, attempt = imitation.best.walk, imitation.best.attempt
+    if any(one.step_share > attempt.step_share for one in imitation.attempts):
         message = f"The steps are {attempt.step_share:.0%} of the person's, scaled: longer ones were not certified."
         remarks.append(Remark("steps-shortened", message))
     if walk.repeated:

@@ -320,7 +320,7 @@ def refusing(*possible: str, reason: str = NO_PLATES) -> list[EstimateOffer]:
     ]
 
 
-OFFERED = ("Estimate", "Compare all methods", "Fit the wheel", "Measures of gait", "Report")
+OFFERED = ("Estimate", "Compare all methods", "Fit the wheel", "Measures of gait", "Report", "Imitate")
 """Buttons of the form that estimates."""
 
 
