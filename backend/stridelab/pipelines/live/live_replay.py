@@ -35,6 +35,8 @@ COLLAPSE_S: Final = 1.5
 """Duration for which a fallen robot is simulated further, without control."""
 LOG_S: Final = 15.0
 """Length of the recorded past, from which a fall is explained."""
+PUSH_SHOWN_S: Final = 3.0
+"""Time for which frames describe a push; a slow viewer misses many frames."""
 MAX_PUSHES: Final = 8
 """Pushes that act at a time."""
 BROKEN: Final = "The motion cannot be computed any further: a push or a setting was beyond all measure."
@@ -154,11 +156,15 @@ class LiveReplay:
         )
 
     def _push_state(self) -> LivePushState | None:
-        if not self._pushes or self.time_s > self._pushes[-1].end_s + 0.5:
+        if not self._pushes or self.time_s > self._pushes[-1].time_s + PUSH_SHOWN_S:
             return None
-        force_n = self._pushes[-1].force_n(self.time_s)
+        push = self._pushes[-1]
         return LivePushState.model_construct(
-            number=self._push_number, link=self._pushed_link, force_n=tuple(force_n.tolist())
+            number=self._push_number,
+            link=self._pushed_link,
+            impulse_ns=push.impulse_ns,
+            force_n=tuple(push.force_n(self.time_s).tolist()),
+            since_s=round(self.time_s - push.time_s, _DIGITS),
         )
 
     def _advance_sample(self) -> None:

@@ -131,11 +131,16 @@ class LiveState(Contract):
 
 
 class LivePushState(Contract):
-    """The latest push: its ``number``, the index of its link in ``robot.links`` if it is drawn, its force now."""
+    """The latest push: its ``number``, the index of its link in ``robot.links`` if it is drawn, its force now.
+
+    ``since_s`` is the simulated time since its start.
+    """
 
     number: int
     link: int | None
+    impulse_ns: _Vector
     force_n: _Vector
+    since_s: float
 
 
 class LiveFrame(Contract):

@@ -281,9 +281,11 @@ class ReplayLog:
             self._slips_m.append(float(np.linalg.norm(position_m - self._landed[name])))
 
     def trim_samples(self, most: int) -> None:
-        """Forget all samples but the last ``most``; largest values, and shares of hands, go back as far as before."""
-        for numbers in (self._time_s, self._plan_time_s, self._errors_m):
+        """Forget all samples but the last ``most``; collisions and the largest slip go back as far as before."""
+        for numbers in (self._time_s, self._plan_time_s, self._errors_m, self._hand_n):
             del numbers[:-most]
+        for flags in self._in_place.values():
+            del flags[:-most]
         for arrays in (self._q, self._v, self._com_m, *self._forces_n.values()):
             del arrays[:-most]
         for largest in (self._slips_m, self._landings_m):

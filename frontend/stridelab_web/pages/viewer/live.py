@@ -4,7 +4,8 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from stridelab.client import ProblemError
-from stridelab_web.api_client import client_of
+from stridelab_web.api_client import client_of, none_if_missing
+from stridelab_web.pages.home import SAMPLE_SCENARIO
 from stridelab_web.pages.render import render_page
 from stridelab_web.pages.viewer.preparing import preparation_page
 from stridelab_web.scene.documents import Document
@@ -16,6 +17,10 @@ async def live_robots_page(request: Request) -> Response:
     """``GET /live/robots?scenario=``: the live robots, and what can be started."""
     client = client_of(request)
     listed, scenarios = await client.live_robots(), (await client.scenarios(limit=LISTED)).items
+    chosen = request.query_params.get("scenario", SAMPLE_SCENARIO)
+    if all(scenario.id != chosen for scenario in scenarios):
+        wanted = await none_if_missing(client.scenario(chosen))
+        scenarios = [*scenarios, *([] if wanted is None else [wanted])]
     return render_page(
         request,
         "pages/live_robots.html",
@@ -23,7 +28,7 @@ async def live_robots_page(request: Request) -> Response:
         sessions=listed.items,
         scenarios=sorted(scenarios, key=lambda scenario: (scenario.bundled, scenario.name)),
         robots=(await client.robots()).items,
-        chosen=request.query_params.get("scenario", "six-stairs"),
+        chosen=chosen,
     )
 
 

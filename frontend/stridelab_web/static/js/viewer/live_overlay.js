@@ -3,7 +3,8 @@
 import { colour } from "../shared/colours.js";
 
 const FORCE_M_PER_N = 0.0006,
-  PUSH_M_PER_N = 0.0006,
+  PUSH_M_PER_NS = 0.008,
+  PUSH_S = 0.4, // longer than the push, which would hardly be seen
   GRAB_PX = 70,
   SPEED_PER_M = 0.6, // a drag of a metre changes the velocity of the robot by this much, in m/s
   MAX_SPEED = 1.5;
@@ -141,8 +142,8 @@ export class LiveOverlay {
 
   drawPush(pen) {
     const { push, links } = this.frame;
-    if (push && push.link !== null && Math.hypot(...push.force_n) > 0)
-      this.arrow(pen, links[push.link].slice(0, 3), push.force_n, PUSH_M_PER_N, colour("red"), true);
+    if (push && push.link !== null && push.since_s < PUSH_S)
+      this.arrow(pen, links[push.link].slice(0, 3), push.impulse_ns, PUSH_M_PER_NS, colour("red"), true);
     if (!this.drag) return;
     const from = this.project(links[this.drag.link].slice(0, 3)),
       impulse = Math.hypot(...this.draggedImpulse());
