@@ -130,14 +130,15 @@ def test_a_narrow_sole_takes_slower_steps() -> None:
 
 
 @pytest.mark.parametrize(("robot", "knee"), [("talos", "leg_left_4_joint"), ("g1", "left_knee_joint")])
-def test_the_longest_leg_is_that_of_a_straight_knee(robot: str, knee: str) -> None:
+def test_the_longest_leg_is_that_of_the_straightest_knee(robot: str, knee: str) -> None:
     loaded = load_robot(robot)
     legs = LegGeometry.of_robot(loaded)
     assert legs is not None
     model, data = loaded.model, loaded.model.createData()
     chain = list(model.supports[model.getJointId(knee)])[2:]
     q = loaded.q_reference.copy()
-    q[model.joints[model.getJointId(knee)].idx_q] = 0.0
+    k = model.joints[model.getJointId(knee)].idx_q
+    q[k] = model.lowerPositionLimit[k]
     pin.forwardKinematics(model, data, q)
-    hip, ankle = data.oMi[chain[0]], data.oMi[model.getJointId(knee) + 1]
+    hip, ankle = data.oMi[chain[0]], data.oMi[model.getJointId(knee) + 2]
     assert legs.leg_m == pytest.approx(np.linalg.norm(hip.translation - ankle.translation), abs=0.01)

@@ -193,7 +193,8 @@ class RecoveryRun:
     def _is_down(self, name: str, measured: SensedState, load_n: float) -> bool:
         """Whether a sole is loaded, or near enough to the ground below it to be loaded at once."""
         at_m = measured.contacts[name].position_m
-        return load_n > self._loaded_n or abs(at_m[2] - float(self._footholds.ground_heights_m(at_m[:2]))) < _DOWN_M
+        ground_m = float(self._footholds.ground_heights_m(at_m[:2]))
+        return load_n > self._loaded_n or abs(float(at_m[2]) - ground_m) < _DOWN_M
 
     def _put_down(self, name: str, measured: SensedState) -> None:
         half = self._robot.effectors[name].contact_half_size_m
