@@ -20,8 +20,8 @@ An estimator that has used the same force shares its errors e with the path p, s
 
 The second term is the same for all estimators; the third is the optimism of testing on the data of the fit. It is
 estimated by the covariance penalty (Efron 2004): wrench, clock and mass are moved by plus and minus a draw of their
-stated errors, and d c^ d p is averaged over draws and window. Nothing is withheld, so that the estimator that is judged is
-the one that is used.
+stated errors, and d c^ d p is averaged over draws and window. Nothing is withheld, so that the estimator that is judged
+is the one that is used.
 """
 
 from dataclasses import dataclass, replace
