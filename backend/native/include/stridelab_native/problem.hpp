@@ -103,8 +103,8 @@ struct Problem {
   std::vector<WrenchCone> cones;
   std::vector<Phase> phases;
   std::vector<Plane> planes;
-  std::vector<Place> places;  // in the order of their last phases
-  std::vector<double> limbs;  // rate of the limbs' momentum, three per interval, for splines per Gauss point
+  std::vector<Place> places;      // in the order of their last phases
+  std::vector<double> limbs;      // rate of the limbs' momentum, three per interval, for splines per Gauss point
   std::vector<double> reference;  // accelerations that c'' is compared with, rows as of limbs, m/s^2
   LengthLimits length_limits;
   Shape shape = Shape::constant;
