@@ -1,5 +1,6 @@
 """The description is complete, its examples run, and the service keeps to it."""
 
+import asyncio
 import contextlib
 import json
 import os
@@ -98,6 +99,10 @@ async def unchanged_card(parts: Parts, _caller: object, name: str, *_: object) -
         return own_robot(await required_robot(connection, name))
 
 
+async def planning_for_ever(*_: object) -> None:
+    await asyncio.Event().wait()
+
+
 @pytest.fixture(scope="module")
 def stocked(service: Served) -> Iterator[Served]:
     """Enough things with known ids that examples and generated calls find something; uploads are not parsed."""
@@ -114,6 +119,7 @@ def stocked(service: Served) -> Iterator[Served]:
         patch.setattr("stridelab.service.api.recordings.endpoints.parse_recording", unreadable)
         patch.setattr("stridelab.service.api.recordings.service.parse_recording", understood)
         patch.setattr("stridelab.service.api.robots.own._run_child", unreadable)
+        patch.setattr("stridelab.service.api.live.room.LiveRoom._plan", planning_for_ever)
         patch.setattr("stridelab.service.api.robots.endpoints.replace_card", unchanged_card)
         yield service
 
