@@ -78,7 +78,7 @@ def test_a_full_queue_says_when_to_come_back(tab: Tab, lab: Lab, address: str) -
         page = tab.go(f"/recordings/{lab.fake.add_recording().id}")
         button, said = (
             page.get_by_role("button", name="Estimate", exact=True),
-            page.locator("[data-estimate] [data-said]"),
+            page.locator("[data-estimate] [data-said]").first,
         )
     else:
         page = tab.go(f"/scenarios/{lab.fake.add_scenario().id}")

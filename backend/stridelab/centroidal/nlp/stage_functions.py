@@ -167,7 +167,8 @@ def squared_rates(free: bool) -> CostFunctions:
     y, q = ca.SX.sym("y", 12 + free), ca.SX.sym("q", 9)
     c, v, F, T = (y[3 * i : 3 * i + 3] for i in range(4))
     h, G, down = _interval_length(y, q, free), GRAVITY_M_S2, ca.DM(DOWN)
-    acceleration = G * (F + down) - q[6:9]
+    # Free durations allow no reference, and ipopt's path depends on every rounding.
+    acceleration = G * (F + down) if free else G * (F + down) - q[6:9]
     momentum_rate = T - ca.cross(c + h / 2 * v + h**2 / 6 * G * down, F) - q[3:6]
     phi = h * (q[1] * ca.sumsqr(acceleration) + q[2] * ca.sumsqr(momentum_rate))
     if free:
