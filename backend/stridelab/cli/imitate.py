@@ -65,26 +65,26 @@ def show_imitation(result: JobResult, target: Path) -> None:
     table = Table("", "person, measured", "scaled", f"{summary.robot}, in physics", box=None, pad_edge=False)
     for row in summary.comparison:
         unit = "" if row.unit == "1" else f" ({row.unit})"
-        table.add_row(f"{row.name.replace('_', ' ')}{unit}", *_cells(row))
+        table.add_row(f"{row.name.replace('_', ' ')}{unit}", *_table_cells(row))
     out.print(table)
     if summary.wheel:
         wheels = Table("rolling wheel as reference", *(one.wheel for one in summary.wheel), box=None, pad_edge=False)
-        wheels.add_row("certified, replay completed", *(_passed(one) for one in summary.wheel))
+        wheels.add_row("certified, replay completed", *(_verdict_text(one) for one in summary.wheel))
         for name, title in WHEEL_ROWS:
-            wheels.add_row(title, *(_number(getattr(one, name)) for one in summary.wheel))
+            wheels.add_row(title, *(_number_text(getattr(one, name)) for one in summary.wheel))
         out.print(wheels)
     show_files(result, target)
     if any(artifact.name == PAGE_FILE for artifact in result.artifacts):
         out.print(f"To see the motion, open {escape(str(target / PAGE_FILE))} in a browser.")
 
 
-def _cells(row: ComparedQuantity) -> list[str]:
-    return [_number(value) for value in (row.person, row.scaled, row.robot)]
+def _table_cells(row: ComparedQuantity) -> list[str]:
+    return [_number_text(value) for value in (row.person, row.scaled, row.robot)]
 
 
-def _number(value: float | None) -> str:
+def _number_text(value: float | None) -> str:
     return "" if value is None else f"{value:.4g}"
 
 
-def _passed(trial: WheelTrial) -> str:
+def _verdict_text(trial: WheelTrial) -> str:
     return "yes" if trial.certified and trial.completed else f"no: {escape(trial.reason)}"

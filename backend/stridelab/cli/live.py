@@ -60,7 +60,7 @@ def _running_service(server: str, token: str | None) -> Iterator["subprocess.Pop
 
     Raises ``Unavailable`` (``service-unreachable``, ``service-not-started``).
     """
-    if _answers(server, token):
+    if _service_answers(server, token):
         yield None
         return
     address = urlsplit(server)
@@ -71,7 +71,7 @@ def _running_service(server: str, token: str | None) -> Iterator["subprocess.Pop
     serving = subprocess.Popen([sys.executable, "-m", "stridelab.cli", "serve", "--port", port], stdout=sys.stderr)
     try:
         until_s = time.monotonic() + START_S
-        while not _answers(server, token):
+        while not _service_answers(server, token):
             if serving.poll() is not None or time.monotonic() > until_s:
                 raise Unavailable("service-not-started", f"The service did not start at {server}; see its messages.")
             time.sleep(_LOOK_S)
@@ -81,7 +81,7 @@ def _running_service(server: str, token: str | None) -> Iterator["subprocess.Pop
         serving.wait()
 
 
-def _answers(server: str, token: str | None) -> bool:
+def _service_answers(server: str, token: str | None) -> bool:
     from stridelab.client import Client, Unreachable
 
     try:

@@ -105,7 +105,7 @@ class Smoother:
             remarks=plate_bias_remarks(space, forward, mass_kg, self.priors.plate_force_n, walk.frame),
             diagnostics={
                 **_size_diagnostics(sizes, walk, mass_kg),
-                "normalised_innovations": _innovations(sizes, walk, data, mass_kg, gain_sets, forward),
+                "normalised_innovations": _run_innovations(sizes, walk, data, mass_kg, gain_sets, forward),
                 "plate_bias_statistic": plate_bias_statistic(space, forward),
             },
         )
@@ -155,7 +155,7 @@ class Smoother:
         return OnlineSmoother(self.priors, mass_kg, table_sd_m, velocity_m_s, ahead)
 
 
-def _innovations(
+def _run_innovations(
     sizes: Sizes, walk: Walk, data: Signals, mass_kg: float, gain_sets: Gains, forward: ForwardPass
 ) -> float:
     """Normalised innovations; in runs and jumps under the noise of walking, whose larger one would hide a fault."""
