@@ -3,9 +3,11 @@
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from stridelab.library.job_files import write_job_files
 from stridelab.library.options import Progress, data_frame, ignore_progress, validate_fields
 from stridelab.library.recordings import LoadedRecording, load_recording, staged_sources
 from stridelab.pipelines.gait_measures import GaitMeasuresResult
@@ -49,15 +51,11 @@ class GaitMeasures:
         Raises:
             Conflict: ``output-exists`` where the folder exists; ``replace`` allows it for an earlier result.
         """
-        from stridelab.service.kinds.base import Outcome
         from stridelab.service.kinds.gait_measures.run import write_measures
-        from stridelab.service.local_runs import result_folder, write_result
 
-        with result_folder(Path(folder), force=replace) as made:
-            artifacts = write_measures(made, self.result)
-            outcome = Outcome(self.summary.model_dump(mode="json"), self.result.citation_keys, artifacts)
-            write_result(made, "gait-measures", self.request, outcome)
-        return Path(folder)
+        write = partial(write_measures, result=self.result)
+        keys = self.result.citation_keys
+        return write_job_files(folder, "gait-measures", self.request, self.summary, keys, write, replace=replace)
 
 
 def gait_measures(

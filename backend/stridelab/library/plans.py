@@ -1,14 +1,12 @@
 """``sl.plan_motion`` and ``sl.push_basin``: plans motions of humanoids, and pushes them in physics."""
 
-import shutil
-import tempfile
-import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from stridelab.errors import StridelabError
+from stridelab.library.job_files import JobFiles, job_folder
 from stridelab.library.options import Progress, data_frame, ignore_progress, validate_fields
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary, PlanMotionTask
 from stridelab.schemas.receding import PushBasinInput, PushBasinSummary, PushBasinTask
@@ -16,39 +14,17 @@ from stridelab.schemas.scenarios import Scenario
 
 
 @dataclass(frozen=True)
-class PlannedMotion:
+class PlannedMotion(JobFiles):
     """A motion of a robot, from ``plan_motion``: the summary of the job and the folder with its files.
 
-    The folder is temporary and deleted with this object; ``save`` copies it. ``failure`` is the reason why the motion
-    is incomplete.
+    ``failure`` is the reason why the motion is incomplete. ``to_dataframe`` gives the planned centre of mass, momentum
+    and forces over time (``centroidal.parquet``).
     """
 
+    table: ClassVar[str] = "centroidal.parquet"
+
     summary: PlanMotionSummary
-    folder: Path
     failure: StridelabError | None = None
-
-    def save(self, folder: str | Path, *, replace: bool = False) -> Path:
-        """Copy the files of the job into a folder.
-
-        Raises:
-            Conflict: ``output-exists`` where the folder exists; ``replace`` allows it for an earlier result.
-        """
-        from stridelab.service.local_runs import result_folder
-
-        with result_folder(Path(folder), force=replace) as made:
-            shutil.copytree(self.folder, made, dirs_exist_ok=True)
-        return Path(folder)
-
-    def to_dataframe(self) -> Any:
-        """The planned centre of mass, momentum and forces over time (``centroidal.parquet``).
-
-        Raises:
-            Unavailable: ``dataframe-unavailable`` where neither pandas nor polars is installed.
-        """
-        import pyarrow.parquet as pq
-
-        table = pq.read_table(self.folder / "centroidal.parquet")
-        return data_frame({name: table.column(name).to_numpy() for name in table.column_names})
 
 
 def plan_motion(
@@ -84,16 +60,10 @@ def plan_motion(
     request = validate_fields(
         PlanMotionInput, {"scenario": given, "whole_body": whole_body, "replay": replay, **options}
     )
-    folder = Path(tempfile.mkdtemp(prefix="stridelab-plan-"))
-    try:
+    with job_folder() as folder:
         outcome = job.run(PlanMotionTask(scenario=given, input=request), folder, progress or ignore_progress)
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
-    write_result(folder, "plan-motion", request, outcome)
-    motion = PlannedMotion(PlanMotionSummary.model_validate(outcome.summary), folder, outcome.failure)
-    weakref.finalize(motion, shutil.rmtree, folder, ignore_errors=True)
-    return motion
+        write_result(folder, "plan-motion", request, outcome)
+    return PlannedMotion(folder, PlanMotionSummary.model_validate(outcome.summary), outcome.failure)
 
 
 @dataclass(frozen=True)

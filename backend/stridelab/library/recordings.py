@@ -15,6 +15,7 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -23,6 +24,7 @@ from jaxtyping import Float
 
 from stridelab.conventions import Points, Series
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
+from stridelab.library.job_files import write_job_files
 from stridelab.library.options import Progress, data_frame, ignore_progress, validate_fields
 from stridelab.pipelines.estimate_com import ComResult
 from stridelab.pipelines.estimate_com import estimate_com as _estimate_com
@@ -36,6 +38,8 @@ from stridelab.schemas.tasks import EstimateComTask, FitCycloidTask, RecordingSo
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
+
+    from stridelab.service.kinds.base import ArtifactFile
 
 AXES = "xyz"
 
@@ -167,18 +171,17 @@ class CentreOfMass:
         Raises:
             Conflict: ``output-exists`` where the folder exists; ``replace`` allows it for an earlier result.
         """
-        from stridelab.service.kinds.base import Outcome
         from stridelab.service.kinds.estimate_com.run import write_com_result
-        from stridelab.service.local_runs import result_folder, write_result
 
-        source, copy = self.loaded.source, self.loaded.path.name
-        with result_folder(Path(folder), force=replace) as made:
-            shutil.copyfile(self.loaded.path, made / copy)
-            artifacts = write_com_result(made, source, self.result)
-            (made / copy).unlink()
-            outcome = Outcome(self.summary.model_dump(mode="json"), self.result.citation_keys, artifacts)
-            write_result(made, "estimate-com", self.request, outcome)
-        return Path(folder)
+        def write(made: Path) -> "tuple[ArtifactFile, ...]":
+            copy = made / self.loaded.path.name
+            shutil.copyfile(self.loaded.path, copy)
+            artifacts = write_com_result(made, self.loaded.source, self.result)
+            copy.unlink()
+            return artifacts
+
+        keys = self.result.citation_keys
+        return write_job_files(folder, "estimate-com", self.request, self.summary, keys, write, replace=replace)
 
 
 def estimate_com(
@@ -261,15 +264,11 @@ class CycloidFit:
         Raises:
             Conflict: ``output-exists`` where the folder exists; ``replace`` allows it for an earlier result.
         """
-        from stridelab.service.kinds.base import Outcome
         from stridelab.service.kinds.fit_cycloid.files import write_cycloid
-        from stridelab.service.local_runs import result_folder, write_result
 
-        with result_folder(Path(folder), force=replace) as made:
-            artifacts = write_cycloid(made, self.loaded.source, self.result)
-            outcome = Outcome(self.summary.model_dump(mode="json"), self.result.citation_keys, artifacts)
-            write_result(made, "fit-cycloid", self.request, outcome)
-        return Path(folder)
+        write = partial(write_cycloid, source=self.loaded.source, result=self.result)
+        keys = self.result.citation_keys
+        return write_job_files(folder, "fit-cycloid", self.request, self.summary, keys, write, replace=replace)
 
 
 def fit_cycloid(

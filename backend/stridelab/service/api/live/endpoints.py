@@ -1,6 +1,5 @@
 """``/live``: a robot that carries out its motion in physics while people watch and push it."""
 
-import asyncio
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Body, Response
@@ -16,7 +15,7 @@ from stridelab.service.api.live.viewers import Viewer
 from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.problems import faults_of
 from stridelab.service.api.scenarios.repository import scenario_of, scenario_row
-from stridelab.service.api.stream.endpoints import receive_message, serve_stream
+from stridelab.service.api.stream.endpoints import receive_message, send_until_end, serve_stream
 from stridelab.service.api.stream.limits import SampleRateLimiter
 from stridelab.service.api.stream.messages import TEXT, Parcel
 from stridelab.service.api.strict_json import StrictRoute, parse_json
@@ -27,7 +26,6 @@ router = APIRouter(prefix="/live", tags=["live"], route_class=StrictRoute)
 
 COMMAND_BYTES: Final = 2000
 COMMANDS_HZ: Final = 50.0
-ENDED: Final = 1000
 _BODIES: Final[Any] = {
     "stairs": {"summary": "The bundled stairs", "value": {"scenario_id": "six-stairs"}},
     "walk": {"summary": "A level walk", "value": {"robot": "g1"}},
@@ -93,15 +91,9 @@ async def watch_live(socket: WebSocket, parts: AppParts, caller: CallerOf, sessi
     async def show() -> None:
         room = parts.rooms.require_room(session_id)
         with room.watch(may_push=caller.has_scope("submit")) as viewer:
-            receiving = asyncio.ensure_future(_receive_commands(socket, room, viewer, caller))
-            try:
-                while (message := await _next_of(viewer, receiving)) is not None:
-                    async with asyncio.timeout(parts.settings.stream_idle_s):
-                        await socket.send_text(message)
-                await socket.close(ENDED, "session-ended")
-            finally:
-                receiving.cancel()
-                await asyncio.gather(receiving, return_exceptions=True)
+            receive = _receive_commands(socket, room, viewer, caller)
+            idle_s = parts.settings.stream_idle_s
+            await send_until_end(socket, viewer.next_message, receive, idle_s, reason="session-ended")
 
     await serve_stream(socket, parts, show)
 
@@ -116,18 +108,6 @@ async def _motion_of(parts: Parts, body: LiveInput) -> LiveMotion:
         if robot not in robot_names() and await find_robot(connection, robot) is None:
             raise NotFound("robot-not-found", "There is no robot of this name.")
     return LiveMotion(f"{robot.upper()}: level walk", robot)
-
-
-async def _next_of(viewer: Viewer, receiving: asyncio.Task[None]) -> str | None:
-    """The next message for a viewer; raises what ends ``receiving``."""
-    getting = asyncio.ensure_future(viewer.next_message())
-    try:
-        await asyncio.wait({getting, receiving}, return_when=asyncio.FIRST_COMPLETED)
-        if not getting.done():
-            receiving.result()
-        return getting.result()
-    finally:
-        getting.cancel()
 
 
 async def _receive_commands(socket: WebSocket, room: LiveRoom, viewer: Viewer, caller: Caller) -> None:

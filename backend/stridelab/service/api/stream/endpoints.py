@@ -6,8 +6,8 @@ and the close reason is its code.
 """
 
 import asyncio
-import contextlib
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Mapping
+from contextlib import asynccontextmanager, suppress
 from typing import Any, Final, TypeVar
 
 import structlog
@@ -27,6 +27,8 @@ from stridelab.service.api.strict_json import parse_json
 from stridelab.service.processes.pool import ChildSession, IsolatedPool
 from stridelab.service.settings import Settings
 
+T = TypeVar("T")
+
 router = APIRouter()
 log = structlog.get_logger(__name__)
 
@@ -36,6 +38,7 @@ MEMORY_MB: Final = 256
 CONFIGURATION_BYTES: Final = 10_000
 STATUS_BASE: Final = 4000
 """Offset of the close code: 4000 plus the HTTP status of the problem."""
+ENDED: Final = 1000
 GOING_AWAY: Final = 1001
 _FAREWELL_S: Final = 2.0
 
@@ -54,7 +57,7 @@ async def stream_com(socket: WebSocket, parts: AppParts) -> None:
 async def serve_stream(socket: WebSocket, parts: Parts, exchange: Callable[[], Awaitable[None]]) -> None:
     """Accept a stream and run ``exchange`` to its end, or until the server stops."""
     await socket.accept()
-    with contextlib.suppress(WebSocketDisconnect):
+    with suppress(WebSocketDisconnect):
         if await await_unless(parts.closing, _run_exchange(socket, parts, exchange)) is None:
             await socket.close(GOING_AWAY, "service-stops")
 
@@ -94,6 +97,45 @@ async def _exchange_messages(socket: WebSocket, limits: Settings, pool: Isolated
                 else:
                     await socket.send_text(answer.content.decode())
             parcel = await receive_message(socket, limits.stream_message_kb * 1000, idle_s)
+
+
+async def send_until_end(
+    socket: WebSocket,
+    next_message: Callable[[], Coroutine[Any, Any, str | None]],
+    receive: Coroutine[Any, Any, None],
+    idle_s: float,
+    *,
+    reason: str,
+) -> None:
+    """Send messages to a viewer while ``receive`` handles what the client sends; None closes with ``reason``."""
+    async with running_beside(receive) as receiving:
+        while (message := await await_first(next_message(), receiving)) is not None:
+            async with asyncio.timeout(idle_s):
+                await socket.send_text(message)
+        await socket.close(ENDED, reason)
+
+
+@asynccontextmanager
+async def running_beside(work: Coroutine[Any, Any, None]) -> AsyncIterator[asyncio.Task[None]]:
+    """A task of ``work``, cancelled at the end of the context."""
+    task = asyncio.ensure_future(work)
+    try:
+        yield task
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+async def await_first(wanted: Coroutine[Any, Any, T], beside: asyncio.Task[None]) -> T:
+    """The result of ``wanted``; raises what ends ``beside`` before."""
+    getting = asyncio.ensure_future(wanted)
+    try:
+        await asyncio.wait({getting, beside}, return_when=asyncio.FIRST_COMPLETED)
+        if not getting.done():
+            beside.result()
+        return getting.result()
+    finally:
+        getting.cancel()
 
 
 async def ask_estimator(estimator: ChildSession, task: Mapping[str, Any]) -> dict[str, Any]:
@@ -161,7 +203,7 @@ def parse_configuration(first: Parcel, model: type[Configuration], max_rate_hz: 
 
 async def _send_problem(socket: WebSocket, why: Problem) -> None:
     """Send the problem and close the socket; give up after ``_FAREWELL_S`` if the client does not read."""
-    with contextlib.suppress(TimeoutError):
+    with suppress(TimeoutError):
         async with asyncio.timeout(_FAREWELL_S):
             await socket.send_text(StreamAnswer(problem=why).model_dump_json(exclude_none=True))
             await socket.close(STATUS_BASE + why.status, why.code)

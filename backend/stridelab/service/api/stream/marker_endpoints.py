@@ -6,7 +6,7 @@
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import Final, TypeVar
+from typing import Final
 
 from fastapi import APIRouter
 from starlette.websockets import WebSocket
@@ -18,8 +18,11 @@ from stridelab.service.api.recordings.service import static_pose
 from stridelab.service.api.stream.endpoints import (
     MEMORY_MB,
     ask_estimator,
+    await_first,
     parse_configuration,
     receive_message,
+    running_beside,
+    send_until_end,
     serve_stream,
 )
 from stridelab.service.api.stream.limits import SampleRateLimiter
@@ -29,8 +32,6 @@ from stridelab.service.auth.callers import Caller
 from stridelab.service.settings import Settings
 from stridelab.service.stored_marker_sets import source_marker_sets
 
-T = TypeVar("T")
-
 router = APIRouter(prefix="/stream/markers", tags=["streams"])
 
 ESTIMATOR: Final = "stridelab.service.api.stream.marker_session:MarkerStreamAnswerer"
@@ -39,7 +40,6 @@ MAX_FRAMES_HZ: Final = 250.0
 """Maximum rate of frames: placing the segments takes about 4 ms per frame."""
 MAX_WAITING: Final = 100
 """Frames of a stream that may wait for the estimator; further ones wait at the client."""
-ENDED: Final = 1000
 
 
 @router.get("", summary="Open streams of markers")
@@ -67,16 +67,9 @@ async def watch_markers(socket: WebSocket, parts: AppParts, stream_id: str) -> N
     """Show an open stream, until it ends or the client closes."""
 
     async def show() -> None:
+        idle_s = parts.settings.stream_idle_s
         with parts.live.require_channel(stream_id).watch() as pictures:
-            listening = asyncio.ensure_future(_ignore_messages(socket))
-            try:
-                while (picture := await _next_of(pictures, listening)) is not None:
-                    async with asyncio.timeout(parts.settings.stream_idle_s):
-                        await socket.send_text(picture)
-                await socket.close(ENDED, "stream-ended")
-            finally:
-                listening.cancel()
-                await asyncio.gather(listening, return_exceptions=True)
+            await send_until_end(socket, pictures.get, _ignore_messages(socket), idle_s, reason="stream-ended")
 
     await serve_stream(socket, parts, show)
 
@@ -101,7 +94,7 @@ async def _exchange_frames(socket: WebSocket, parts: Parts, caller: Caller) -> N
             await socket.send_text(f'{{"ready":{ready.model_dump_json()}}}')
             async with _receiving(socket, limits) as (waiting, receiving):
                 while True:
-                    frames = [await _next_of(waiting, receiving)]
+                    frames = [await await_first(waiting.get(), receiving)]
                     while not waiting.empty():
                         frames.append(waiting.get_nowait())
                     value = await ask_estimator(estimator, {"frames": [frame.to_json() for frame in frames]})
@@ -127,24 +120,8 @@ async def _receiving(
                 raise InvalidInput("wrong-format", "A frame is a text message.")
             await waiting.put(frame)
 
-    receiving = asyncio.ensure_future(receive())
-    try:
+    async with running_beside(receive()) as receiving:
         yield waiting, receiving
-    finally:
-        receiving.cancel()
-        await asyncio.gather(receiving, return_exceptions=True)
-
-
-async def _next_of(queue: asyncio.Queue[T], receiving: asyncio.Task[None]) -> T:
-    """The next item of a queue; raises what ends ``receiving`` once the queue is empty."""
-    getting = asyncio.ensure_future(queue.get())
-    try:
-        await asyncio.wait({getting, receiving}, return_when=asyncio.FIRST_COMPLETED)
-        if not getting.done():
-            receiving.result()
-        return getting.result()
-    finally:
-        getting.cancel()
 
 
 async def _ignore_messages(socket: WebSocket) -> None:
