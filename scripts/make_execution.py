@@ -29,9 +29,9 @@ from experiments.robustness import (
     scalable_disturbances,
     survival_boundary,
 )
+from stridelab.pipelines.replays.replay_estimation import CONDITIONS, LOW_NOISE, replay_estimators
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.receding import PushBasinSummary
-from stridelab.studies.replay_estimation import CONDITIONS, LOW_NOISE, replay_estimators
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.disturbances import Disturbances
 

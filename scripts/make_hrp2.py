@@ -11,7 +11,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from typing import Any, Final
 
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 
 FOLDER: Final = models_dir() / "robots" / "hrp2"
 COLOURS: Final = {"BODY": "trunk", "CHEST": "trunk", "HEAD": "head", "LEG": "limb", "ARM": "limb"}

@@ -19,7 +19,7 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from stridelab.client import Client
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 
 ROOT = Path(__file__).parents[1]
 PICTURES = ROOT / "docs" / "pictures"

@@ -32,8 +32,8 @@ from stridelab.reachability.proxy.feasibility_correction import (
     read_feasibility,
 )
 from stridelab.reachability.store import load_proxies
+from stridelab.reproduction.studies import proxy_accuracy
 from stridelab.robots.loader import load_robot
-from stridelab.studies import proxy_accuracy
 
 ROOT = Path(__file__).parents[1]
 KEPT, MODELS = ROOT / ".data" / "proxy-validation", ROOT / "models" / "feasibility"

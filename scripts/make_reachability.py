@@ -10,10 +10,10 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import get_args
 
+from stridelab.machine.models_folder import models_dir
 from stridelab.reachability.card import Measure
 from stridelab.reachability.learning.fit import learn_densities
 from stridelab.reachability.store import save_card, save_cloud
-from stridelab.resources import models_dir
 from stridelab.robots.card import robot_names
 from stridelab.robots.loader import load_robot
 

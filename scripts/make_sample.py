@@ -9,7 +9,7 @@ import json
 import sys
 from pathlib import Path
 
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput, SimulationNoise
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
 from stridelab.service.kinds.base import Outcome

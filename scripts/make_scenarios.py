@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.bundled_scenarios import BUNDLED
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 
 NUMBERS = re.compile(r"\[\s+([-+\d.e,\s]+?)\s+\]")
 """A list of numbers that was spread over lines."""

@@ -90,6 +90,6 @@ def database_url(postgres: "TestDatabases") -> Iterator[str]:
 @pytest.fixture(scope="session")
 def robot_walk() -> "RobotWalk":
     """TALOS at its own cadence: rest, walk, rest."""
-    from stridelab.studies.estimator_study import clean_motion
+    from stridelab.reproduction.studies.estimator_study import clean_motion
 
     return clean_motion("robot")

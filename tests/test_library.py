@@ -8,7 +8,7 @@ import pytest
 
 import stridelab as sl
 from stridelab.errors import Conflict, InvalidInput, Unavailable, UnreadableFile
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from support.command_line import estimate_task, quiet
 

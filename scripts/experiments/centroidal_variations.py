@@ -41,8 +41,8 @@ from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import StridelabError
 from stridelab.reachability.store import load_proxies
+from stridelab.reproduction.studies.thesis_experiments import RAILS
 from stridelab.robots.loader import load_robot
-from stridelab.studies.thesis_experiments import RAILS
 
 Experiment = Literal["stride", "stairs", "rail"]
 EXPERIMENTS: Final[tuple[Experiment, ...]] = ("stride", "stairs", "rail")

@@ -7,8 +7,8 @@ from threadpoolctl import threadpool_limits
 from stridelab.contacts.wrench_cones.support_region import com_region_m
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
 from stridelab.contacts.wrench_cones.wrench_feasibility import conic_margin, linear_margin
-from stridelab.studies.cone_validation import thesis_cone
-from stridelab.studies.random_contact_sets import random_contacts, random_wrench
+from stridelab.reproduction.studies.cone_validation import thesis_cone
+from stridelab.reproduction.studies.random_contact_sets import random_contacts, random_wrench
 
 BODIES = (2, 3, 4)
 

@@ -8,7 +8,7 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenarios.stairs import CLIMBING, Stairs, climb
 from stridelab.contacts.validation.static_equilibrium import cached_region
 from stridelab.contacts.validation.validate import validate_scenario
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 
 BUNDLED = sorted(path.stem for path in (models_dir() / "scenarios").glob("*.json"))
 

@@ -6,7 +6,7 @@ import re
 import numpy as np
 from playwright.sync_api import Page, expect
 
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.scene.contacts import placed_contacts
 from support.browser.page import Service, Tab, hold, opened, until

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from stridelab.cli.app import app
-from stridelab.resources import ROBOTS_VARIABLE
+from stridelab.machine.models_folder import ROBOTS_VARIABLE
 from stridelab.robots.card import card_bytes, parse_card, robot_names
 from support.robots.humanoid import Humanoid, archive
 

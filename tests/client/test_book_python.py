@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from support.docs.book import PAGES, Block, blocks
 
 PYTHON = [block for page in PAGES for block in blocks(page) if block.language == "python"]

@@ -10,7 +10,7 @@ from scipy.optimize import approx_fprime
 from stridelab.contacts.barrier_method import WEIGHT_RATIO, Derivatives, Value, follow_central_path
 from stridelab.contacts.wrench_cones.ellipsoids import _CircumscribedProblem, _InscribedProblem
 from stridelab.contacts.wrench_cones.wrench_feasibility import _MarginProblem
-from stridelab.studies.random_contact_sets import random_contacts, random_wrench
+from stridelab.reproduction.studies.random_contact_sets import random_contacts, random_wrench
 
 
 def value(x: np.ndarray, weight: float) -> float:

@@ -10,8 +10,8 @@ from scipy.interpolate import CubicSpline
 from stridelab.errors import NotEstimable
 from stridelab.estimation.latency import Latency, estimate_latency
 from stridelab.recordings.recording import WrenchTrack
+from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
 from stridelab.simulation.noise import PRESETS
-from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 LATE_S = (-0.010, 0.0, 0.018, 0.030)
 

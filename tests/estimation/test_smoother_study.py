@@ -14,8 +14,8 @@ from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.online_estimator import OnlineEstimator
 from stridelab.estimation.smoother import Smoother, SmootherPriors
+from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
 from stridelab.simulation.noise import PRESETS
-from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 GAITS = ("robot", "human")
 

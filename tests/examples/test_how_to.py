@@ -23,9 +23,9 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenarios import stairs
 from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.estimation.estimator import ComEstimator
+from stridelab.machine.models_folder import models_dir
 from stridelab.recordings.marker_sets import identify, marker_sets, parse_marker_set
 from stridelab.recordings.recording import Window
-from stridelab.resources import models_dir
 from stridelab.schemas.tasks import RecordingSource
 from stridelab.service import kinds
 from stridelab.service.api.jobs import submit

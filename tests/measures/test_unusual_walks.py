@@ -10,10 +10,10 @@ import stridelab as sl
 from stridelab.errors import NotEstimable
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.recording import Plate, Recording
+from stridelab.reproduction.studies.estimator_study import clean_motion
 from stridelab.schemas.measures import GaitMeasuresSummary
 from stridelab.simulation.noise import NOISE_FREE
 from stridelab.simulation.robot_recording import record_robot
-from stridelab.studies.estimator_study import clean_motion
 from support.command_line import SAMPLE
 
 FOOT_LABELS = ("FCC", "FM1", "FM2", "FM5")

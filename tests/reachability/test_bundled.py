@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from stridelab.machine.models_folder import models_dir
 from stridelab.reachability.card import ReachabilityCard
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.learning.com_sampling import BLOCK, ComCloud, frame_of, sample_com
 from stridelab.reachability.learning.fit import kl_divergences
 from stridelab.reachability.store import load_card, load_cloud, load_proxies, require_same_robot
-from stridelab.resources import models_dir
 from stridelab.robots.card import robot_names
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot

@@ -23,9 +23,9 @@ from stridelab.reproduction.common.estimator_errors import GAITS
 from stridelab.reproduction.common.estimators import NAMES
 from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.reproduction.report.svg_plots import PALETTE, Bars, Curve, Panel, render_svg
+from stridelab.reproduction.studies.estimator_study import simulate_trial
 from stridelab.schemas.reproduction import ITEMS_WITH_DRAWS, ITEMS_WITH_SAMPLE, Evidence, Outcome, ReproductionItem
 from stridelab.schemas.reproduction import Verdict as ContractVerdict
-from stridelab.studies.estimator_study import simulate_trial
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.robots import card as cards
 from stridelab.robots.loader import load_robot, robot_names
 from stridelab.robots.robot import Robot

@@ -8,7 +8,7 @@ import coal
 import pinocchio as pin
 import pytest
 
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.robots import urdf
 from stridelab.robots.card import robot_card
 from stridelab.robots.data_files import data_files

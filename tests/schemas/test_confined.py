@@ -103,7 +103,7 @@ def commissioned(folder: Path) -> Any:
     read = upload.read_robot(upload.ReadRobotTask(file="upload", filename="small.zip", name="small"), folder, ignore)
     task = upload.ProposeCardTask(name="small", title="small", assumed=read.summary["assumed"])
     with pytest.MonkeyPatch.context() as patch:  # the child alone makes the robot known
-        patch.setattr("stridelab.resources._added_folders", [])
+        patch.setattr("stridelab.machine.models_folder._added_folders", [])
         card = upload.propose(task, folder, ignore).summary["card"]
     shutil.rmtree(folder / "models")
     write_staged_robot(folder, "small", card)

@@ -2,9 +2,9 @@
 
 import pytest
 
+from stridelab.reproduction.studies.estimator_study import clean_motion
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.robot.walker import RobotWalk
-from stridelab.studies.estimator_study import clean_motion
 
 
 @pytest.fixture(scope="session")

@@ -7,8 +7,8 @@ from stridelab.contacts.wrench_cones.support_region import area_m2
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
 from stridelab.reproduction.chapter4 import fig_4_6, fig_4_7
 from stridelab.reproduction.registry import ITEMS, reproduce_item
-from stridelab.studies.cone_validation import check_cones, check_summary, thesis_cone
-from stridelab.studies.random_contact_sets import stair_sets
+from stridelab.reproduction.studies.cone_validation import check_cones, check_summary, thesis_cone
+from stridelab.reproduction.studies.random_contact_sets import stair_sets
 
 
 @pytest.fixture(scope="module")

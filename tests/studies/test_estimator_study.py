@@ -7,11 +7,11 @@ import pytest
 
 from stridelab.dynamics.wrench import Wrench, central_axis
 from stridelab.errors import InvalidInput
+from stridelab.reproduction.studies.estimator_study import StudyTrial, clean_motion, simulate_trial
 from stridelab.simulation.human.body_proportions import SIDES
 from stridelab.simulation.noise import PRESETS, NoisePreset, coloured_noise
 from stridelab.simulation.robot.gait_plan import GaitName
 from stridelab.simulation.robot.walker import RATE_HZ, RobotWalk
-from stridelab.studies.estimator_study import StudyTrial, clean_motion, simulate_trial
 
 GAITS: tuple[GaitName, ...] = ("robot", "human", "running")
 

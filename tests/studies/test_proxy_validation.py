@@ -24,8 +24,14 @@ from stridelab.reachability.proxy.feasibility_correction import load_feasibility
 from stridelab.reachability.standing_conditions import axis_rotations
 from stridelab.reachability.store import load_card, load_proxies
 from stridelab.reproduction.chapter4.fig_4_5 import comparison_table, figure_claims, stack_svgs
+from stridelab.reproduction.studies.proxy_accuracy import (
+    BANDWIDTH_M,
+    Truth,
+    compare_densities,
+    four_stances,
+    stair_contacts,
+)
 from stridelab.robots.loader import load_robot
-from stridelab.studies.proxy_accuracy import BANDWIDTH_M, Truth, compare_densities, four_stances, stair_contacts
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ import pytest
 
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.spatial import Placement
+from stridelab.pipelines.replays.replay_estimation import LOW_NOISE, FilteredCom, KinematicCom, replay_estimators
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
-from stridelab.studies.replay_estimation import LOW_NOISE, FilteredCom, KinematicCom, replay_estimators
 from stridelab.wholebody.replay.sensors import SensedState
 
 

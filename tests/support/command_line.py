@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from stridelab.client import Client
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.jobs import EstimateComInput, Job, JobEvent, JobResult, Progress
 from stridelab.schemas.recordings import Recording, RecordingPatch, SubjectFields

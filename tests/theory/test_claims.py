@@ -9,10 +9,10 @@ from stridelab.dynamics.wrench import Wrench, central_axis, momentum_rate, trans
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.kalman.filter import KalmanFilter
 from stridelab.recordings.recording import Window
+from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise
-from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 from support.recordings.analytic_motions import walk
 
 WALK = walk()

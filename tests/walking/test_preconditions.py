@@ -11,9 +11,9 @@ from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
+from stridelab.reproduction.studies.estimator_study import clean_motion
 from stridelab.simulation.noise import NOISE_FREE
 from stridelab.simulation.robot_recording import record_robot
-from stridelab.studies.estimator_study import clean_motion
 from stridelab.walking.gait_events import find_contacts
 from stridelab.walking.preconditions import require_steps, require_walk
 from stridelab.walking.steps import find_steps

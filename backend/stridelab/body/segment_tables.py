@@ -25,8 +25,8 @@ import numpy as np
 
 from stridelab.conventions import Vector3
 from stridelab.errors import InvalidInput
+from stridelab.machine.models_folder import models_dir
 from stridelab.recordings.recording import Sex
-from stridelab.resources import models_dir
 
 PAIRED: Final = ("upper_arm", "forearm", "hand", "thigh", "shank", "foot", "whole_foot")
 """Segments that exist on both sides; all others lie in the median plane."""

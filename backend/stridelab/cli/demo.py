@@ -15,7 +15,7 @@ from stridelab.cli.options import EstimateRequest, Walk
 from stridelab.cli.plan_motion import PlanRequest, plan_here, show_plan
 from stridelab.cli.results import out
 from stridelab.errors import Unavailable
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.service.local_runs import refuse_to_overwrite, result_folder
 
 WALK, CLIMB = "walk", "climb"

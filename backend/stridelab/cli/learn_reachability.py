@@ -17,7 +17,7 @@ from stridelab.cli.estimate import run_job
 from stridelab.cli.options import Delivery, PostureMeasure, with_groups
 from stridelab.cli.results import FAILURE, deliver_result, out, progress_bar, show_files, show_remarks
 from stridelab.errors import Conflict, Fault, InvalidInput, NotFound
-from stridelab.resources import ROBOTS_VARIABLE, add_models_folder
+from stridelab.machine.models_folder import ROBOTS_VARIABLE, add_models_folder
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import LearnReachabilityInput, LearnReachabilitySummary, LearnReachabilityTask
 from stridelab.schemas.robots import NAME_PATTERN, CommissionRobotInput, CommissionRobotSummary

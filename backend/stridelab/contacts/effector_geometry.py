@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from stridelab.conventions import Points
-from stridelab.resources import models_dir, robot_file
+from stridelab.machine.models_folder import models_dir, robot_file
 from stridelab.robots.card import EffectorCard, robot_card
 
 Triple = tuple[float, float, float]

@@ -8,7 +8,7 @@ from typing import Any, Final, TypeVar
 from pydantic import ValidationError
 
 from stridelab.errors import Fault, InvalidInput, NotFound, TooLarge, UnreadableFile
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.schemas.base import Contract
 from stridelab.schemas.scenarios import Scenario
 

@@ -24,9 +24,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, NotFound, Unavailable, UnreadableFile
+from stridelab.machine.models_folder import models_dir, robot_file
 from stridelab.reachability.card import EffectorCard, Measure, ReachabilityCard
 from stridelab.reachability.proxy.effector_proxy import Proxy
-from stridelab.resources import models_dir, robot_file
 from stridelab.robots.card import field_path, robot_names
 
 if TYPE_CHECKING:

@@ -19,9 +19,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linear_sum_assignment
 
+from stridelab.machine.models_folder import models_dir
 from stridelab.recordings.marker_sets import PAIRED, marker_sets, normalised_label
 from stridelab.recordings.recording import Recording
-from stridelab.resources import models_dir
 
 Costs = Float[np.ndarray, "markers landmarks"]
 

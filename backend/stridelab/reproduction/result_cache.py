@@ -15,8 +15,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from stridelab.machine.models_folder import models_dir
 from stridelab.reproduction.claims import Claim, Reproduction
-from stridelab.resources import models_dir
 
 PACKAGE: Final = Path(__file__).parents[1]
 DATA: Final = ("anthropometry.toml", "feasibility", "marker_sets", "reachability", "robots", "segment_tables")

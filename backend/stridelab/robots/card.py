@@ -17,7 +17,7 @@ from typing import Any, Final, Literal
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from stridelab.errors import Fault, InvalidInput, NotFound
-from stridelab.resources import models_dir, robot_file, robot_folders
+from stridelab.machine.models_folder import models_dir, robot_file, robot_folders
 
 MAX_POSITION_RAD: Final = 4.0 * math.pi
 """Largest joint angle accepted; larger numbers are usually degrees."""

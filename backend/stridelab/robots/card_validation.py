@@ -9,7 +9,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.errors import Fault
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.robots.card import RobotCard, card_patterns, tables_by_joint
 from stridelab.robots.robot import Effector
 from stridelab.robots.self_collision import matches_any

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from stridelab.errors import Unavailable
-from stridelab.resources import models_dir, robot_file
+from stridelab.machine.models_folder import models_dir, robot_file
 from stridelab.robots.card import RobotCard
 
 ROBOTS_FOLDER: Final = Path("share", "example-robot-data", "robots")

@@ -26,7 +26,7 @@ from stridelab.contacts.swing import swing_of
 from stridelab.contacts.terrain import Rail, depth_in_box_m
 from stridelab.contacts.validation.surface_contact import outline_points_m
 from stridelab.contacts.validation.validate import validate_scenario
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.scenarios import Scenario

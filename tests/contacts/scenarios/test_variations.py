@@ -10,7 +10,7 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenarios.variations import FIELDS, current_value, vary_scenario
 from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.errors import InvalidInput
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 
 SCENARIOS = models_dir() / "scenarios"
 

@@ -13,7 +13,7 @@ from stridelab.contacts.validation.reach_slack import ACCURACY_M, check_reach, r
 from stridelab.contacts.validation.static_equilibrium import StaticEquilibrium, static_equilibria
 from stridelab.contacts.validation.surface_contact import Stance, contacts_on_surfaces
 from stridelab.contacts.validation.validate import ValidationReport, validate_scenario
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from support.robots.scenario_bodies import FOOT_REACH, SHAPES, Made
 
 FLOOR = {"name": "floor", "kind": "box", "center_m": [0.0, 0.0, -0.5], "size_m": [8.0, 8.0, 1.0]}

@@ -18,7 +18,7 @@ from stridelab.contacts.validation.validate import (
     validate_quickly,
     validate_scenario,
 )
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck
 from support.robots.scenario_bodies import SHAPES, Made, contact, faults, judged
 

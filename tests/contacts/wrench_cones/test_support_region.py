@@ -16,7 +16,7 @@ from stridelab.contacts.wrench_cones.support_region import (
 from stridelab.contacts.wrench_cones.wrench_feasibility import conic_margin
 from stridelab.conventions import g
 from stridelab.dynamics.spatial import Placement
-from stridelab.studies.random_contact_sets import random_contacts
+from stridelab.reproduction.studies.random_contact_sets import random_contacts
 
 SOLE = (0.1, 0.06)
 FLAT = PointContacts.from_placements(

@@ -9,7 +9,7 @@ from stridelab.contacts.wrench_cones.thesis_lorentz_cone import MIN_PROJECTION, 
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import NotEstimable
-from stridelab.studies.random_contact_sets import com_m, random_contacts
+from stridelab.reproduction.studies.random_contact_sets import com_m, random_contacts
 
 SOLE = (0.1, 0.06)
 FEET = PointContacts.from_placements(

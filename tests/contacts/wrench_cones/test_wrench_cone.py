@@ -10,7 +10,7 @@ from stridelab.contacts.wrench_cones.wrench_cone import N_RAYS, LinearCone
 from stridelab.contacts.wrench_cones.wrench_feasibility import linear_margin
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput, NotEstimable
-from stridelab.studies.random_contact_sets import com_m, random_contacts
+from stridelab.reproduction.studies.random_contact_sets import com_m, random_contacts
 
 LEVEL = Placement.identity()
 SIDE = Placement.from_wxyz((0.0, 0.0, 0.0), (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0))  # z axis along world x

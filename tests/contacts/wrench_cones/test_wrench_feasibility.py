@@ -12,7 +12,7 @@ from stridelab.contacts.wrench_cones.contact_points import PointContacts
 from stridelab.contacts.wrench_cones.wrench_feasibility import conic_margin, linear_margin
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
-from stridelab.studies.random_contact_sets import random_contacts, random_wrench
+from stridelab.reproduction.studies.random_contact_sets import random_contacts, random_wrench
 
 HAND = PointContacts.from_placements([(Placement.from_wxyz((1.0, 2.0, 0.0)), None, 0.5)])
 GRIP = PointContacts.from_placements(

@@ -9,7 +9,7 @@ from stridelab.errors import InvalidInput
 from stridelab.estimation.complementary.cutoff_selection import cutoffs_from_spectra
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.complementary.forward_backward import FilterInputs
-from stridelab.studies.estimator_study import simulate_trial
+from stridelab.reproduction.studies.estimator_study import simulate_trial
 
 RATE_HZ = 200.0
 T = np.arange(4000) / RATE_HZ

@@ -8,7 +8,7 @@ import pytest
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimator
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
-from stridelab.studies.estimator_study import StudyTrial, simulate_trial
+from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
 
 SEEDS = 4
 KALMAN, FASTER, SMOOTHED = KalmanFilter(), KalmanFilter(sigma_jerk_m_s3=20.0), RtsSmoother()

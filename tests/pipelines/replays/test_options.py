@@ -8,9 +8,9 @@ import pytest
 from stridelab.contacts.terrain import Terrain
 from stridelab.errors import InvalidInput
 from stridelab.pipelines.replays.options import disturbances_of, link_names, observer_of, require_pushes
+from stridelab.pipelines.replays.replay_estimation import FilteredCom
 from stridelab.robots.loader import load_robot, robot_names
 from stridelab.schemas.plans import ReplayOptions
-from stridelab.studies.replay_estimation import FilteredCom
 from stridelab.wholebody.replay.mujoco_model import build_simulation
 from support.robots.plans import run, short_walk
 

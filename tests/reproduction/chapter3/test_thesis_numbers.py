@@ -12,7 +12,7 @@ from stridelab.reproduction.chapter4.table_4_1 import COLUMNS
 from stridelab.reproduction.claims import Claim, Reproduction
 from stridelab.reproduction.common.simulated_people import THESIS_SUBJECTS
 from stridelab.reproduction.common.simulated_steps import simulated_steps
-from stridelab.studies.estimator_study import simulate_trial
+from stridelab.reproduction.studies.estimator_study import simulate_trial
 from stridelab.walking.curtate_cycloid import Wheel
 
 R, r = 0.10, 0.015

@@ -9,7 +9,7 @@ from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.reproduction.chapter4 import fig_4_8, fig_4_9, table_4_1
-from stridelab.studies.thesis_experiments import EXPERIMENTS, WALKERS, experiment_problem
+from stridelab.reproduction.studies.thesis_experiments import EXPERIMENTS, WALKERS, experiment_problem
 
 
 @pytest.fixture(scope="module")

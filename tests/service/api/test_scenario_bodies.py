@@ -7,7 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from support.robots.scenario_bodies import one_step, with_contact
 from support.service.web_server import refusal
 

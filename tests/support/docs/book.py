@@ -195,11 +195,11 @@ def each_of(paths: Iterable[Path]) -> Callable[[Callable[[Path], None]], Callabl
 BACKEND = ROOT / "backend" / "stridelab"
 FRONTEND = ROOT / "frontend" / "stridelab_web"
 
-GROUND = {"conventions", "machine", "errors", "resources", "parallel"}
+GROUND = {"conventions", "machine", "errors", "parallel"}
 WINGS = ["dynamics", "recordings", "body", "estimation", "walking", "measures"]
 ROBOT_WING = ["dynamics", "robots", "contacts", "reachability", "centroidal", "wholebody"]
 SCIENCE = GROUND | set(WINGS) | set(ROBOT_WING)
-STUDIES = ["simulation", "studies", "reproduction"]
+STUDIES = ["simulation", "reproduction"]
 NUMERIC = SCIENCE | set(STUDIES)
 """What computes: it knows no web and prints nothing, and a docstring says what each public part of it is."""
 

@@ -34,10 +34,10 @@ from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
+from stridelab.machine.models_folder import models_dir
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.store import load_proxies
-from stridelab.resources import models_dir
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Effector
 

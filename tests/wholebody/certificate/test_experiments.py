@@ -12,8 +12,8 @@ from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
+from stridelab.machine.models_folder import models_dir
 from stridelab.reachability.store import load_proxies
-from stridelab.resources import models_dir
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate.certificate import Certificate
 from stridelab.wholebody.certificate.certify import certify

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from stridelab.cli.doctor import service as parts
 from stridelab.cli.doctor.checks import Check, nearest_existing_folder, print_checks
 from stridelab.errors import InvalidInput, Unavailable
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.service.postgres.paths import REMEDY, wheel_binaries
 from stridelab.service.settings import Settings
 

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 import stridelab
+from stridelab.machine.models_folder import models_dir
 from stridelab.measures.gait_cycle import CURVE_NAMES, CurveName, CycleCurve, MeanCurve, mean_curve
 from stridelab.pipelines.gait_measures import SIDES, GaitMeasuresResult, MeasuredRecording
 from stridelab.pipelines.gait_report.content import (
@@ -30,7 +31,6 @@ from stridelab.pipelines.gait_report.reasons import (
     missing_reason,
     speed_m_s_of,
 )
-from stridelab.resources import models_dir
 from stridelab.schemas.base import Remark
 from stridelab.schemas.measures import (
     FEW_PEOPLE,

@@ -49,7 +49,7 @@ def link_names(robot: str) -> tuple[str, ...]:
 
 def disturbances_of(options: ReplayOptions) -> "Disturbances":
     """Disturbances of a replay; the delay is that of joint control and stabiliser."""
-    from stridelab.studies.replay_estimation import LOW_NOISE
+    from stridelab.pipelines.replays.replay_estimation import LOW_NOISE
     from stridelab.wholebody.replay.disturbances import Disturbances, Push
 
     return Disturbances(
@@ -64,7 +64,7 @@ def disturbances_of(options: ReplayOptions) -> "Disturbances":
 
 def observer_of(options: ReplayOptions, robot: "Robot") -> "StateObserver":
     """State estimator of a replay: none, or the filter of kinematics and forces."""
-    from stridelab.studies.replay_estimation import LOW_NOISE, FilteredCom
+    from stridelab.pipelines.replays.replay_estimation import LOW_NOISE, FilteredCom
     from stridelab.wholebody.replay.sensors import as_sensed
 
     return FilteredCom(robot, LOW_NOISE.position_m) if options.sensors == "estimated" else as_sensed

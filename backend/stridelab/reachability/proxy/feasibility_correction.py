@@ -21,12 +21,12 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from stridelab.conventions import Points, Series
 from stridelab.errors import Fault, NotFound, UnreadableFile
+from stridelab.machine.models_folder import models_dir
 from stridelab.reachability.card import Matrix, Triple
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.kinematics.ik_ground_truth import ContactBatch
 from stridelab.reachability.proxy.effector_proxy import Frame, Proxy
 from stridelab.reachability.standing_conditions import axis_rotations
-from stridelab.resources import models_dir
 from stridelab.robots.card import robot_names
 
 _STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)

@@ -8,8 +8,8 @@ from stridelab.conventions import GRAVITY_M_S2, Points, Progress, Series
 from stridelab.dynamics.wrench import Wrench, central_axis, transport, zmp_linearised, zmp_of_motion, zmp_of_wrench
 from stridelab.reproduction.claims import Measured, Reproduction, error_unless, met_if, reproduces
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
+from stridelab.reproduction.studies.estimator_study import simulate_trial
 from stridelab.simulation.ground_truth import TrueMotion
-from stridelab.studies.estimator_study import simulate_trial
 
 UP: Final = np.array([0.0, 0.0, 1.0])
 ORIGIN: Final = np.zeros(3)

@@ -11,8 +11,8 @@ from stridelab.estimation.complementary.forward_backward import filter_inputs
 from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum, crossing_hz, error_spectrum
 from stridelab.reproduction.claims import Measured, Reproduction, met_if, reproduces
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
+from stridelab.reproduction.studies.estimator_study import simulate_trial
 from stridelab.simulation.robot.walker import RATE_HZ
-from stridelab.studies.estimator_study import simulate_trial
 
 LOW_HZ, HIGH_HZ, TOP_HZ = 0.4, 4.0, 90.0
 SEGMENT_S: Final = 8.0

@@ -13,7 +13,7 @@ from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction,
 from stridelab.reproduction.common.estimator_errors import GAITS, Draw, compute_draws, error_table, rms
 from stridelab.reproduction.common.estimators import GEOMETRY, KALMAN, SMOOTHER, THESIS, study_estimators
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
-from stridelab.studies.estimator_study import StudyTrial, simulate_trial
+from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
 
 DRAWN_ESTIMATORS: Final = (THESIS, KALMAN, SMOOTHER)
 _PARTS: Final = ("geometry", "force", "axis", "total")

@@ -22,8 +22,8 @@ from stridelab.reproduction.claims import Measured, Reproduction, error_unless, 
 from stridelab.reproduction.common.estimator_errors import rms
 from stridelab.reproduction.common.estimators import GEOMETRY, THESIS, study_estimators
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
+from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
 from stridelab.simulation.robot.walker import RATE_HZ
-from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 NOISE: Final = "marker-like"
 SETTLING_MARGIN_S: Final = 1.5

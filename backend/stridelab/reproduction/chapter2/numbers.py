@@ -24,8 +24,8 @@ from stridelab.estimation.observability import (
 from stridelab.reproduction.claims import Claim, Measured, Reproduction, error_unless, met_if, reproduces
 from stridelab.reproduction.common.estimator_errors import GAITS, rms
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
+from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
 from stridelab.simulation.robot.walker import RATE_HZ
-from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 TOLERANCE: Final = 1e-9
 """Tolerance of a rank, in the units of the matrices (position in units of g times one second squared)."""

@@ -19,9 +19,9 @@ from stridelab.reproduction.claims import Claim, Reproduction, reproduces, targe
 from stridelab.reproduction.common.estimator_errors import GAITS, as_columns, errors_of_draw
 from stridelab.reproduction.common.estimators import SMOOTHER, true_noise_priors
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
+from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
 from stridelab.simulation.noise import PRESETS
 from stridelab.simulation.robot.gait_plan import GaitName
-from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 THESIS_NOISE: Final = PRESETS["thesis"]
 BIASED: Final = replace(THESIS_NOISE, plate_bias_n=5.0, plate_bias_nm=3.0)

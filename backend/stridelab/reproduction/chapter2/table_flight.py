@@ -12,7 +12,7 @@ from stridelab.reproduction.claims import Claim, Reproduction, reproduces, targe
 from stridelab.reproduction.common.estimator_errors import as_columns, rms
 from stridelab.reproduction.common.estimators import NAMES, SMOOTHER, study_estimators
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
-from stridelab.studies.estimator_study import simulate_trial
+from stridelab.reproduction.studies.estimator_study import simulate_trial
 
 NOISES: Final = ("marker-like", "thesis")
 MAX_GRAVITY_ERROR_SHARE: Final = 0.02

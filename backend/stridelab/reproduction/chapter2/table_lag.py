@@ -15,8 +15,8 @@ from stridelab.reproduction.claims import Claim, Measured, Reproduction, reprodu
 from stridelab.reproduction.common.estimator_errors import GAITS, Draw, as_columns, compute_draws, per_axis
 from stridelab.reproduction.common.estimators import AUTO, KALMAN, NAMES, SMOOTHER, THESIS
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
+from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
 from stridelab.simulation.robot.gait_plan import GaitName
-from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 LATERAL: Final = 1
 """The lateral axis shows the lag best: the lateral motion is periodic, the forward motion mostly uniform."""

@@ -16,9 +16,9 @@ from stridelab.reproduction.claims import Claim, Reproduction, reproduces, targe
 from stridelab.reproduction.common.estimator_errors import GAITS, as_columns, rms
 from stridelab.reproduction.common.estimators import NAMES, SMOOTHER, study_estimators, true_noise_priors
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
+from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
 from stridelab.simulation.robot.gait_plan import WALKS, GaitName
 from stridelab.simulation.robot.walker import RATE_HZ
-from stridelab.studies.estimator_study import StudyTrial, simulate_trial
 
 NOISES: Final = ("marker-like", "thesis")
 CLAIM_NOISE: Final = "marker-like"

@@ -38,8 +38,8 @@ from stridelab.reproduction.claims import (
     target,
 )
 from stridelab.reproduction.report.svg_density_maps import WIDTH, Row, svg_maps
+from stridelab.reproduction.studies.proxy_accuracy import MASSES, Comparison, Truth, compare_densities, stair_contacts
 from stridelab.robots.loader import load_robot
-from stridelab.studies.proxy_accuracy import MASSES, Comparison, Truth, compare_densities, stair_contacts
 
 ROBOT: Final = "hrp2"
 POSTURES: Final[Mapping[Measure, PostureRange]] = {"uniform": FREE_TRUNK, "conditioned": STANDING_POSTURE}

@@ -20,8 +20,15 @@ from stridelab.reproduction.claims import (
     target,
 )
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
-from stridelab.studies.cone_validation import FINE_RAYS, Timed, check_cones, check_summary, thesis_cone, timed_cone
-from stridelab.studies.random_contact_sets import stair_sets
+from stridelab.reproduction.studies.cone_validation import (
+    FINE_RAYS,
+    Timed,
+    check_cones,
+    check_summary,
+    thesis_cone,
+    timed_cone,
+)
+from stridelab.reproduction.studies.random_contact_sets import stair_sets
 
 ROBOT: Final = "hrp2"
 SETS: Final = 60

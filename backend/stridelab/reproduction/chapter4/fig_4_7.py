@@ -16,8 +16,8 @@ from stridelab.contacts.wrench_cones.wrench_cone import LinearCone, LorentzCone
 from stridelab.conventions import GRAVITY_M_S2, Progress
 from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, met_if, reproduces, target
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
-from stridelab.studies.cone_validation import thesis_cone
-from stridelab.studies.random_contact_sets import com_m, stair_sets
+from stridelab.reproduction.studies.cone_validation import thesis_cone
+from stridelab.reproduction.studies.random_contact_sets import com_m, stair_sets
 
 ROBOT: Final = "hrp2"
 FINE_RAYS: Final = 16

@@ -29,7 +29,7 @@ from stridelab.reproduction.claims import (
     target,
 )
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
-from stridelab.studies.thesis_experiments import EXPERIMENTS, WALKERS, Experiment, experiment_problem
+from stridelab.reproduction.studies.thesis_experiments import EXPERIMENTS, WALKERS, Experiment, experiment_problem
 
 ROBOT: Final = "hrp2"
 EXPERIMENT: Final[Experiment] = 1

@@ -23,7 +23,7 @@ from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.store import load_proxies
 from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, met_if, reproduces, target
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
-from stridelab.studies.thesis_experiments import experiment_problem
+from stridelab.reproduction.studies.thesis_experiments import experiment_problem
 
 ROBOT: Final = "hrp2"
 FOOT: Final = "right_foot"

@@ -26,10 +26,10 @@ from stridelab.reachability.store import load_cloud
 from stridelab.reproduction.chapter4.table_4_1 import COLUMNS
 from stridelab.reproduction.claims import Claim, Measured, Reproduction, error_unless, met_if, reproduces
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
+from stridelab.reproduction.studies.random_contact_sets import random_contacts, stair_sets
+from stridelab.reproduction.studies.thesis_experiments import Experiment, experiment_problem
 from stridelab.robots.loader import load_robot
 from stridelab.robots.visuals import link_meshes
-from stridelab.studies.random_contact_sets import random_contacts, stair_sets
-from stridelab.studies.thesis_experiments import Experiment, experiment_problem
 
 DIMENSION: Final = 5
 """Dimension of the section of a wrench cone."""

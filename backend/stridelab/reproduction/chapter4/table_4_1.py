@@ -22,7 +22,7 @@ from stridelab.centroidal.solver import solve
 from stridelab.conventions import Progress
 from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, met_if, reproduces, target
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
-from stridelab.studies.thesis_experiments import Experiment, experiment_problem
+from stridelab.reproduction.studies.thesis_experiments import Experiment, experiment_problem
 
 ControlName = Literal["u_c", "u_f"]
 TableSolver = Literal["ipopt", "native"]

@@ -15,9 +15,9 @@ from stridelab.estimation.evaluation.error_spectra import error_spectrum
 from stridelab.estimation.evaluation.truth_errors import TruthError, error_m, truth_error
 from stridelab.reproduction.claims import Column
 from stridelab.reproduction.common.estimators import KALMAN, NAMES, THESIS, study_estimators
+from stridelab.reproduction.studies.estimator_study import simulate_trial
 from stridelab.simulation.robot.gait_plan import GaitName
 from stridelab.simulation.robot.walker import RATE_HZ
-from stridelab.studies.estimator_study import simulate_trial
 
 GAITS: Final[tuple[GaitName, ...]] = ("robot", "human")
 NOISY_HZ: Final = 5.0

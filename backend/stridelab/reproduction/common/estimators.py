@@ -16,7 +16,7 @@ from stridelab.estimation.kalman.filter import TUNED_SIGMA_JERK_M_S3, KalmanFilt
 from stridelab.estimation.kalman.jerk_model import InputNoise
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.smoother import Smoother, SmootherPriors
-from stridelab.studies.estimator_study import StudyTrial
+from stridelab.reproduction.studies.estimator_study import StudyTrial
 
 GEOMETRY: Final = "geometry"
 THESIS: Final = "complementary-thesis"

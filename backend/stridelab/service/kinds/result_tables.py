@@ -23,7 +23,7 @@ import pyarrow.csv
 import pyarrow.parquet
 from jaxtyping import Float
 
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.service.kinds.base import ArtifactFile
 
 PARQUET = "application/vnd.apache.parquet"

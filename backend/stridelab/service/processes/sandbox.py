@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from stridelab.errors import Unavailable
-from stridelab.resources import models_dir, robot_folders
+from stridelab.machine.models_folder import models_dir, robot_folders
 from stridelab.service.processes import landlock, seccomp
 from stridelab.service.processes.landlock import DEVICE_ACCESS, READ, READ_EXECUTE, READ_FILE, WRITABLE_FOLDER, Rule
 from stridelab.service.processes.parent_death import change_user, die_with_parent

@@ -13,7 +13,7 @@ from sqlalchemy import func, select
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.service.jobs.store import input_hash
 from stridelab.service.kinds.base import Blobs, Json
 from stridelab.service.kinds.simulate_recording.kind import RECORDING_FILE

@@ -4,7 +4,7 @@
 """
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -18,13 +18,11 @@ from stridelab.wholebody.recovery.recovery import JointCommand, RecoveryRun
 from stridelab.wholebody.replay.disturbances import Disturbances, Push
 from stridelab.wholebody.replay.log import LeftPlan, Replay, ReplayLog
 from stridelab.wholebody.replay.mujoco_model import build_simulation
+from stridelab.wholebody.replay.replay_control import ReplayControl
 from stridelab.wholebody.replay.sensors import JointReadings, SensedState, SimulatedSensors, StateObserver
 from stridelab.wholebody.replay.simulation import Simulation
 from stridelab.wholebody.replay.stabiliser import StabiliserRun
 from stridelab.wholebody.replay.step_adjustment import ConstantClock
-
-if TYPE_CHECKING:
-    from stridelab.wholebody.replay.replay import PhysicsReplay
 
 FALL_COM_ERROR_M: Final = 0.25
 """CoM error beyond which the robot counts as fallen."""
@@ -41,7 +39,7 @@ class ReplayStepper:
 
     def __init__(
         self,
-        physics: "PhysicsReplay",
+        physics: ReplayControl,
         robot: Robot,
         sequence: ContactSequence,
         motion: WholeBodyMotion,

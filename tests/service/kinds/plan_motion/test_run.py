@@ -17,11 +17,11 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.validation.validate import validate_and_build
 from stridelab.conventions import g
 from stridelab.errors import InvalidInput, NotEstimable, NotFound, StridelabError
+from stridelab.machine.models_folder import models_dir
 from stridelab.pipelines import plan_centroidal, plan_problem
 from stridelab.pipelines import plan_motion as pipeline
 from stridelab.reachability.card import ReachabilityCard
 from stridelab.reachability.store import DEFAULT_MEASURE
-from stridelab.resources import models_dir
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.plans import CertificateSummary, CostWeights
 from stridelab.schemas.scenarios import Scenario

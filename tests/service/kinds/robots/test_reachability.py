@@ -11,9 +11,9 @@ from pydantic import ValidationError
 
 from stridelab.conventions import Points
 from stridelab.errors import NotFound, Unavailable
+from stridelab.machine.models_folder import models_dir
 from stridelab.reachability import store
 from stridelab.reachability.card import EffectorCard, ReachabilityCard
-from stridelab.resources import models_dir
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.reachability import EffectorReach, RobotReachability
 from stridelab.service.kinds.robots import reachability as robot_reachability

@@ -13,8 +13,8 @@ import trimesh
 from pydantic import ValidationError
 
 from stridelab.errors import NotFound, Unavailable
+from stridelab.machine.models_folder import models_dir
 from stridelab.reachability.store import load_card
-from stridelab.resources import models_dir
 from stridelab.robots.card import card_bytes
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.robots import RobotFacts

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from stridelab import __version__
-from stridelab.resources import models_dir
+from stridelab.machine.models_folder import models_dir
 from stridelab.robots.card import card_bytes, robot_card
 from stridelab.robots.data_files import DataFiles, data_files
 

@@ -9,10 +9,10 @@ import json
 from pathlib import Path
 from typing import Final
 
+from stridelab.machine.models_folder import add_models_folder
 from stridelab.pipelines.commission_robot import MEASURES, REFERENCES, commission_robot
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.store import load_card, load_cloud
-from stridelab.resources import add_models_folder
 from stridelab.schemas.robots import CommissionRobotTask
 from stridelab.service.filenames import LEARNED_FILE
 from stridelab.service.kinds.base import ArtifactFile, Outcome

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
-from stridelab.resources import add_models_folder
+from stridelab.machine.models_folder import add_models_folder
 from stridelab.robots.card import RobotCard, card_of_fields, invalid_card
 from stridelab.robots.proposal.propose import URDF, card_toml
 from stridelab.schemas.robots import NAME_PATTERN

@@ -11,7 +11,7 @@ from stridelab.contacts.wrench_cones.thesis_lorentz_cone import outer_cone
 from stridelab.contacts.wrench_cones.wrench_cone import N_RAYS, LinearCone, LorentzCone, Wrenches
 from stridelab.contacts.wrench_cones.wrench_feasibility import linear_margin
 from stridelab.errors import NotEstimable
-from stridelab.studies.random_contact_sets import com_m, random_contacts
+from stridelab.reproduction.studies.random_contact_sets import com_m, random_contacts
 
 REFERENCE_SHIFT_M = np.array([3.0, -40.0, 7.0])
 MILLIMETRES = 1000.0

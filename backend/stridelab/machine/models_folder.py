@@ -16,7 +16,7 @@ _added_folders: list[Path] = []
 @cache
 def models_dir() -> Path:
     """Folder ``models/`` (segment tables, marker sets, scenarios)."""
-    package = Path(__file__).resolve().parent
+    package = Path(__file__).resolve().parents[1]
     for candidate in (package / "models", package.parent.parent / "models"):
         if candidate.is_dir():
             return candidate

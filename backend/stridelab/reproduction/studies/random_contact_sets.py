@@ -10,7 +10,7 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.wrench_cones.contact_points import PointContacts
 from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
-from stridelab.studies.proxy_accuracy import stair_contacts
+from stridelab.reproduction.studies.proxy_accuracy import stair_contacts
 
 TILT_RAD: Final = 0.35
 SOLE_M: Final = (0.1, 0.06)
