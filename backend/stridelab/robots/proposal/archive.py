@@ -26,6 +26,24 @@ class UnpackedRobot:
     inside: PurePosixPath
     meshes: Mapping[PurePosixPath, Path]
 
+    def find_mesh(self, filename: str) -> Path | None:
+        """The unpacked mesh whose path ends like ``filename``: the longest match, only if it is unique."""
+        text = filename.replace("\\", "/").partition("://")[2] or filename.replace("\\", "/")
+        parts = [part for part in PurePosixPath(text).parts if part not in ("..", ".", "/")]
+        best: list[Path] = []
+        longest = 0
+        for name, path in self.meshes.items():
+            same = 0
+            for a, b in zip(reversed(parts), reversed(name.parts), strict=False):
+                if a != b:
+                    break
+                same += 1
+            if same > longest:
+                best, longest = [path], same
+            elif same == longest and same:
+                best.append(path)
+        return best[0] if len(best) == 1 else None
+
 
 def unpack_robot(path: Path, filename: str, folder: Path) -> UnpackedRobot:
     """Unpack the upload ``path`` into ``folder``; one that is not a zip is the description itself.
@@ -82,7 +100,7 @@ def _inside_path(member: zipfile.ZipInfo) -> PurePosixPath:
 def _description_of(names: list[PurePosixPath], filename: str) -> PurePosixPath:
     """The only URDF, or else the only XML file that is not a manifest."""
     urdfs = [name for name in names if name.suffix.lower() == ".urdf"]
-    others = [name for name in names if name.name not in ("package.xml", "scene.xml")]
+    others = [name for name in names if name.name != "package.xml" and not name.name.startswith("scene")]
     choice = urdfs or others
     if not choice:
         message = "The zip holds no description of a robot: neither a .urdf nor an .xml file."

@@ -79,8 +79,8 @@ def plain_description(root: ET.Element, filename: str, mesh: Mesh) -> PlainDescr
     (``robot-data-unreadable``) for a document that is no URDF.
     """
     if root.tag != "robot":
-        kind = {"mujoco": "an MJCF file", "sdf": "an SDF file"}.get(root.tag, f"a document <{root.tag[:40]}>")
-        message = f"The description is {kind}; convert it to URDF, whose document is <robot>."
+        kind = "an SDF file" if root.tag == "sdf" else f"a document <{root.tag[:40]}>"
+        message = f"The description is {kind}; convert it to URDF, whose document is <robot>, or to MJCF."
         raise _unreadable("robot-data-unreadable", message, filename)
     links, joints = root.findall("link"), root.findall("joint")
     if faults := [*_name_faults(links, "link"), *_name_faults(joints, "joint")]:

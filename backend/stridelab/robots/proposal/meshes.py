@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Final
 
 import coal
 import fast_simplification
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float32, Int
 from scipy.spatial import ConvexHull, QhullError
 
 from stridelab.conventions import Points
@@ -21,6 +21,10 @@ MAX_TRIANGLES: Final = 1_500_000
 SHOWN_TRIANGLES: Final = 6_000
 """Triangles of one displayed mesh."""
 MAX_EXTENT_M: Final = 10.0
+_TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+"""Record of a binary STL."""
+_STL_HEADER_BYTES: Final = 84
+_POINT: Final = np.dtype((np.void, 12))
 
 
 @dataclass
@@ -45,7 +49,7 @@ class MeshConverter:
         A missing mesh for collision is collected in ``missing``. Raises ``UnreadableFile`` (``robot-mesh-unreadable``)
         for a mesh that is damaged or whose size is not plausible.
         """
-        path = self._find(filename)
+        path = self.upload.find_mesh(filename)
         if path is None:
             (self.missing.append(filename) if is_collision else None)
             self.assumed.setdefault(f"mesh {filename[:120]}", "missing, left out")
@@ -55,28 +59,10 @@ class MeshConverter:
             self._converted[key] = self._convert(path, filename, np.array(scale), is_collision=is_collision)
         return self._converted[key]
 
-    def _find(self, filename: str) -> Path | None:
-        """The unpacked mesh whose path ends like ``filename``: the longest match, only if it is unique."""
-        text = filename.replace("\\", "/").partition("://")[2] or filename.replace("\\", "/")
-        parts = [part for part in PurePosixPath(text).parts if part not in ("..", ".", "/")]
-        best: list[Path] = []
-        longest = 0
-        for name, path in self.upload.meshes.items():
-            same = 0
-            for a, b in zip(reversed(parts), reversed(name.parts), strict=False):
-                if a != b:
-                    break
-                same += 1
-            if same > longest:
-                best, longest = [path], same
-            elif same == longest and same:
-                best.append(path)
-        return best[0] if len(best) == 1 else None
-
     def _convert(self, path: Path, filename: str, scale: np.ndarray, *, is_collision: bool) -> str | None:
         if path not in self._read:
-            if path.suffix == ".stl" and path.stat().st_size > 84 and not is_collision:
-                self._triangles += (path.stat().st_size - 84) // 50
+            if path.suffix == ".stl" and path.stat().st_size > _STL_HEADER_BYTES and not is_collision:
+                self._triangles += (path.stat().st_size - _STL_HEADER_BYTES) // _TRIANGLE.itemsize
                 if self._triangles > MAX_TRIANGLES:
                     self.assumed[f"mesh {filename[:120]}"] = "too many triangles, left out"
                     return None
@@ -103,11 +89,10 @@ class MeshConverter:
 
 def binary_stl(vertices_m: Points, faces: Faces) -> bytes:
     """A triangle mesh as binary STL."""
-    corners = vertices_m[faces].astype("<f4")
-    record = np.zeros(len(faces), np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("zero", "<u2")]))
+    record = np.zeros(len(faces), _TRIANGLE)
+    record["corners"] = corners = vertices_m[faces].astype("<f4")
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    record["normal"] = normals / np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
-    record["corners"] = corners
+    record["normal"] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     return bytes(80) + np.array(len(faces), "<u4").tobytes() + record.tobytes()
 
 
@@ -129,6 +114,9 @@ def _hull(vertices: Points) -> tuple[Points, Faces]:
 
 
 def _load(path: Path, filename: str) -> tuple[Points, Faces]:
+    if (corners := _binary_stl_corners(path)) is not None:
+        _, first, index = np.unique(corners.view(_POINT), return_index=True, return_inverse=True)
+        return corners[first].astype(float), index.reshape(-1, 3)
     try:
         mesh = coal.MeshLoader().load(str(path), np.ones(3))
         vertices = np.array(mesh.vertices())
@@ -138,6 +126,18 @@ def _load(path: Path, filename: str) -> tuple[Points, Faces]:
     if len(faces) == 0 or len(vertices) < 3:
         raise _unreadable(filename, "The mesh has no triangles.")
     return vertices, faces
+
+
+def _binary_stl_corners(path: Path) -> Float32[np.ndarray, "k 3"] | None:
+    """Three corners per triangle of a binary STL; None for a file of another format, or without triangles."""
+    if path.suffix.lower() != ".stl" or path.stat().st_size <= _STL_HEADER_BYTES:
+        return None
+    content = path.read_bytes()
+    count = int.from_bytes(content[80:_STL_HEADER_BYTES], "little")
+    if count == 0 or len(content) != _STL_HEADER_BYTES + count * _TRIANGLE.itemsize:
+        return None
+    triangles = np.frombuffer(content, _TRIANGLE, offset=_STL_HEADER_BYTES)
+    return np.ascontiguousarray(triangles["corners"].reshape(-1, 3)) + np.float32(0.0)  # no negative zeros
 
 
 def _unreadable(filename: str, message: str) -> UnreadableFile:

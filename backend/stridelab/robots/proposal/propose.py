@@ -74,12 +74,17 @@ def rebuild_description(upload: Path, filename: str, name: str, robots_folder: P
     folder.mkdir(parents=True)
     with tempfile.TemporaryDirectory(dir=robots_folder) as scratch:
         unpacked = unpack_robot(upload, filename, Path(scratch))
+        root, changed = read_xml(unpacked.description, str(unpacked.inside)), {}
+        if root.tag == "mujoco":
+            from stridelab.robots.proposal.mjcf import urdf_of_mjcf  # MuJoCo is not needed for a URDF
+
+            root, unpacked, changed = urdf_of_mjcf(root, unpacked, Path(scratch))
         meshes = MeshConverter(unpacked, folder, name)
-        plain = plain_description(read_xml(unpacked.description, str(unpacked.inside)), filename, meshes.convert)
+        plain = plain_description(root, filename, meshes.convert)
     if meshes.missing:
         raise invalid([Fault(path[:120], "the zip has no such mesh") for path in sorted(set(meshes.missing))])
     ET.ElementTree(plain.root).write(folder / URDF, encoding="utf-8", xml_declaration=True)
-    return plain.assumed | meshes.assumed
+    return changed | plain.assumed | meshes.assumed
 
 
 def propose_card(name: str, title: str, robots_folder: Path, assumed: Mapping[str, str]) -> Proposal:
