@@ -59,7 +59,7 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     "an external entity": (lambda: one(EXTERNAL), "robot-data-unreadable"),
     "no XML": (lambda: one("<robot"), "robot-data-unreadable"),
     "binary": (lambda: one("\x00\x01"), "robot-data-unreadable"),
-    "an MJCF": (lambda: one("<mujoco/>"), "robot-data-unreadable"),
+    "an empty MJCF": (lambda: one("<mujoco/>"), "robot-description-invalid"),
     "depth": (lambda: one("<robot>" * 100 + "</robot>" * 100), "robot-description-too-large"),
     "a cycle": (
         lambda: one(f"<robot>{LINKS}{JOINT.format('1', 'a', 'b')}{JOINT.format('2', 'b', 'a')}</robot>"),

@@ -24,7 +24,7 @@ IGNORED: Final = (
     "custom", "deformable", "extension", "keyframe", "option", "sensor", "size", "statistic", "tendon", "visual",
 )  # fmt: skip
 """Sections that neither masses, joints, shapes nor torque limits depend on."""
-_CLOSING: Final = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+_CLOSING: Final = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 _MESSAGE_LENGTH: Final = 300
 
 
@@ -143,7 +143,7 @@ class _Converter:
         model, parent = self._model, int(self._model.body_parentid[body])
         name, kind = f"{_body_name(model, body)}_fixed", "fixed"
         if model.body_jntnum[body]:
-            j = model.body_jntadr[body]
+            j = int(model.body_jntadr[body])
             name = model.joint(j).name or f"{_body_name(model, body)}_joint"
             kind = "revolute" if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE else "prismatic"
         joint = ET.SubElement(urdf, "joint", name=name, type=kind)
@@ -181,7 +181,7 @@ class _Converter:
         model, kinds = self._model, mujoco.mjtGeom
         is_collision = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
         position_m, wxyz = model.geom_pos[geom] - anchor_m, model.geom_quat[geom]
-        kind, size = model.geom_type[geom], [float(value) for value in model.geom_size[geom]]
+        kind, size = kinds(int(model.geom_type[geom])), [float(value) for value in model.geom_size[geom]]
         shapes: list[tuple[str, dict[str, str], Vector3]] = []
         if kind == kinds.mjGEOM_MESH:
             shapes.append(("mesh", {"filename": self._mesh_file(int(model.geom_dataid[geom]))}, np.zeros(3)))

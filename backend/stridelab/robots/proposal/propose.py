@@ -74,7 +74,8 @@ def rebuild_description(upload: Path, filename: str, name: str, robots_folder: P
     folder.mkdir(parents=True)
     with tempfile.TemporaryDirectory(dir=robots_folder) as scratch:
         unpacked = unpack_robot(upload, filename, Path(scratch))
-        root, changed = read_xml(unpacked.description, str(unpacked.inside)), {}
+        changed: dict[str, str] = {}
+        root = read_xml(unpacked.description, str(unpacked.inside))
         if root.tag == "mujoco":
             from stridelab.robots.proposal.mjcf import urdf_of_mjcf  # MuJoCo is not needed for a URDF
 

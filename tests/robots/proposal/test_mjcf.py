@@ -1,0 +1,213 @@
+"""MJCF descriptions: the converted links move as the bodies of MuJoCo's own model, and what cannot be converted."""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path, PurePosixPath
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from stridelab.errors import InvalidInput, StridelabError, UnreadableFile
+from stridelab.robots.proposal.archive import UnpackedRobot
+from stridelab.robots.proposal.description import read_xml
+from stridelab.robots.proposal.mjcf import urdf_of_mjcf
+from stridelab.robots.proposal.propose import propose_card, rebuild_description
+from support.robots.humanoid import HALF_SOLE_M, SOLE_AHEAD_M, SOLE_DROP_M, Humanoid, archive, box_stl
+
+ODD = """
+<mujoco>
+  <compiler angle="degree" meshdir="assets" autolimits="true"/>
+  <default>
+    <joint damping="1" range="-40 50"/>
+    <default class="shin"><geom type="capsule" size="0.04 0.1"/></default>
+  </default>
+  <asset><mesh name="block" file="block.stl" scale="0.5 1 1"/><material name="red" rgba="1 0 0 1"/></asset>
+  <worldbody>
+    <light pos="0 0 3"/>
+    <geom name="floor" type="plane" size="1 1 .1"/>
+    <body name="crate" pos="2 0 0"><freejoint/><geom type="box" size=".1 .1 .1" mass="1"/></body>
+    <body name="base" pos="0 0 1" euler="0 0 30">
+      <freejoint/>
+      <geom type="ellipsoid" size=".1 .2 .1" mass="7"/>
+      <body name="thigh" pos="0.1 -0.2 -0.1" euler="10 20 30">
+        <joint name="hip" axis="1 1 0" pos="0.01 -0.02 0.03" ref="15" actuatorfrcrange="-60 80"/>
+        <geom type="mesh" mesh="block" mass="3" pos="0.02 0 -0.1" axisangle="0 1 0 25" material="red"/>
+        <geom type="sphere" size=".05" contype="0" conaffinity="0" mass="0.5"/>
+        <body name="shin" pos="0 0 -0.4" zaxis="0.1 0 1">
+          <joint name="knee" axis="0 1 0" pos="0 0 0.05" limited="false"/>
+          <geom class="shin" mass="2"/>
+          <body name="foot" pos="0 0 -0.3"><geom type="cylinder" size=".05 .02" mass="1"/></body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <equality><connect body1="foot" body2="base" anchor="0 0 0"/></equality>
+  <actuator><motor joint="knee" gear="5" ctrlrange="-10 12"/></actuator>
+</mujoco>
+"""
+
+
+def upload_of(text: str, folder: Path, meshes: dict[str, bytes]) -> UnpackedRobot:
+    """An unpacked robot with the description ``text``."""
+    (folder / "robot.xml").write_text(text)
+    paths = {}
+    for name, content in meshes.items():
+        paths[PurePosixPath(name)] = folder / name.replace("/", "-")
+        paths[PurePosixPath(name)].write_bytes(content)
+    return UnpackedRobot(folder / "robot.xml", PurePosixPath("robot.xml"), paths)
+
+
+def converted(text: str, folder: Path, meshes: dict[str, bytes]) -> tuple[ET.Element, dict[str, str]]:
+    upload = upload_of(text, folder, meshes)
+    (folder / "made").mkdir()
+    root, _, changed = urdf_of_mjcf(read_xml(upload.description, "robot.xml"), upload, folder / "made")
+    return root, changed
+
+
+def without_shapes(root: ET.Element) -> str:
+    for link in root.iter("link"):
+        for shape in [*link.findall("visual"), *link.findall("collision")]:
+            link.remove(shape)
+    return ET.tostring(root, encoding="unicode")
+
+
+def test_links_and_masses_move_as_the_bodies_of_mujoco(tmp_path: Path) -> None:
+    block = box_stl((0.1, 0.05, 0.2), (0.02, 0.03, 0.0))
+    root, changed = converted(ODD, tmp_path, {"assets/block.stl": block})
+    assert changed == {
+        "body crate": "not a part of the robot, left out",
+        "equality 0": "a closed loop, opened here",
+    }
+    theirs = mujoco.MjModel.from_xml_string(ODD.replace('meshdir="assets"', ""), {"block.stl": block})
+    data = mujoco.MjData(theirs)
+    joints = {joint.get("name"): joint for joint in root.iter("joint")}
+    limits = {name: joint.find("limit") for name, joint in joints.items()}
+    assert limits["foot_fixed"] is None
+    hip, knee = limits["hip"], limits["knee"]
+    assert hip is not None
+    assert knee is not None
+    assert [float(hip.attrib[key]) for key in ("lower", "upper")] == pytest.approx(np.radians([-55.0, 35.0]))
+    assert float(hip.attrib["effort"]) == 80.0
+    assert [float(knee.attrib[key]) for key in ("lower", "upper", "effort")] == [0.0, 0.0, 60.0]
+    colors = [color.get("rgba") for color in root.iter("color")]
+    assert colors
+
+    ours = pin.buildModelFromXML(without_shapes(root), pin.JointModelFreeFlyer())
+    state, rng = ours.createData(), np.random.default_rng(5)
+    base = theirs.body("base").id
+    assert pin.computeTotalMass(ours) == pytest.approx(theirs.body_subtreemass[base], rel=1e-12)
+    for _ in range(5):
+        q = pin.neutral(ours)
+        for name in ("hip", "knee"):
+            angle_rad = rng.uniform(-1.0, 1.0)
+            at = theirs.joint(name).qposadr[0]
+            data.qpos[at] = theirs.qpos0[at] + angle_rad
+            q[ours.joints[ours.getJointId(name)].idx_q] = angle_rad
+        mujoco.mj_kinematics(theirs, data)
+        mujoco.mj_comPos(theirs, data)
+        R, p_m = data.xmat[base].reshape(3, 3), data.xpos[base]
+        com_m = pin.centerOfMass(ours, state, q)
+        np.testing.assert_allclose(com_m, R.T @ (data.subtree_com[base] - p_m), atol=1e-12)
+        pin.framesForwardKinematics(ours, state, q)
+        foot = state.oMf[ours.getFrameId("foot")]
+        theirs_m = R.T @ (data.xpos[theirs.body("foot").id] - p_m)
+        np.testing.assert_allclose(foot.translation, theirs_m, atol=1e-12)
+        np.testing.assert_allclose(foot.rotation, R.T @ data.xmat[theirs.body("foot").id].reshape(3, 3), atol=1e-12)
+        mujoco.mj_crb(theirs, data)
+        full = np.zeros((theirs.nv, theirs.nv))
+        mujoco.mj_fullM(theirs, data, full)
+        at = [theirs.joint(name).dofadr[0] for name in ("hip", "knee")]
+        inertia = pin.crba(ours, state, q)
+        np.testing.assert_allclose(np.triu(inertia)[6:, 6:], np.triu(full[np.ix_(at, at)]), atol=1e-12)
+
+
+def test_the_shapes_are_where_mujoco_has_them(tmp_path: Path) -> None:
+    root, _ = converted(ODD, tmp_path, {"assets/block.stl": box_stl((0.1, 0.05, 0.2), (0.02, 0.03, 0.0))})
+    thigh = next(link for link in root.iter("link") if link.get("name") == "thigh")
+    assert len(thigh.findall("visual")) == 2
+    (collision,) = thigh.findall("collision")
+    mesh, origin = collision.find("geometry/mesh"), collision.find("origin")
+    assert mesh is not None
+    assert origin is not None
+    record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    content = (tmp_path / "made" / mesh.attrib["filename"]).read_bytes()
+    corners = np.frombuffer(content, record, offset=84)["corners"].reshape(-1, 3)
+    R = pin.rpy.rpyToMatrix(np.array([float(value) for value in origin.attrib["rpy"].split()]))
+    placed = corners @ R.T + [float(value) for value in origin.attrib["xyz"].split()]
+    block = np.array([(x, y, z) for x in (-0.08, 0.12) for y in (-0.02, 0.08) for z in (-0.2, 0.2)])
+    block *= (0.5, 1.0, 1.0)
+    a = np.radians(25.0)
+    turn = np.array([[np.cos(a), 0.0, np.sin(a)], [0.0, 1.0, 0.0], [-np.sin(a), 0.0, np.cos(a)]])
+    expected = block @ turn.T + (0.02, 0.0, -0.1) - np.array([0.01, -0.02, 0.03])
+    for corner in expected:
+        assert np.linalg.norm(placed - corner, axis=1).min() < 1e-6
+    shin = next(link for link in root.iter("link") if link.get("name") == "shin")
+    forms = [form.tag for element in shin.findall("collision") for form in element.iterfind("geometry/*")]
+    assert sorted(forms) == ["cylinder", "sphere", "sphere"]
+
+
+def test_one_humanoid_has_one_card_in_both_formats(tmp_path: Path) -> None:
+    urdf = Humanoid().urdf()
+    spec = mujoco.MjSpec.from_string(urdf)
+    spec.body("pelvis").add_freejoint()
+    spec.compile()
+    cards = []
+    for kind, text in (("urdf", urdf), ("xml", spec.to_xml())):
+        folder = tmp_path / kind
+        folder.mkdir()
+        (folder / "upload").write_bytes(archive({f"small/small.{kind}": text, "small/scene_flat.xml": "<mujoco/>"}))
+        assumed = rebuild_description(folder / "upload", "small.zip", "small", folder / "robots")
+        cards.append(propose_card("small", "small", folder / "robots", assumed).card)
+    ours, theirs = cards
+    assert theirs.groups == ours.groups
+    for joint, range_rad in ours.limits.position_rad.items():
+        assert theirs.limits.position_rad[joint] == pytest.approx(range_rad)
+    assert theirs.limits.torque_nm == pytest.approx(ours.limits.torque_nm)
+    assert theirs.reference.joints_rad == pytest.approx(ours.reference.joints_rad, abs=2e-3)
+    for side in ("left", "right"):
+        foot = theirs.effectors[f"{side}_foot"]
+        assert foot.position_m == pytest.approx((SOLE_AHEAD_M, 0.0, -SOLE_DROP_M), abs=1e-4)
+        assert foot.contact_half_size_m == pytest.approx(HALF_SOLE_M, abs=0.003)
+
+
+BODY = "<mujoco><worldbody><body name='b' pos='0 0 1'>{}<geom type='box' size='.1 .1 .1'/></body></worldbody></mujoco>"
+REFUSED = {
+    "a broken model": (
+        "<mujoco><worldbody><body><geom type='cube'/></body></worldbody></mujoco>",
+        "robot-data-unreadable",
+    ),
+    "included files": ("<mujoco><include file='/etc/passwd'/></mujoco>", "robot-data-unreadable"),
+    "a missing mesh": (
+        "<mujoco><asset><mesh file='gone.stl'/></asset></mujoco>",
+        "robot-description-invalid",
+    ),
+    "a mesh outside": (
+        "<mujoco><asset><mesh name='p' file='../../etc/passwd'/></asset></mujoco>",
+        "robot-description-invalid",
+    ),
+    "two joints": (
+        BODY.format("<joint name='j' axis='1 0 0'/><joint axis='0 1 0'/>"),
+        "robot-description-invalid",
+    ),
+    "a ball": (
+        BODY.format("<joint type='ball'/>"),
+        "robot-description-invalid",
+    ),
+    "no body": ("<mujoco><worldbody/></mujoco>", "robot-description-invalid"),
+    "a plugin": (
+        "<mujoco><extension><plugin plugin='evil'/></extension><worldbody/></mujoco>",
+        "robot-description-invalid",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_converted_is_refused_by_name(case: str, tmp_path: Path) -> None:
+    text, code = REFUSED[case]
+    (tmp_path / "upload").write_bytes(archive({"robot.xml": text}))
+    with pytest.raises(StridelabError) as refused:
+        rebuild_description(tmp_path / "upload", "robot.zip", "small", tmp_path / "robots")
+    assert refused.value.code == code
+    assert isinstance(refused.value, InvalidInput | UnreadableFile)
+    assert refused.value.faults
