@@ -81,7 +81,9 @@ def show_learned(result: JobResult, target: Path) -> None:
 @with_groups
 def add_robot(
     *,
-    file: Annotated[Path, typer.Argument(help="A zip of one URDF and its meshes, or a URDF without meshes.")],
+    file: Annotated[
+        Path, typer.Argument(help="A zip of one URDF or MJCF file and its meshes, or such a file without meshes.")
+    ],
     name: Annotated[str, typer.Option("--name", help="Name of the robot: small letters, digits and hyphens.")],
     robots: Annotated[
         Path, typer.Option("--robots", help="Folder of robots of your own.", envvar=ROBOTS_VARIABLE)

@@ -147,13 +147,24 @@ def test_the_shapes_are_where_mujoco_has_them(tmp_path: Path) -> None:
     assert sorted(forms) == ["cylinder", "sphere", "sphere"]
 
 
+@pytest.mark.parametrize(
+    "base", ["<joint type='slide' axis='1 0 0' pos='1 0 0'/><joint type='ball'/>", "<freejoint/>", ""]
+)
+def test_the_joints_of_a_body_on_the_world_are_its_floating_base(base: str, tmp_path: Path) -> None:
+    text = f"<mujoco><worldbody><body name='base'>{base}{BOX}</body></worldbody>"
+    text += "<contact><pair geom1='ground' geom2='sole'/></contact></mujoco>"
+    root, _ = converted(text, tmp_path, {})
+    assert [link.get("name") for link in root.iter("link")] == ["base"]
+    assert not list(root.iter("joint"))
+    assert {origin.attrib["xyz"] for origin in root.iter("origin")} == {"0.0 0.0 0.0"}
+
+
+BOX = "<geom type='box' size='.1 .1 .1'/>"
+
+
 def test_one_humanoid_has_one_card_in_both_formats(tmp_path: Path) -> None:
-    urdf = Humanoid().urdf()
-    spec = mujoco.MjSpec.from_string(urdf)
-    spec.body("pelvis").add_freejoint()
-    spec.compile()
     cards = []
-    for kind, text in (("urdf", urdf), ("xml", spec.to_xml())):
+    for kind, text in (("urdf", Humanoid().urdf()), ("xml", Humanoid().mjcf())):
         folder = tmp_path / kind
         folder.mkdir()
         (folder / "upload").write_bytes(archive({f"small/small.{kind}": text, "small/scene_flat.xml": "<mujoco/>"}))
@@ -171,7 +182,7 @@ def test_one_humanoid_has_one_card_in_both_formats(tmp_path: Path) -> None:
         assert foot.contact_half_size_m == pytest.approx(HALF_SOLE_M, abs=0.003)
 
 
-BODY = "<mujoco><worldbody><body name='b' pos='0 0 1'>{}<geom type='box' size='.1 .1 .1'/></body></worldbody></mujoco>"
+BODY = f"<mujoco><worldbody><body name='a'>{BOX}<body name='b'>{{}}{BOX}</body></body></worldbody></mujoco>"
 REFUSED = {
     "a broken model": (
         "<mujoco><worldbody><body><geom type='cube'/></body></worldbody></mujoco>",

@@ -17,8 +17,12 @@ TURNED = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 def proposal_of(humanoid: Humanoid, folder: Path, files: dict[str, bytes] | None = None) -> Proposal:
+    return proposal_of_text(humanoid.urdf(), folder, files)
+
+
+def proposal_of_text(urdf: str, folder: Path, files: dict[str, bytes] | None = None) -> Proposal:
     upload = folder / "upload"
-    upload.write_bytes(archive({"small/urdf/small.urdf": humanoid.urdf(), **(files or {})}))
+    upload.write_bytes(archive({"small/urdf/small.urdf": urdf, **(files or {})}))
     assumed = rebuild_description(upload, "small.zip", "small", folder / "robots")
     return propose_card("small", "small", folder / "robots", assumed)
 
@@ -130,3 +134,22 @@ def test_what_is_no_humanoid_is_refused_with_the_reason(
         proposal_of(humanoid, tmp_path)
     assert refusal.value.code == code
     assert refusal.value.faults
+
+
+def test_a_joint_with_the_name_of_its_link_is_renamed(tmp_path: Path) -> None:
+    urdf = Humanoid().urdf().replace('joint name="waist"', 'joint name="torso"')
+    (tmp_path / "upload").write_bytes(archive({"small.urdf": urdf}))
+    assumed = rebuild_description(tmp_path / "upload", "small.zip", "small", tmp_path / "robots")
+    assert assumed["joint torso: name"] == "torso_joint, since a link has the same name"
+    proposal = propose_card("small", "small", tmp_path / "robots", assumed)
+    assert proposal.robot.group["torso_joint"] == "torso"
+
+
+def test_a_joint_between_the_root_and_the_legs_is_locked(tmp_path: Path) -> None:
+    # The torso becomes the root: the waist then turns the pelvis with both legs.
+    urdf = Humanoid().urdf()
+    waist = '<parent link="pelvis" /><child link="torso" />'
+    assert waist in urdf
+    proposal = proposal_of_text(urdf.replace(waist, '<parent link="torso" /><child link="pelvis" />'), tmp_path)
+    assert proposal.card.locked_joints == ("waist",)
+    assert set(proposal.card.effectors) == {"left_foot", "right_foot", "left_hand", "right_hand"}

@@ -7,6 +7,7 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import mujoco
 import numpy as np
 
 Triple = tuple[float, float, float]
@@ -64,6 +65,13 @@ class Humanoid:
         if not np.array_equal(self.R_root, np.eye(3)):
             _turn(root, self.R_root)
         return ET.tostring(root, encoding="unicode")
+
+    def mjcf(self) -> str:
+        """The same robot as an MJCF file, as MuJoCo converts and saves it."""
+        spec = mujoco.MjSpec.from_string(self.urdf())
+        spec.body("pelvis").add_freejoint()
+        spec.compile()
+        return str(spec.to_xml())
 
     def _limb(self, root: ET.Element, trunk: str, side: str, rows, mirror: float, foot: str | None, ahead=0.0) -> None:  # type: ignore[no-untyped-def]
         parent = trunk

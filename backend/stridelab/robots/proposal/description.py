@@ -4,6 +4,7 @@ What a rigid-body library would reject with a crash or a bare message is refused
 entities, cycles, several roots, numbers that are not finite, lengths in millimetres.
 """
 
+import itertools
 import math
 import xml.etree.ElementTree as ET
 from collections import Counter
@@ -88,7 +89,7 @@ def plain_description(root: ET.Element, filename: str, mesh: Mesh) -> PlainDescr
     if faults := list(_tree_faults(links, joints)):
         raise invalid(faults)
     reader = _Reader(mesh)
-    assumed: dict[str, str] = {}
+    assumed = _rename_joints(joints, {link.attrib["name"] for link in links})
     plain = ET.Element("robot", name="robot")
     for link in links:
         plain.append(reader.link(link))
@@ -97,6 +98,20 @@ def plain_description(root: ET.Element, filename: str, mesh: Mesh) -> PlainDescr
     if reader.faults:
         raise invalid(reader.faults)
     return PlainDescription(_without_world(plain), assumed)
+
+
+def _rename_joints(joints: Sequence[ET.Element], links: set[str]) -> dict[str, str]:
+    """Rename joints that have the name of a link, since frames are addressed by name; returns what was renamed."""
+    taken = links | {joint.attrib["name"] for joint in joints}
+    renamed = {}
+    for joint in joints:
+        name = joint.attrib["name"]
+        if name in links:
+            new = next(new for k in itertools.count() if (new := f"{name}_joint{k or ''}") not in taken)
+            joint.set("name", new)
+            taken.add(new)
+            renamed[f"joint {name}: name"] = f"{new}, since a link has the same name"
+    return renamed
 
 
 def invalid(faults: Sequence[Fault]) -> InvalidInput:

@@ -105,7 +105,8 @@ def find_limbs(model: pin.Model, q: Float[np.ndarray, "nq"]) -> Limbs:
     if others:
         pair = max(others, key=lambda pair: pair[0].mass_kg * pair[0].length_m)
         shoulders = int(model.parents[pair[0].first])
-        torso = tuple(sorted(set(model.supports[pelvis]) ^ set(model.supports[shoulders])))
+        # Joints between the root and the legs are locked: each leg moves by its own joints alone.
+        torso = tuple(sorted(set(model.supports[shoulders]) - set(model.supports[pelvis])))
         ordered, _ = tree.left_first(pair)
         arms = ordered if is_named else tree.like_legs(ordered, chains)
     R = tree.axes(chains, reach)

@@ -21,7 +21,8 @@ from stridelab.robots.proposal.description import invalid
 from stridelab.robots.proposal.meshes import binary_stl
 
 IGNORED: Final = (
-    "custom", "deformable", "extension", "keyframe", "option", "sensor", "size", "statistic", "tendon", "visual",
+    "contact", "custom", "deformable", "extension", "keyframe", "option",
+    "sensor", "size", "statistic", "tendon", "visual",
 )  # fmt: skip
 """Sections that neither masses, joints, shapes nor torque limits depend on."""
 _CLOSING: Final = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
@@ -100,7 +101,10 @@ def _unreadable(message: str, filename: str) -> UnreadableFile:
 
 
 def _joint_faults(model: mujoco.MjModel) -> Iterator[Fault]:
+    """Joints that a URDF cannot have; those of a body on the world are its floating base."""
     for body in range(1, model.nbody):
+        if model.body_parentid[body] == 0:
+            continue
         where = f"body {_body_name(model, body)}"
         if model.body_jntnum[body] > 1:
             yield Fault(where, f"it has {model.body_jntnum[body]} joints; give each joint a body with a mass")
@@ -121,7 +125,7 @@ class _Converter:
         self._anchor_m = np.zeros((model.nbody, 3))
         """Origin of each link in the frame of its body."""
         for body in range(1, model.nbody):
-            if model.body_jntnum[body]:
+            if model.body_jntnum[body] and model.body_parentid[body] != 0:
                 self._anchor_m[body] = model.jnt_pos[model.body_jntadr[body]]
 
     def add_body(self, urdf: ET.Element, body: int) -> None:

@@ -187,4 +187,5 @@ def child_environment() -> dict[str, str]:
         environment
         | {f"{library}_NUM_THREADS": "1" for library in _THREAD_LIBRARIES}
         | {"ARROW_DEFAULT_MEMORY_POOL": "system"}
+        | {"MUJOCO_GL": "disabled"}  # else MuJoCo starts a process to look for a display, which a sandbox forbids
     )

@@ -68,6 +68,17 @@ def test_an_upload_answers_with_a_proposed_card(http: httpx.Client, small: dict[
     assert "robot-added" in actions(service)
 
 
+def test_an_mjcf_file_gives_the_card_of_its_urdf(http: httpx.Client, small: dict[str, Any]) -> None:
+    answer = send(http, archive({"robot/small.xml": Humanoid().mjcf(), "robot/scene.xml": "<mujoco/>"}), "other")
+    assert answer.status_code == 201, answer.text
+    card = answer.json()["card"]
+    assert card["groups"] == small["card"]["groups"]
+    assert card["effectors"].keys() == small["card"]["effectors"].keys()
+    outside = "<mujoco><asset><mesh name='m' file='/etc/passwd'/></asset></mujoco>"
+    refused = problem_of(send(http, archive({"robot.xml": outside}), "outside"), 422)
+    assert refused["errors"] == [{"where": "/etc/passwd", "message": "the zip has no such mesh"}]
+
+
 def actions(service: Served) -> list[str]:
     async def read() -> list[str]:
         async with service.parts.engine.connect() as connection:

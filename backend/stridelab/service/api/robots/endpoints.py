@@ -57,7 +57,7 @@ _FORM: Final = form_body(
         "file": {
             "type": "string",
             "format": "binary",
-            "description": "a .zip of one URDF and its meshes, or a .urdf or .xml without meshes",
+            "description": "a .zip of one URDF (.urdf) or MJCF (.xml) and its meshes, or such a file without meshes",
         },
         "name": {"type": "string", "pattern": NAME_PATTERN},
     },
