@@ -90,6 +90,11 @@ def test_links_and_masses_move_as_the_bodies_of_mujoco(tmp_path: Path) -> None:
     assert [float(hip.attrib[key]) for key in ("lower", "upper")] == pytest.approx(np.radians([-55.0, 35.0]))
     assert float(hip.attrib["effort"]) == 80.0
     assert [float(knee.attrib[key]) for key in ("lower", "upper", "effort")] == [0.0, 0.0, 60.0]
+    assert {name: joint.find("dynamics") is not None for name, joint in joints.items()} == {
+        "hip": True,
+        "knee": True,
+        "foot_fixed": False,
+    }
     colors = [color.get("rgba") for color in root.iter("color")]
     assert colors
 
@@ -180,6 +185,18 @@ def test_one_humanoid_has_one_card_in_both_formats(tmp_path: Path) -> None:
         foot = theirs.effectors[f"{side}_foot"]
         assert foot.position_m == pytest.approx((SOLE_AHEAD_M, 0.0, -SOLE_DROP_M), abs=1e-4)
         assert foot.contact_half_size_m == pytest.approx(HALF_SOLE_M, abs=0.003)
+
+
+def test_stated_rotor_inertias_are_taken_over(tmp_path: Path) -> None:
+    text = Humanoid().mjcf().replace('<joint name="left_knee"', '<joint armature="0.037" name="left_knee"')
+    assert "0.037" in text
+    (tmp_path / "upload").write_bytes(archive({"small.xml": text}))
+    assumed = rebuild_description(tmp_path / "upload", "small.zip", "small", tmp_path / "robots")
+    proposal = propose_card("small", "small", tmp_path / "robots", assumed)
+    rotors = proposal.card.rotors.armature_kg_m2
+    assert rotors["left_knee"] == 0.037
+    assert rotors["right_knee"] != 0.037
+    assert "left_knee" not in proposal.assumed["rotors.armature_kg_m2"]
 
 
 BODY = f"<mujoco><worldbody><body name='a'>{BOX}<body name='b'>{{}}{BOX}</body></body></worldbody></mujoco>"

@@ -24,6 +24,8 @@ MAX_NAME: Final = 100
 MAX_OFFSET_M: Final = 20.0
 """Longest distance between two joints; larger ones are usually millimetres."""
 MAX_EFFORT_NM: Final = 1e5
+MAX_ROTOR_KG_M2: Final = 10.0
+"""Largest reflected rotor inertia (``armature``, from MJCF) that is taken over."""
 DEFAULT_RANGE_RAD: Final = math.pi
 TURNING: Final = ("revolute", "continuous")
 _SAFE: Final = frozenset(" _-.:+")
@@ -221,6 +223,9 @@ class _Reader:
             self.faults.append(Fault(where, "its axis has the length 0"))
             return plain
         ET.SubElement(plain, "axis", xyz=_text([value / length for value in axis]))
+        (rotor,) = self._numbers(element.find("dynamics"), "armature", 1, where, "armature", (0.0,))
+        if 0.0 < rotor < MAX_ROTOR_KG_M2:
+            ET.SubElement(plain, "dynamics", damping="0", armature=repr(rotor))
         self._limit(plain, element, where, assumed)
         return plain
 

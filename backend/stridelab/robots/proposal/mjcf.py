@@ -162,6 +162,7 @@ class _Converter:
             )
             limits = {"lower": lower, "upper": upper, "effort": self._torque_nm(j), "velocity": 0.0}
             ET.SubElement(joint, "limit", {key: repr(float(value)) for key, value in limits.items()})
+            ET.SubElement(joint, "dynamics", damping="0", armature=repr(float(model.dof_armature[model.jnt_dofadr[j]])))
 
     def _torque_nm(self, j: int) -> float:
         """Largest torque of the joint's actuators; 0 if none states a limit."""

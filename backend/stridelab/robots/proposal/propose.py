@@ -150,8 +150,7 @@ def _card(
     moving = sorted(groups)
     effectors = effector_cards(model, shapes, limbs, soles, q)
     limits = _limits(model, groups, mass_kg, leg_m, assumed)
-    rotor = float(f"{ROTOR_SHARE * mass_kg * leg_m**2:.2g}")
-    assumed["rotors.armature_kg_m2"] = f"{rotor:g} kg m2 for every joint, from mass and length of the legs"
+    rotors = _rotors(root, model, moving, mass_kg, leg_m, assumed)
     assumed["reference.joints_rad"] = "by optimisation: level soles, bent knees, CoM above the soles"
     for key in effectors:
         assumed[f"effectors.{key}"] = "from the collision shapes"
@@ -174,7 +173,7 @@ def _card(
         locked_joints=tuple(re.escape(model.names[joint]) for joint in locked),
         accepted_inertias=accepted,
         limits=limits,
-        rotors=RotorsCard({re.escape(model.names[j]): rotor for j in moving}),
+        rotors=rotors,
     )
 
 
@@ -195,6 +194,28 @@ def _limits(
             torque[key] = float(f"{TORQUE_SHARE[group] * mass_kg * GRAVITY * leg_m:.2g}")
             assumed[f"limits.torque_nm.{name}"] = f"{torque[key]:g} N m"
     return LimitsCard(position, velocity, torque)
+
+
+def _rotors(
+    root: ET.Element,
+    model: pin.Model,
+    moving: Sequence[int],
+    mass_kg: float,
+    leg_m: float,
+    assumed: dict[str, str],
+) -> RotorsCard:
+    """Rotor inertias that the description states, else an estimate for all joints."""
+    stated = {
+        joint.attrib["name"]: float(dynamics.attrib["armature"])
+        for joint in root.findall("joint")
+        if (dynamics := joint.find("dynamics")) is not None
+    }
+    estimate = float(f"{ROTOR_SHARE * mass_kg * leg_m**2:.2g}")
+    names = [str(model.names[joint]) for joint in moving]
+    if absent := [name for name in names if name not in stated]:
+        which = "every joint" if len(absent) == len(names) else ", ".join(absent[:30])
+        assumed["rotors.armature_kg_m2"] = f"{estimate:g} kg m2 for {which}, from mass and length of the legs"
+    return RotorsCard({re.escape(name): stated.get(name, estimate) for name in names})
 
 
 def _large_moments(root: ET.Element) -> list[str]:
