@@ -154,6 +154,9 @@ def examine(trial: Trial, answer: Connection) -> None:
                 "mass_kg": com.summary.mass_kg,
                 "difference_mm": round(float(np.nanmax(np.abs(difference_m)) * 1e3), 1),
                 "verdict": com.summary.quality.verdict if com.summary.quality else None,
+                "checks": {check.name: check.value for check in com.summary.quality.checks if not check.passed}
+                if com.summary.quality
+                else {},
                 "innovations": com.summary.diagnostics.get("normalised_innovations"),
                 "remarks": [remark.code for remark in com.summary.warnings],
             }

@@ -11,6 +11,7 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel
 from stridelab.estimation.quality import Quality, Recorded, assess_quality
 from stridelab.estimation.quality.channel_gain import ChannelGain, channel_gains
+from stridelab.estimation.quality.force_balance import force_balance
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.plate_contacts import wrench_track
@@ -50,7 +51,7 @@ def with_channel(axis: int, factor: float, only: int | None = None) -> Recording
 
 
 def gains(recording: Recording) -> tuple[ChannelGain, ...]:
-    return channel_gains(recording, geometry(), wrench_track(recording, WINDOW), MASS_KG)
+    return channel_gains(force_balance(recording, geometry(), wrench_track(recording, WINDOW), MASS_KG))
 
 
 def quality(recording: Recording) -> Quality:
@@ -67,7 +68,9 @@ def worst(found: tuple[ChannelGain, ...]) -> ChannelGain:
 @pytest.mark.parametrize(("seed", "speed_m_s"), [(1, 1.2), (2, 0.8), (3, 1.6), (4, 1.2)])
 def test_right_channels_have_a_gain_of_one(seed: int, speed_m_s: float) -> None:
     recording = walk(seed, speed_m_s)
-    found = channel_gains(recording, geometry(seed, speed_m_s), wrench_track(recording, WINDOW), MASS_KG)
+    found = channel_gains(
+        force_balance(recording, geometry(seed, speed_m_s), wrench_track(recording, WINDOW), MASS_KG)
+    )
     assert {gain.axis for gain in found} >= {"along the walk", "vertically"}
     assert max(gain.deviation for gain in found) < 0.15
     for gain in found:
@@ -124,7 +127,7 @@ def test_a_recording_played_at_the_wrong_rate_is_contradicted() -> None:
     landmarks = identify(list(fast.markers_m)).landmarks
     geometric = SegmentModel().com(fast, landmarks, subject=fast.subject)
     window = (Window(WINDOW[0].start_s / factor, WINDOW[0].end_s / factor),)
-    found = channel_gains(fast, geometric, wrench_track(fast, window), MASS_KG)
+    found = channel_gains(force_balance(fast, geometric, wrench_track(fast, window), MASS_KG))
     vertical = [gain for gain in found if gain.axis == "vertically"]
     assert max(gain.deviation for gain in vertical) > 0.25
     assert vertical[0].gain == pytest.approx(factor**2, rel=0.15)
@@ -140,4 +143,4 @@ def test_standing_has_no_channel_to_judge() -> None:
             replace(p, force_n=np.tile([0.0, 0.0, weight_n / 2], (len(p.force_n), 1))) for p in good.plates[:2]
         ),
     )
-    assert channel_gains(quiet, still, wrench_track(quiet, WINDOW), MASS_KG) == ()
+    assert channel_gains(force_balance(quiet, still, wrench_track(quiet, WINDOW), MASS_KG)) == ()

@@ -176,6 +176,14 @@ def _force_rows(measures: Measures, mass_kg: float) -> Iterator[_CheckRow]:
         "no force channel varies enough for half a second",
     )
     yield _CheckRow(
+        "channel_exchange",
+        measures.exchange_ratio,
+        "With the fore-aft and the lateral channel exchanged, the force differs from the one that the motion of the "
+        f"markers needs by {1.0 / max(measures.exchange_ratio, 1e-9):.2f} times as much as it does now",
+        "the two horizontal force channels and the markers",
+        "the body does not walk for half a second, or its segments are hidden",
+    )
+    yield _CheckRow(
         "horizontal_bias",
         measures.horizontal_bias_m,
         f"The force puts the centre of mass {MM * measures.horizontal_bias_m:.0f} mm, horizontally, from where the "
@@ -324,6 +332,8 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         "acceleration_difference": Limit(0.08, MIN_CONTRADICTING_SHARE),
         # A channel that reads half or twice the force, or the wrong way round, is 1 or more from a gain of 1.
         "channel_gain": Limit(0.25, 0.5),
+        # At 1 the motion fits equally well to the channels exchanged; above 1.5 a third less is left unexplained.
+        "channel_exchange": Limit(1.1, 1.5),
         "mass_from_motion": Limit(0.04, 0.15),
         "mass_from_standing": Limit(0.04, 0.15),
         # Nothing carries a body in flight; half of its weight is more than any error of marker or plate explains.

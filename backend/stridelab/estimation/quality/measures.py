@@ -40,7 +40,8 @@ from stridelab.dynamics.wrench import contact_force
 from stridelab.estimation.differentiation import low_pass, smoothed_derivatives, walk_frame
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ, assess_flight, force_residual_track_n
-from stridelab.estimation.quality.channel_gain import ChannelGain, channel_gains
+from stridelab.estimation.quality.channel_gain import ChannelGain, channel_gains, exchange_ratio
+from stridelab.estimation.quality.force_balance import force_balance
 from stridelab.estimation.quality.plate_pressure import PlatePressure, plate_pressures
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Recording, SegmentMotion, WrenchTrack
@@ -159,6 +160,7 @@ class Measures:
     model_leg_share: float | None = None
     plates: tuple[PlatePressure, ...] = ()
     gains: tuple[ChannelGain, ...] = ()
+    exchange_ratio: float = NAN
 
 
 def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
@@ -179,6 +181,7 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
     complete = wrench.complete[used]
     offset_m = (estimate.com_m - geometric.com_m[used])[complete]
     apart = acceleration_difference(geometric, wrench, recorded.mass_kg)
+    balance = force_balance(recorded.recording, geometric, wrench, recorded.mass_kg)
     horizontal_m, vertical_m, largest_m = NAN, NAN, NAN
     if np.isfinite(offset_m).all(axis=1).any():
         x, y, z = np.nanmean(offset_m, axis=0)
@@ -202,7 +205,8 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         leg=common.leg,
         model_leg_share=common.model_leg_share,
         plates=plate_pressures(recorded.recording, recorded.landmarks, wrench.complete, wrench.latency_applied_s),
-        gains=channel_gains(recorded.recording, geometric, wrench, recorded.mass_kg),
+        gains=channel_gains(balance),
+        exchange_ratio=exchange_ratio(balance),
     )
 
 
