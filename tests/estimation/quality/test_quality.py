@@ -241,7 +241,7 @@ def test_other_methods_get_the_checks_that_they_allow() -> None:
     wrench = wrench_track(recording, WINDOW)
     estimate = GeometryOnly().estimate(geometric, wrench, MASS_KG)
     quality = assess_quality(Recorded(recording, landmarks, geometric, wrench, MASS_KG, with_force=False), estimate)
-    assert {check.name for check in quality.checks} == {"outside_body", "leg_length_change"}
+    assert {check.name for check in quality.checks} == {"outside_body", "leg_length_change", "body_proportions"}
     assert quality.not_checked["force_residual"] == "no force was used"
     assert quality.verdict == "good"
 
@@ -273,6 +273,21 @@ def test_a_marker_that_jumps_between_joints_is_noticed_without_force() -> None:
     (check,) = [check for check in quality.checks if check.name == "leg_length_change"]
     assert not check.passed
     assert quality.verdict != "good"
+
+
+@pytest.mark.parametrize("by_m", [0.1, -0.1])
+def test_pelvis_markers_too_high_or_too_low_are_noticed(by_m: float) -> None:
+    """The legs keep their lengths over time; the thighs are too long for the trunk, or too short."""
+    good = walk()
+    landmarks = identify(list(good.markers_m)).landmarks
+    pelvis = [landmarks[name] for name in ("l_asis", "r_asis", "l_psis", "r_psis")]
+    up_m = np.array([0.0, 0.0, by_m])
+    moved_m = {label: track + up_m * (label in pelvis) for label, track in good.markers_m.items()}
+    found = judge(replace(good, markers_m=moved_m))
+    assert [check.name for check in found.quality.checks if not check.passed] == ["body_proportions"]
+    assert found.quality.verdict == "doubtful"
+    assert "the markers of the pelvis (too high or too low)" in found.check("body_proportions").message
+    assert judge(good).check("body_proportions").value < 0.1
 
 
 def test_without_a_single_check_nothing_is_good() -> None:

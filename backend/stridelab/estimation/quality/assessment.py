@@ -92,7 +92,7 @@ def worst_verdict(verdicts: Iterable[Verdict]) -> Verdict:
 
 MM: Final = 1e3
 WITHOUT_FORCE: Final = "no force was used"
-MARKER_CHECKS: Final = ("outside_body", "leg_length_change", "model_leg_mass")
+MARKER_CHECKS: Final = ("outside_body", "leg_length_change", "body_proportions", "model_leg_mass")
 """Checks that need no force."""
 
 
@@ -267,6 +267,15 @@ def _body_rows(measures: Measures, *, with_force: bool) -> Iterator[_CheckRow]:
         "the markers of that leg",
         "no thigh or shank has both its joints",
     )
+    ratio = measures.thigh_over_trunk
+    yield _CheckRow(
+        "body_proportions",
+        abs(math.log(ratio / THIGH_OVER_TRUNK)),
+        f"The thighs are {ratio:.2f} times as long as the trunk from the hips to the neck, and in people about "
+        f"{THIGH_OVER_TRUNK} times",
+        "the markers of the pelvis (too high or too low) and those of the knees and the neck",
+        "the neck or the legs are not marked",
+    )
     share = measures.model_leg_share
     if share is None:
         return
@@ -303,6 +312,8 @@ def _worst_plate(measures: Measures, name: str) -> PlatePressure:
 
 LEG_MASS_SHARE: Final = 0.39
 """Share of both legs in the mass of a body; 0.28 to 0.50 in 87 public body models of whole bodies."""
+THIGH_OVER_TRUNK: Final = 0.73
+"""Thigh over the trunk from hips to neck; median of 110 recordings of 40 people (docs/theory/quality.md)."""
 CIRCLE_95: Final = math.sqrt(-2.0 * math.log(0.05))
 """Radius, in standard deviations per axis, of the circle that contains 95 % of a normal error in the plane."""
 BAND_95: Final = 1.96
@@ -349,6 +360,9 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         "pressure_from_feet": Limit(0.06, 0.15, "m"),
         "pressure_off_plate": Limit(0.1, 0.5),
         "leg_length_change": Limit(0.15, 0.5),
+        # Logarithm of the ratio; a pelvis that is 10 cm too high changes it by 0.43. Above 0.9 the largest ratio of a
+        # person and a pelvis that moves the centre of mass by 50 mm (0.57) do not suffice together.
+        "body_proportions": Limit(0.3, 0.9),
         # Legs of 54 % of the mass: more than a quarter of a body, 0.4 m higher, is missing, and the centre of mass is
         # 0.1 m too low.
         "model_leg_mass": Limit(0.12, 0.15),

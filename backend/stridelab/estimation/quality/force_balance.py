@@ -129,9 +129,7 @@ def force_balance(
     )
 
 
-def _moment_side(
-    com_m: Positions, force_n: Forces, moment_nm: Forces, heights_m: Heights
-) -> tuple[Levers, Positions]:
+def _moment_side(com_m: Positions, force_n: Forces, moment_nm: Forces, heights_m: Heights) -> tuple[Levers, Positions]:
     """Lever of the total horizontal force, and that force if the body did not turn (L' = 0); 0 upwards.
 
     The moment about a point of the surface at the height h is free of the horizontal force that acts there.

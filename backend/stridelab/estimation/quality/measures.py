@@ -158,6 +158,7 @@ class Measures:
     leg_length_change: float = NAN
     leg: str = ""
     model_leg_share: float | None = None
+    thigh_over_trunk: float = NAN
     plates: tuple[PlatePressure, ...] = ()
     gains: tuple[ChannelGain, ...] = ()
     exchange_ratio: float = NAN
@@ -175,6 +176,7 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         leg_length_change=NAN if leg is None else leg[1],
         leg="" if leg is None else leg[0],
         model_leg_share=leg_mass_share(recorded.recording.segments),
+        thigh_over_trunk=thigh_over_trunk(geometric, used),
     )
     if not recorded.with_force:
         return common
@@ -204,6 +206,7 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         leg_length_change=common.leg_length_change,
         leg=common.leg,
         model_leg_share=common.model_leg_share,
+        thigh_over_trunk=common.thigh_over_trunk,
         plates=plate_pressures(recorded.recording, recorded.landmarks, wrench.complete, wrench.latency_applied_s),
         gains=channel_gains(balance),
         exchange_ratio=exchange_ratio(balance),
@@ -325,6 +328,25 @@ def length_change(joint_centres_m: Mapping[str, Points]) -> tuple[str, float] | 
     return name, change
 
 
+def thigh_over_trunk(geometric: GeometricCom, used: slice) -> float:
+    """Length of the thighs over the distance of the hips' middle from the cervical joint, medians over ``used``.
+
+    NaN where the neck is not marked: it is then placed by proportions.
+    """
+    joints = geometric.joint_centres_m
+    if any(remark.code == _NO_TRUNK for remark in geometric.remarks) or not joints.keys() >= _TRUNK:
+        return NAN
+    hips_m = (joints["l_hip"] + joints["r_hip"])[used] / 2.0
+    trunk_m = np.linalg.norm(hips_m - joints["cervical"][used], axis=1)
+    thighs_m = np.linalg.norm([joints[f"{s}_hip"][used] - joints[f"{s}_knee"][used] for s in "lr"], axis=2)
+    seen = np.isfinite(trunk_m) & np.isfinite(thighs_m).all(axis=0)
+    if np.count_nonzero(seen) < _MIN_FRAMES:
+        return NAN
+    return float(np.median(thighs_m[:, seen]) / max(float(np.median(trunk_m[seen])), 1e-3))
+
+
+_TRUNK: Final = frozenset({"l_hip", "r_hip", "l_knee", "r_knee", "cervical"})
+_NO_TRUNK: Final = "trunk-missing"
 _LEG: Final = re.compile(r"femur|thigh|tibia|shank|shin|fibula|patella|talus|calc|foot|toe|metatars|leg", re.IGNORECASE)
 _ABOVE: Final = re.compile(
     r"torso|trunk|thorax|spine|lumbar|rib|head|clavic|scapula|humer|arm|ulna|radius|hand", re.IGNORECASE

@@ -31,9 +31,9 @@ _COORDINATE: Final = re.compile(r"X\d+", re.IGNORECASE)
 def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, str, tuple[Remark, ...]]:
     """Labels, times in seconds, points (file's unit), rate in Hz, unit of length and remarks of a TRC file.
 
-    The rate is the header's unless it states none or the times contradict it. A count of markers in the header that contradicts their
-    names is ignored, with a remark, if the columns of the frames agree with the names. Raises ``UnreadableFile``
-    (``trc-broken``, ``no-frames``).
+    The rate is the header's unless it states none or the times contradict it. A count of markers in the header that
+    contradicts their names is ignored, with a remark, if the columns of the frames agree with the names. Raises
+    ``UnreadableFile`` (``trc-broken``, ``no-frames``).
     """
     lines = trc_lines(text)
     try:
