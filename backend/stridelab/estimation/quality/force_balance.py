@@ -96,11 +96,10 @@ def force_balance(
     read_at_s = wrench.time_s[i:j] + wrench.latency_applied_s
 
     def at_frames(tracks: list[Points]) -> Forces:
-        return np.array([_at(read_at_s, track, recording.force_rate_hz) for track in tracks]) @ frame.T
+        return np.asarray(np.array([_at(read_at_s, track, recording.force_rate_hz) for track in tracks]) @ frame.T)
 
     def banded(track: Points) -> Positions:
-        smooth: Positions = low_pass(track, rate_hz, MOMENTUM_BAND_HZ)[inner]
-        return smooth
+        return np.asarray(low_pass(track, rate_hz, MOMENTUM_BAND_HZ)[inner])
 
     force_n = at_frames([plate.force_n for plate in plates])
     levers_m, moment_n = _moment_side(
