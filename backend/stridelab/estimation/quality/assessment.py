@@ -187,7 +187,7 @@ def _force_rows(measures: Measures, mass_kg: float) -> Iterator[_CheckRow]:
         "horizontal_bias",
         measures.horizontal_bias_m,
         f"The force puts the centre of mass {MM * measures.horizontal_bias_m:.0f} mm, horizontally, from where the "
-        "markers put it",
+        f"markers put it{_lean_part(measures)}",
         "the plates' centre of pressure (their moments or their place) and the markers",
         "no frame has both force and geometry",
     )
@@ -289,6 +289,19 @@ def _body_rows(measures: Measures, *, with_force: bool) -> Iterator[_CheckRow]:
         f"the model may lack {lacks}",
         "the bodies of the model and those of a person",
         "no body of the model has a known name",
+    )
+
+
+def _lean_part(measures: Measures) -> str:
+    """The part of the sentence on the horizontal bias that names a constant force; empty if it explains less than half.
+
+    A hand on a support and a wrong zero of a plate are the same for the plates.
+    """
+    if not measures.lean_bias_m > 0.5 * measures.horizontal_bias_m:
+        return ""
+    return (
+        f", of which {MM * measures.lean_bias_m:.0f} mm follow from a constant horizontal force that the motion does "
+        "not need (a hand on a support, or the zero of a plate)"
     )
 
 

@@ -59,13 +59,14 @@ class AccelerationDifference:
     """Standard deviations on the named axis, over the weight: of the difference, and of the measured force itself.
 
     ``tilt`` is the mean of the horizontal difference over the weight: the sine of the angle between the vertical of
-    the file and gravity. NaN where less than ``MIN_TILT_S`` is compared.
+    the file and gravity; ``lean`` is this mean along x and y. NaN where less than ``MIN_TILT_S`` is compared.
     """
 
     axis: str
     share: float
     force_share: float
     tilt: float = math.nan
+    lean: tuple[float, float] = (math.nan, math.nan)
 
 
 MIN_TILT_S: Final = 0.8
@@ -97,13 +98,15 @@ def acceleration_difference(
     frame, weight_n = walk_frame(velocity - geometric.ground_m_s), mass_kg * GRAVITY_M_S2
     apart = (contact_force(acceleration, mass_kg) - force_n)[edge:-edge] @ frame.T
     share, force_share = apart.std(axis=0) / weight_n, (force_n[edge:-edge] @ frame.T).std(axis=0) / weight_n
-    tilt = math.nan
+    tilt, lean = math.nan, (math.nan, math.nan)
     if len(apart) >= MIN_TILT_S * rate_hz:
         tilt = float(np.linalg.norm(apart[:, :2].mean(axis=0))) / weight_n
+        x, y, _ = apart.mean(axis=0) @ frame / weight_n
+        lean = (float(x), float(y))
     # the large vertical forces of a run allow more than a walk's, and must not hide an axis that contradicts
     contradicts = share > np.maximum(EXPLAINED_SHARE * force_share, MIN_CONTRADICTING_SHARE)
     worst = int(np.argmax(np.where(contradicts, 1.0, 0.0) * share.max() + share))
-    return AccelerationDifference(AXES[worst], float(share[worst]), float(force_share[worst]), tilt)
+    return AccelerationDifference(AXES[worst], float(share[worst]), float(force_share[worst]), tilt, lean)
 
 
 NAN = math.nan
@@ -137,6 +140,8 @@ class Recorded:
 class Measures:
     """One value per check; NaN if it cannot be computed.
 
+    ``lean_bias_m`` is the part of the horizontal bias that the mean horizontal force explains: without it, the force
+    would act through a centre of mass that is so much nearer to the markers'.
     ``axis`` is that of ``acceleration_difference`` and ``force_share`` the variation of the force on it,
     ``leg`` the segment of ``leg_length_change``. ``model_leg_share`` is the share of the legs in a body model's mass,
     None without a model.
@@ -149,6 +154,7 @@ class Measures:
     axis: str = ""
     force_share: float = 0.0
     horizontal_bias_m: float = NAN
+    lean_bias_m: float = NAN
     vertical_bias_m: float = NAN
     largest_difference_m: float = NAN
     outside_body_m: float = NAN
@@ -184,11 +190,14 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
     offset_m = (estimate.com_m - geometric.com_m[used])[complete]
     apart = acceleration_difference(geometric, wrench, recorded.mass_kg)
     balance = force_balance(recorded.recording, geometric, wrench, recorded.mass_kg)
-    horizontal_m, vertical_m, largest_m = NAN, NAN, NAN
+    horizontal_m, vertical_m, largest_m, lean_m = NAN, NAN, NAN, NAN
     if np.isfinite(offset_m).all(axis=1).any():
         x, y, z = np.nanmean(offset_m, axis=0)
         horizontal_m, vertical_m = float(np.hypot(x, y)), float(abs(z))
         largest_m = float(np.nanmax(np.linalg.norm(offset_m, axis=1)))
+        if apart is not None and horizontal_m > 0.0:
+            height_m = float(np.nanmean(geometric.com_m[used][complete, 2]))
+            lean_m = height_m * (apart.lean[0] * x + apart.lean[1] * y) / horizontal_m
     return Measures(
         force_tilt=NAN if apart is None else apart.tilt,
         normalised_innovations=estimate.diagnostics.get("normalised_innovations", NAN),
@@ -197,6 +206,7 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         axis="" if apart is None else apart.axis,
         force_share=0.0 if apart is None else apart.force_share,
         horizontal_bias_m=horizontal_m,
+        lean_bias_m=lean_m,
         vertical_bias_m=vertical_m,
         largest_difference_m=largest_m,
         outside_body_m=common.outside_body_m,
