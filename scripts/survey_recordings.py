@@ -82,6 +82,7 @@ Causes of contradicted results that were looked into, none of which is in the pr
 - `IK_gait.mot` of MuscleRedundancySolver: its model weighs 17 % more than the person on the plates.
 - `Leg39_swing_IK_results.sto`: a model of one leg.
 - `Res16bits.c3d`: the centre of pressure of one of six plates lies 0.2 m from the feet.
+- `temp_trc_file_rotated.trc`: hips and neck are 2.2 m apart (`body_proportions`).
 - `QCMAS.dynamic.c3d` and others without markers on the trunk: the trunk leans more than the upright one
   that is assumed (50 mm are 15 degrees).
 
@@ -216,6 +217,9 @@ def page(rows: Sequence[dict[str, Any]], entries: Sequence[strangers_list.Entry]
         lines.append(f"| `{code}` | {len(some)} | {len({row['source'] for row in some})} | {message} |")
     took_s = [row["took_s"] for row in rows]
     times = f"median {statistics.median(took_s):.1f} s, longest {max(took_s):.1f} s"
+    absent = len({entry.key for entry in entries} - {(row["source"], row["path"]) for row in rows})
+    if absent:
+        lines += ["", f"Of {len(entries)} listed recordings, {absent} could not be fetched for this survey."]
     lines += ["", f"Time per recording, beside other work of the machine: {times}."]
     lines.append(f"Largest process: {max(row.get('peak_mib', 0) for row in rows)} MiB.")
     lines += ["", *first_sight([entry for entry in entries if entry.first])]
