@@ -275,38 +275,6 @@ def test_a_marker_that_jumps_between_joints_is_noticed_without_force() -> None:
     assert quality.verdict != "good"
 
 
-@pytest.mark.parametrize("by_m", [0.1, -0.1])
-def test_pelvis_markers_too_high_or_too_low_are_noticed(by_m: float) -> None:
-    """The legs keep their lengths over time; the thighs are too long for the trunk, or too short."""
-    good = walk()
-    landmarks = identify(list(good.markers_m)).landmarks
-    pelvis = [landmarks[name] for name in ("l_asis", "r_asis", "l_psis", "r_psis")]
-    up_m = np.array([0.0, 0.0, by_m])
-    moved_m = {label: track + up_m * (label in pelvis) for label, track in good.markers_m.items()}
-    found = judge(replace(good, markers_m=moved_m))
-    assert [check.name for check in found.quality.checks if not check.passed] == ["body_proportions"]
-    assert found.quality.verdict == "doubtful"
-    assert "the markers of the pelvis (too high or too low)" in found.check("body_proportions").message
-    assert judge(good).check("body_proportions").value < 0.1
-
-
-@pytest.mark.parametrize("push_n", [30.0, -30.0, 0.0])
-def test_a_constant_push_is_named_as_the_cause_of_a_bias(push_n: float) -> None:
-    """A hand on a rail pushes with 30 N, and the feet against it; the force then passes beside the body by 4 cm."""
-    good = walk()
-    landmarks = identify(list(good.markers_m)).landmarks
-    geometric = SegmentModel().com(good, landmarks, subject=good.subject)
-    wrench = wrench_track(good, WINDOW)
-    pushed_n = np.array([0.0, push_n, 0.0])
-    height_m = float(np.nanmean(geometric.com_m[:, 2]))
-    changed = replace(wrench, force_n=wrench.force_n - pushed_n)
-    estimate = GeometryOnly().estimate(geometric, changed, MASS_KG)
-    moved_m = estimate.com_m + np.array([0.0, push_n / (MASS_KG * GRAVITY_M_S2) * height_m, 0.0])
-    quality = assess_quality(Recorded(good, landmarks, geometric, changed, MASS_KG), replace(estimate, com_m=moved_m))
-    (check,) = [check for check in quality.checks if check.name == "horizontal_bias"]
-    assert ("a hand on a support" in check.message) == (push_n != 0.0)
-
-
 def test_without_a_single_check_nothing_is_good() -> None:
     quality = evaluate_checks(Measures(), MASS_KG, (0.01, 0.01, 0.02))
     assert quality.checks == ()
