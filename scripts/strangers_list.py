@@ -7,6 +7,7 @@ recordings themselves are not part of the project.
 
 import csv
 import dataclasses
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
@@ -18,7 +19,7 @@ ESTIMATES: Final = ("fused", "geometry")
 PROMISOR: Final = ["config", "remote.origin.promisor", "true"]
 """Git then fetches a file when it is shown."""
 HOST: Final = "https://github.com"
-RUNNING: Final = ("run", "sprint", "jog")
+RUNNING: Final = re.compile(r"(?<![a-z])(run|sprint|jog)", re.IGNORECASE)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +64,7 @@ class Entry:
     def is_running(self) -> bool:
         """Whether its name calls it a run or a sprint, and not the static trial of one."""
         path = self.path.lower()
-        return any(word in path for word in RUNNING) and "static" not in path and "calib" not in path
+        return RUNNING.search(path) is not None and "static" not in path and "calib" not in path
 
 
 def read_list(path: Path = LIST) -> list[Entry]:

@@ -61,6 +61,10 @@ recordings of SamuelHybois/ibhgc_OpenSim, which mark no leg, every tenth is list
 was. *Fused*: markers and force plates together. *Geometry only*: no plate has usable force. *Contradicted*: the result
 has the error remark `contradicted` and does not count as an estimate.
 
+`trial*_out.c3d` of CGA_Rehazenter_Toolbox state 33 kg and 0.95 m for legs of a person of 1.9 m, and the plates carry
+95 kg: the subject's data of such a file are not used (`subject-of-another-body`). The runs of
+BMC-RIC-running-biomechanics that are refused with `pelvis-markers-missing` mark the pelvis by clusters alone.
+
 Refused C3D files: ezc3d reads none of those with `c3d-parameters-broken`. Optotrak.c3d (`truncated-file`) states 1149
 frames in its header and holds 29. The files with `all-missing` hold zeros or a residual of -1 at every point;
 those with `no-markers` hold analog channels, angles, rotations or unnamed points.
@@ -73,11 +77,13 @@ Causes of contradicted results that were looked into, none of which is in the pr
   in front of them, which nobody can; in another standing trial of the laboratory they are 2 cm apart. The plates, never
   unloaded, have another zero or another place there.
 - `S1_FlywheelSquat.c3d`: the rope of a flywheel pulls as much as the person weighs.
-- `trial*_out.c3d` of CGA_Rehazenter_Toolbox state 33 kg and 0.95 m; the plates carry 95 kg, which are used.
+- `right_hip.c3d` of biobuddy: a person stands on one plate that is never unloaded and measures 26 N sideways for four
+  seconds, which nobody needs who stands: a hand on a support, or the zero of the plate.
 - `IK_gait.mot` of MuscleRedundancySolver: its model weighs 17 % more than the person on the plates.
 - `Leg39_swing_IK_results.sto`: a model of one leg.
 - `Res16bits.c3d`: the centre of pressure of one of six plates lies 0.2 m from the feet.
-- `QCMAS.dynamic.c3d`, `VER4C3D.c3d` and others without markers on the trunk: the trunk leans more than the upright one
+- `temp_trc_file_rotated.trc`: hips and neck are 2.2 m apart (`body_proportions`).
+- `QCMAS.dynamic.c3d` and others without markers on the trunk: the trunk leans more than the upright one
   that is assumed (50 mm are 15 degrees).
 
 The readers' own test suites (ezc3d, py-c3d, BTK, c3dio, pyomeca, kineticstoolkit; 161 different contents) give 138
@@ -90,8 +96,10 @@ FIRST_SIGHT: Final = """\
 
 Outcomes with the program as it was when these recordings were first met, before anything was changed for them. None was
 a crash, and every result more than 50 mm from the geometry had the error remark. mkjung99, freemocap, chrisdembia and
-LecolLeng have trials or marker sets of sources that were tuned before; CGA_Rehazenter_Toolbox, which is held out, is
-of a laboratory with a source that was. It, ammr, biobuddy, MoCapTools and predictsim_mtp were met last.
+LecolLeng have trials or marker sets of sources that were tuned before; CGA_Rehazenter_Toolbox is of a
+laboratory with a source that was. BatchOpenSim, CusToM, opencap-overlay, opensim-task-space, Pose2Sim_Blender,
+HernandezVincent/OpenSim and opensim-creator were met last; marker sets were then made for the first two, and a header
+without a rate is read.
 """
 
 
@@ -154,6 +162,9 @@ def examine(trial: Trial, answer: Connection) -> None:
                 "mass_kg": com.summary.mass_kg,
                 "difference_mm": round(float(np.nanmax(np.abs(difference_m)) * 1e3), 1),
                 "verdict": com.summary.quality.verdict if com.summary.quality else None,
+                "checks": {check.name: check.value for check in com.summary.quality.checks if not check.passed}
+                if com.summary.quality
+                else {},
                 "innovations": com.summary.diagnostics.get("normalised_innovations"),
                 "remarks": [remark.code for remark in com.summary.warnings],
             }
@@ -206,6 +217,9 @@ def page(rows: Sequence[dict[str, Any]], entries: Sequence[strangers_list.Entry]
         lines.append(f"| `{code}` | {len(some)} | {len({row['source'] for row in some})} | {message} |")
     took_s = [row["took_s"] for row in rows]
     times = f"median {statistics.median(took_s):.1f} s, longest {max(took_s):.1f} s"
+    absent = len({entry.key for entry in entries} - {(row["source"], row["path"]) for row in rows})
+    if absent:
+        lines += ["", f"Of {len(entries)} listed recordings, {absent} could not be fetched for this survey."]
     lines += ["", f"Time per recording, beside other work of the machine: {times}."]
     lines.append(f"Largest process: {max(row.get('peak_mib', 0) for row in rows)} MiB.")
     lines += ["", *first_sight([entry for entry in entries if entry.first])]

@@ -31,5 +31,9 @@ def test_a_good_result_ends_with_0_and_the_geometry_alone_says_what_was_not_chec
     assert ran.code == 0, ran.err
     quality = json.loads((tmp_path / "out" / "result.json").read_text())["summary"]["quality"]
     assert quality["verdict"] == "good"
-    assert {one["name"] for one in quality["checks"]} == {"outside_body", "leg_length_change"}
+    assert {one["name"] for one in quality["checks"]} == {
+        "outside_body",
+        "leg_length_change",
+        "body_proportions",
+    }
     assert quality["not_checked"]["force_residual"] == "no force was used"

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from stridelab.body.segment_model import SegmentModel
+from stridelab.body.stature import without_foreign_subject
 from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.estimation.latency import estimate_latency
@@ -81,6 +82,7 @@ def examine_trial(
     recording = with_session_zeros(read_source(source, folder), {} if session is None else session.plate_zeros)
     match = identify_source(source, recording, map_of_present_labels(source.marker_map, recording))
     match = named_by_static(match, recording, static)
+    recording = without_foreign_subject(recording, match.landmarks)
     motion = vertical_motion(recording, match.landmarks, _markers_com_m(recording, match))
     stated_kg = source.subject.mass_kg or recording.subject.mass_kg
     search = find_windows(recording, match.landmarks, motion, stated_kg=stated_kg)

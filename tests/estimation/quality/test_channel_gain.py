@@ -10,7 +10,8 @@ import pytest
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel
 from stridelab.estimation.quality import Quality, Recorded, assess_quality
-from stridelab.estimation.quality.channel_gain import ChannelGain, channel_gains
+from stridelab.estimation.quality.channel_gain import ChannelGain, channel_gains, exchange_ratio
+from stridelab.estimation.quality.force_balance import force_balance
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.plate_contacts import wrench_track
@@ -39,18 +40,23 @@ def geometry(seed: int = 1, speed_m_s: float = 1.2) -> GeometricCom:
 
 def with_channel(axis: int, factor: float, only: int | None = None) -> Recording:
     """The walk, along x, with one channel of all plates, or of one, times ``factor``."""
+    factors = np.eye(3)
+    factors[axis, axis] = factor
+    return with_channels(factors, only)
+
+
+def with_channels(mixed: np.ndarray, only: int | None = None) -> Recording:
+    """The walk with the forces of all plates, or of one, times a matrix."""
 
     def changed(plate: Plate) -> Plate:
-        factors = np.ones(3)
-        factors[axis] = factor
-        return replace(plate, force_n=plate.force_n * factors)
+        return replace(plate, force_n=plate.force_n @ mixed)
 
     good = walk()
     return replace(good, plates=tuple(changed(p) if only in (None, p.index) else p for p in good.plates))
 
 
 def gains(recording: Recording) -> tuple[ChannelGain, ...]:
-    return channel_gains(recording, geometry(), wrench_track(recording, WINDOW), MASS_KG)
+    return channel_gains(force_balance(recording, geometry(), wrench_track(recording, WINDOW), MASS_KG))
 
 
 def quality(recording: Recording) -> Quality:
@@ -67,7 +73,7 @@ def worst(found: tuple[ChannelGain, ...]) -> ChannelGain:
 @pytest.mark.parametrize(("seed", "speed_m_s"), [(1, 1.2), (2, 0.8), (3, 1.6), (4, 1.2)])
 def test_right_channels_have_a_gain_of_one(seed: int, speed_m_s: float) -> None:
     recording = walk(seed, speed_m_s)
-    found = channel_gains(recording, geometry(seed, speed_m_s), wrench_track(recording, WINDOW), MASS_KG)
+    found = channel_gains(force_balance(recording, geometry(seed, speed_m_s), wrench_track(recording, WINDOW), MASS_KG))
     assert {gain.axis for gain in found} >= {"along the walk", "vertically"}
     assert max(gain.deviation for gain in found) < 0.15
     for gain in found:
@@ -98,6 +104,73 @@ def test_a_lateral_channel_of_the_wrong_sign_is_contradicted() -> None:
     assert gain.deviation > 0.5
 
 
+@pytest.mark.parametrize(("factor", "verdict"), [(0.5, "contradicted"), (2.0, "contradicted"), (1.0, "good")])
+def test_a_lateral_channel_that_is_scaled_is_contradicted(factor: float, verdict: str) -> None:
+    """Newton's law alone cannot tell: soft tissue shakes the markers as much as the walk sways."""
+    found = quality(with_channel(1, factor))
+    assert found.verdict == verdict
+    (check,) = [one for one in found.checks if one.name == "channel_gain"]
+    assert check.contradicts == (factor != 1.0)
+    assert ("across the walk" in check.message) == (factor != 1.0)
+
+
+def main_plate(good: Recording) -> int:
+    """The plate that carries the body longest in the window."""
+    i, j = (round(t * good.force_rate_hz) for t in (1.1, 1.9))
+    return max(good.plates, key=lambda plate: int((plate.force_n[i:j, 2] > 400.0).sum())).index
+
+
+@pytest.mark.parametrize(("axis", "name"), [(0, "along the walk"), (1, "across the walk")])
+def test_a_dead_channel_of_one_plate_among_several_is_named(axis: int, name: str) -> None:
+    good = walk()
+    index = main_plate(good)
+    dead = [gain for gain in gains(with_channel(axis, 0.0, only=index)) if math.isinf(gain.gain)]
+    assert [(gain.plate, gain.axis) for gain in dead] == [(index, name)]
+    found = quality(with_channel(axis, 0.0, only=index))
+    assert found.verdict == "contradicted"
+    (check,) = [one for one in found.checks if one.name == "channel_gain"]
+    assert f"a force {name}, and plate {index} measures next to none" in check.message
+
+
+EXCHANGED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("one", [False, True])
+def test_exchanged_horizontal_channels_are_named(one: bool, sign: float) -> None:
+    mixed = EXCHANGED * [1.0, sign, 1.0]
+    found = quality(with_channels(mixed, main_plate(walk()) if one else None))
+    (check,) = [one for one in found.checks if one.name == "channel_exchange"]
+    assert check.contradicts
+    assert "exchanged" in check.message
+    assert found.verdict == "contradicted"
+
+
+def test_channels_that_are_right_dead_or_scaled_are_not_called_exchanged() -> None:
+    for recording in (walk(), with_channel(0, 0.5), with_channel(0, 0.0), with_channel(1, -1.0)):
+        (check,) = [one for one in quality(recording).checks if one.name == "channel_exchange"]
+        assert check.passed
+
+
+def test_feet_side_by_side_that_push_apart_have_no_gain_of_their_own() -> None:
+    """Somebody jumps on two plates: the forces of the feet along x cancel, and move nothing."""
+    good = walk()
+    t = np.arange(len(good.plates[0].force_n)) / good.force_rate_hz
+    push_n = np.column_stack([60.0 * np.sin(9.0 * t), 0.0 * t, MASS_KG * 9.81 / 2 * (1.0 + 0.3 * np.sin(9.0 * t))])
+    apart = tuple(
+        replace(plate, force_n=push_n * [sign, 1.0, 1.0]) for plate, sign in zip(good.plates, (1, -1), strict=False)
+    )
+    still = replace(geometry(), com_m=np.tile(geometry().com_m.mean(axis=0), (len(geometry().com_m), 1)))
+    balance = force_balance(replace(good, plates=apart), still, wrench_track(good, WINDOW), MASS_KG)
+    assert balance is not None
+    assert not balance.is_walk
+    assert {(gain.axis, gain.plate) for gain in channel_gains(balance) if gain.plate} <= {
+        ("vertically", 1),
+        ("vertically", 2),
+    }
+    assert math.isnan(exchange_ratio(balance))
+
+
 def test_the_one_plate_that_is_wrong_is_named() -> None:
     good = walk()
     i, j = (round(t * good.force_rate_hz) for t in (1.1, 1.9))
@@ -124,7 +197,7 @@ def test_a_recording_played_at_the_wrong_rate_is_contradicted() -> None:
     landmarks = identify(list(fast.markers_m)).landmarks
     geometric = SegmentModel().com(fast, landmarks, subject=fast.subject)
     window = (Window(WINDOW[0].start_s / factor, WINDOW[0].end_s / factor),)
-    found = channel_gains(fast, geometric, wrench_track(fast, window), MASS_KG)
+    found = channel_gains(force_balance(fast, geometric, wrench_track(fast, window), MASS_KG))
     vertical = [gain for gain in found if gain.axis == "vertically"]
     assert max(gain.deviation for gain in vertical) > 0.25
     assert vertical[0].gain == pytest.approx(factor**2, rel=0.15)
@@ -140,4 +213,4 @@ def test_standing_has_no_channel_to_judge() -> None:
             replace(p, force_n=np.tile([0.0, 0.0, weight_n / 2], (len(p.force_n), 1))) for p in good.plates[:2]
         ),
     )
-    assert channel_gains(quiet, still, wrench_track(quiet, WINDOW), MASS_KG) == ()
+    assert channel_gains(force_balance(quiet, still, wrench_track(quiet, WINDOW), MASS_KG)) == ()

@@ -241,7 +241,7 @@ def test_other_methods_get_the_checks_that_they_allow() -> None:
     wrench = wrench_track(recording, WINDOW)
     estimate = GeometryOnly().estimate(geometric, wrench, MASS_KG)
     quality = assess_quality(Recorded(recording, landmarks, geometric, wrench, MASS_KG, with_force=False), estimate)
-    assert {check.name for check in quality.checks} == {"outside_body", "leg_length_change"}
+    assert {check.name for check in quality.checks} == {"outside_body", "leg_length_change", "body_proportions"}
     assert quality.not_checked["force_residual"] == "no force was used"
     assert quality.verdict == "good"
 

@@ -80,6 +80,14 @@ def test_content_decides_not_the_name(tmp_path: Path) -> None:
     assert (is_c3d(other), is_c3d(binary)) == (False, True)
 
 
+def test_times_give_the_rate_that_a_spreadsheet_moved_out_of_the_header(tmp_path: Path) -> None:
+    """A program that moved the field DataRate to line 1 left its value, and CameraRate, in lines 2 and 3."""
+    moved = changed(changed(trc(), 2, "DataRate\t", ""), 1, "walk.trc", "walk.trc\tDataRate")
+    path = written(tmp_path, changed(moved, 3, "100.0\t", ""))
+    assert read_recording(path).marker_rate_hz == pytest.approx(100.0)
+    assert "state no DataRate; the times in column 2 give 100 Hz" in codes(path)["trc-header-differs"]
+
+
 BROKEN = {
     "blank": ("\n \n", "line 1 does not begin with PathFileType"),
     "no first line": (without(trc(), 1), "line 1 does not begin with PathFileType"),
@@ -87,7 +95,10 @@ BROKEN = {
     "first line only": (trc().splitlines()[0], "ends after line 1"),
     "cut in the header": ("\n".join(trc().splitlines()[:3]), "ends after line 3"),
     "line 2 lost": (without(trc(), 2), "state no NumMarkers"),
-    "no DataRate": (changed(trc(), 2, "DataRate", "Rate"), "state no DataRate"),
+    "no DataRate and one frame": (
+        "\n".join(changed(trc(), 2, "DataRate", "Rate").splitlines()[:7]),
+        "state no DataRate, and one frame shows none",
+    ),
     "a name lost": (
         changed(trc(), 4, "\t\t\tTop.Head", ""),
         "line 3 states 5 markers, line 4 names 4 and the frames have columns for 5",

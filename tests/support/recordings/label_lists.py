@@ -1,9 +1,12 @@
 """Label lists as laboratories write them, by marker set and variant, with what they cover."""
 
+from support.recordings.label_lists_further import FURTHER
+
 LEGS, LEGS_AND_TRUNK, BODY = "trunk-missing", "arms-missing", ""
 """What a list covers: the code of the largest substitute that it needs."""
 
 LISTS = {
+    **FURTHER,
     "helen-hayes": (
         BODY,
         """
@@ -44,13 +47,6 @@ LISTS = {
         """
         L.Sac.Wand R.Sac.Wand L.PSIS L.ASIS L.Post.Fem. L.Ant.Fem. L.Post.Tib. L.Ant.Tib. L.Knee L.Ankle
         L.Heel L.Toe R.PSIS R.ASIS R.Post.Fem. R.Ant.Fem. R.Post.Tib. R.Ant.Tib. R.Knee R.Ankle R.Heel R.Toe
-        """,
-    ),
-    "bmclab": (
-        LEGS,
-        """
-        R.ASIS L.ASIS R.PSIS L.PSIS L.Iliac.Crest R.Iliac.Crest R.GTR R.Knee R.HF R.TT R.Ankle R.Heel R.MT1 R.MT5 L.GTR
-        L.Knee L.HF L.TT L.Ankle L.Heel L.MT1 L.MT5 R.Knee.Medial R.Ankle.Medial L.Knee.Medial L.Ankle.Medial
         """,
     ),
     "melbourne": (

@@ -92,7 +92,7 @@ def worst_verdict(verdicts: Iterable[Verdict]) -> Verdict:
 
 MM: Final = 1e3
 WITHOUT_FORCE: Final = "no force was used"
-MARKER_CHECKS: Final = ("outside_body", "leg_length_change", "model_leg_mass")
+MARKER_CHECKS: Final = ("outside_body", "leg_length_change", "body_proportions", "model_leg_mass")
 """Checks that need no force."""
 
 
@@ -176,10 +176,18 @@ def _force_rows(measures: Measures, mass_kg: float) -> Iterator[_CheckRow]:
         "no force channel varies enough for half a second",
     )
     yield _CheckRow(
+        "channel_exchange",
+        measures.exchange_ratio,
+        "With the fore-aft and the lateral channel exchanged, the force differs from the one that the motion of the "
+        f"markers needs by {1.0 / max(measures.exchange_ratio, 1e-9):.2f} times as much as it does now",
+        "the two horizontal force channels and the markers",
+        "the body does not walk for half a second, or its segments are hidden",
+    )
+    yield _CheckRow(
         "horizontal_bias",
         measures.horizontal_bias_m,
         f"The force puts the centre of mass {MM * measures.horizontal_bias_m:.0f} mm, horizontally, from where the "
-        "markers put it",
+        f"markers put it{_lean_part(measures)}",
         "the plates' centre of pressure (their moments or their place) and the markers",
         "no frame has both force and geometry",
     )
@@ -259,6 +267,15 @@ def _body_rows(measures: Measures, *, with_force: bool) -> Iterator[_CheckRow]:
         "the markers of that leg",
         "no thigh or shank has both its joints",
     )
+    ratio = measures.thigh_over_trunk
+    yield _CheckRow(
+        "body_proportions",
+        abs(math.log(ratio / THIGH_OVER_TRUNK)),
+        f"The thighs are {ratio:.2f} times as long as the trunk from the hips to the neck, and in people about "
+        f"{THIGH_OVER_TRUNK} times",
+        "the markers of the pelvis (too high or too low) and those of the knees and the neck",
+        "the neck or the legs are not marked",
+    )
     share = measures.model_leg_share
     if share is None:
         return
@@ -272,6 +289,19 @@ def _body_rows(measures: Measures, *, with_force: bool) -> Iterator[_CheckRow]:
         f"the model may lack {lacks}",
         "the bodies of the model and those of a person",
         "no body of the model has a known name",
+    )
+
+
+def _lean_part(measures: Measures) -> str:
+    """The part of the sentence on the horizontal bias that names a constant force; empty if it explains less than half.
+
+    A hand on a support and a wrong zero of a plate are the same for the plates.
+    """
+    if not measures.lean_bias_m > 0.5 * measures.horizontal_bias_m:
+        return ""
+    return (
+        f", of which {MM * measures.lean_bias_m:.0f} mm follow from a constant horizontal force that the motion does "
+        "not need (a hand on a support, or the zero of a plate)"
     )
 
 
@@ -295,6 +325,8 @@ def _worst_plate(measures: Measures, name: str) -> PlatePressure:
 
 LEG_MASS_SHARE: Final = 0.39
 """Share of both legs in the mass of a body; 0.28 to 0.50 in 87 public body models of whole bodies."""
+THIGH_OVER_TRUNK: Final = 0.73
+"""Thigh over the trunk from hips to neck; median of 110 recordings of 40 people (docs/theory/quality.md)."""
 CIRCLE_95: Final = math.sqrt(-2.0 * math.log(0.05))
 """Radius, in standard deviations per axis, of the circle that contains 95 % of a normal error in the plane."""
 BAND_95: Final = 1.96
@@ -324,6 +356,8 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         "acceleration_difference": Limit(0.08, MIN_CONTRADICTING_SHARE),
         # A channel that reads half or twice the force, or the wrong way round, is 1 or more from a gain of 1.
         "channel_gain": Limit(0.25, 0.5),
+        # At 1 the motion fits equally well to the channels exchanged; above 1.5 a third less is left unexplained.
+        "channel_exchange": Limit(1.1, 1.5),
         "mass_from_motion": Limit(0.04, 0.15),
         "mass_from_standing": Limit(0.04, 0.15),
         # Nothing carries a body in flight; half of its weight is more than any error of marker or plate explains.
@@ -339,6 +373,9 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         "pressure_from_feet": Limit(0.06, 0.15, "m"),
         "pressure_off_plate": Limit(0.1, 0.5),
         "leg_length_change": Limit(0.15, 0.5),
+        # Logarithm of the ratio; a pelvis that is 10 cm too high changes it by 0.43. Above 0.9 the largest ratio of a
+        # person and a pelvis that moves the centre of mass by 50 mm (0.57) do not suffice together.
+        "body_proportions": Limit(0.3, 0.9),
         # Legs of 54 % of the mass: more than a quarter of a body, 0.4 m higher, is missing, and the centre of mass is
         # 0.1 m too low.
         "model_leg_mass": Limit(0.12, 0.15),

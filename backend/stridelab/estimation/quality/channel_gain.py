@@ -4,54 +4,61 @@ The markers need the force m (c'' - g), the plates measure f. Per axis of the wa
 one on the other,
 
     m (c'' - g) = sum_i b_i f_i + const            (6 Hz band),
+
+gives b_i = 1 for channels that measure what moves the body, 2 for one that reads half, -1 for a reversed one. Along and
+across the walk the balance of moments (``force_balance``) gives the same force in another way, and a second gain h_i.
+The two have different errors and are combined by their variances; where they differ by more than these, the variance
+grows with chi-squared. Without segments, the position gives a second gain k_i instead,
+
     c = sum_i k_i (1/m) int int f_i + c_0 + v_0 t + a t^2,
 
-gives b_i = k_i = 1 for channels that measure what moves the body, 2 for one that reads half, -1 for a reversed one.
-Horizontally a gain counts as far from 1 as the nearer of both: soft tissue shakes the acceleration, and the position
-drifts. Vertically the acceleration is much larger than either, and b counts.
+and the one of b and k that is nearer to 1 counts: soft tissue shakes the acceleration, and the position drifts.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from stridelab.body.geometric_com import GeometricCom
-from stridelab.conventions import GRAVITY_M_S2, Series
-from stridelab.dynamics.wrench import contact_force
-from stridelab.estimation.differentiation import low_pass, smoothed_derivatives, walk_frame
-from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ
-from stridelab.recordings.gap_filling import true_runs
-from stridelab.recordings.plate_contacts import low_pass as low_pass_force
-from stridelab.recordings.recording import Recording, WrenchTrack
+from stridelab.conventions import GRAVITY_M_S2
+from stridelab.estimation.quality.force_balance import ForceBalance
 
-MIN_TIME_S: Final = 0.4
-"""Shortest time, beside the filter's transients, for a regression: five independent samples in the band."""
 MIN_VARIATION: Final = (0.015, 0.015, 0.05)
 """Standard deviation of a channel over the weight, along, across and vertically, below which it is not judged."""
 MAX_SD: Final = 0.4
 """Largest standard error, over the gain if that is more than 1, of a gain that is judged."""
+MODEL_SD: Final = (0.05, 0.1)
+"""Standard errors that regressions do not show, over the gain: of the acceleration, and of the segments' momentum."""
 DEAD_SHARE: Final = 0.2
 """A force that varies by less than this share of what the motion of a walk needs is dead or mostly so."""
+DEAD_PLATE_SHARE: Final = 0.1
+"""The same for one plate while it carries the body alone."""
+EXPLAINED_SHARE: Final = 0.5
+"""Largest share of the needed force that exchanged channels may leave unexplained to count as an explanation."""
 _DEAD_NEEDS: Final = 0.04
-_WALK_M_S: Final = 0.5
-_EDGE: Final = 0.6
+_DEAD_PLATE_NEEDS: Final = (0.03, 0.02)
+_ALONE: Final = 0.85
+_ALONE_S: Final = 0.15
+_CARRIES: Final = 0.4
 _SD: Final = 2.0
 _ALL: Final = 0
 _ALONG, _ACROSS, _VERTICAL = 0, 1, 2
 _AXES: Final = ("along the walk", "across the walk", "vertically")
 
+Needed = Float[np.ndarray, " frames"]
 Tracks = Float[np.ndarray, "plates frames"]
 Gains = Float[np.ndarray, " judged"]
+Judged = Bool[np.ndarray, " plates"]
 
 
 @dataclass(frozen=True)
 class ChannelGain:
     """Force that the markers need over the force that ``plate`` measures on ``axis``; plate 0 is all of them together.
 
-    ``sd`` is the standard error of the regression. A dead channel has an infinite gain.
+    ``sd`` is its standard error. A dead channel has an infinite gain.
     """
 
     axis: str
@@ -68,62 +75,114 @@ class ChannelGain:
         return _distance_from_one(min(max(1.0, low), high))
 
 
-def channel_gains(
-    recording: Recording, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float
-) -> tuple[ChannelGain, ...]:
-    """Gains of all channels that vary enough, over the longest stretch with all force and geometry."""
-    known = wrench.complete & np.isfinite(wrench.force_n).all(axis=1) & np.isfinite(geometric.com_m).all(axis=1)
-    plates = [plate for plate in recording.plates if plate.use]
-    if not known.any() or not plates:
+def channel_gains(balance: ForceBalance | None) -> tuple[ChannelGain, ...]:
+    """Gains of all channels that vary enough."""
+    if balance is None:
         return ()
-    i, j = max(true_runs(known), key=lambda run: run[1] - run[0])
-    rate_hz = (len(wrench.time_s) - 1) / (wrench.time_s[-1] - wrench.time_s[0])
-    edge = int(np.ceil(_EDGE * rate_hz / MOMENTUM_BAND_HZ))
-    if j - i < 2 * edge + MIN_TIME_S * rate_hz:
-        return ()
-    velocity, acceleration = smoothed_derivatives(geometric.com_m[i:j], rate_hz, MOMENTUM_BAND_HZ)
-    velocity = velocity - geometric.ground_m_s
-    frame, weight_n = walk_frame(velocity), mass_kg * GRAVITY_M_S2
-    is_walk = float(np.linalg.norm(np.mean(velocity[:, :2], axis=0))) > _WALK_M_S
-    needed_n = contact_force(acceleration, mass_kg) @ frame.T
-    position_m = geometric.com_m[i:j] @ frame.T
-    read_at_s = wrench.time_s[i:j] + wrench.latency_applied_s
-    force_n = np.array([_at(read_at_s, plate.force_n, recording.force_rate_hz) for plate in plates]) @ frame.T
-    banded_n = np.array([low_pass(track, rate_hz, MOMENTUM_BAND_HZ) for track in force_n])
+    # feet side by side push apart, so that only in a walk, where one foot carries at a time, a plate is judged alone
+    alone = ((_ALONG, False),) if balance.is_walk else ()
     gains: list[ChannelGain] = []
-    n_free = 2.0 * MOMENTUM_BAND_HZ * (j - i - 2 * edge) / rate_hz
-    inner = slice(edge, j - i - edge)
-    for axis, together in ((_ALONG, False), (_ALONG, True), (_ACROSS, True), (_VERTICAL, False), (_VERTICAL, True)):
-        # feet side by side push apart, so that across the walk only the sum of their forces moves the body
-        tracks, banded, names = force_n[:, :, axis], banded_n[:, inner, axis], [plate.index for plate in plates]
-        if together:
-            tracks, banded, names = tracks.sum(axis=0)[None], banded.sum(axis=0)[None], [_ALL]
-        judged = banded.std(axis=1) / weight_n > MIN_VARIATION[axis]
-        if together and axis != _VERTICAL and is_walk:
-            needs, measured = float(needed_n[inner, axis].std()) / weight_n, float(banded.std()) / weight_n
-            if needs > _DEAD_NEEDS and measured < DEAD_SHARE * needs:
-                gains.append(ChannelGain(_AXES[axis], _ALL, math.inf, 0.0))
-        if not judged.any():
+    for axis, together in (*alone, (_ALONG, True), (_ACROSS, True), (_VERTICAL, False), (_VERTICAL, True)):
+        gains += _gains_on_axis(balance, axis, together=together)
+    return (*gains, *_dead_plates(balance))
+
+
+def exchange_ratio(balance: ForceBalance | None) -> float:
+    """Unexplained force with the horizontal channels as they are, over that with them exchanged; NaN if not a walk.
+
+    Above 1 the motion is explained better by the force along the walk taken as the one across it, and the reverse. All
+    plates' channels, or those of one plate, are exchanged, with either sign, and the best of these is compared; 0 if
+    it leaves more than half of the needed force unexplained.
+    """
+    if balance is None or balance.moment_needed_n is None or not balance.is_walk:
+        return math.nan
+    needed_n = balance.moment_needed_n
+    if needed_n[:, _ALONG].std() < _DEAD_NEEDS * balance.weight_n:
+        return math.nan
+    least_n = MIN_VARIATION[_VERTICAL] * balance.weight_n
+    loaded = [k for k, track in enumerate(balance.banded_n) if track[:, _VERTICAL].std() > least_n]
+    choices = [loaded, *([k] for k in loaded if len(loaded) > 1)]
+    best = min(_unexplained(balance, exchanged) for exchanged in choices)
+    if best > EXPLAINED_SHARE * float(np.sqrt(needed_n.var(axis=0).sum())):
+        return 0.0
+    return _unexplained(balance, ()) / best if best > 0.0 else math.inf
+
+
+def _unexplained(balance: ForceBalance, exchanged: list[int] | tuple[()]) -> float:
+    """Standard deviation of the needed horizontal force minus the measured one, best sign of the exchanged channels."""
+    assert balance.moment_needed_n is not None
+    kept = [k for k in range(len(balance.plates)) if k not in exchanged]
+    rest = balance.moment_needed_n - balance.levered_n[kept].sum(axis=0)
+    crossed = balance.crossed_n[list(exchanged)].sum(axis=0)
+    variances = [(rest + sign * crossed).var(axis=0) for sign in (1.0, -1.0)]
+    return float(np.sqrt(np.sum(np.min(variances, axis=0))))
+
+
+def _gains_on_axis(balance: ForceBalance, axis: int, *, together: bool) -> Iterator[ChannelGain]:
+    """Gains of each plate on one axis, or of all plates together."""
+    horizontal = axis != _VERTICAL
+    tracks_n, banded_n = balance.force_n[:, :, axis], balance.banded_n[:, :, axis]
+    names = [plate.index for plate in balance.plates]
+    levered_n = balance.levered_n[:, :, axis] if horizontal else banded_n
+    if together:
+        tracks_n, banded_n, levered_n = (x.sum(axis=0)[None] for x in (tracks_n, banded_n, levered_n))
+        names = [_ALL]
+    needed_n = balance.needed_n[:, axis]
+    moment_n = None if balance.moment_needed_n is None or not horizontal else balance.moment_needed_n[:, axis]
+    least_n = MIN_VARIATION[axis] * balance.weight_n
+    if together and moment_n is not None and moment_n.std() > least_n:
+        least_n *= DEAD_SHARE
+    judged = banded_n.std(axis=1) > least_n
+    if together and horizontal and balance.is_walk:
+        needs, measured = (float(x.std()) for x in (needed_n if moment_n is None else moment_n, banded_n))
+        if needs > _DEAD_NEEDS * balance.weight_n and measured < DEAD_SHARE * needs:
+            yield ChannelGain(_AXES[axis], _ALL, math.inf, 0.0)
+    if not judged.any():
+        return
+    b, sd = _slopes(needed_n, banded_n, judged, balance.n_free)
+    if moment_n is not None:
+        h, h_sd = _slopes(moment_n, levered_n, judged, balance.n_free)
+        gain, sd = _combined((b, h), (sd, h_sd))
+    elif horizontal:
+        k = _position_gains(balance.position_m[:, axis], balance, tracks_n, judged)
+        gain = np.array([min(pair, key=_distance_from_one) for pair in zip(b, k, strict=True)])
+    else:
+        gain = b
+    for n, here in enumerate(np.flatnonzero(judged)):
+        if sd[n] <= MAX_SD * max(1.0, abs(gain[n])):
+            yield ChannelGain(_AXES[axis], names[here], float(gain[n]), float(sd[n]))
+
+
+def _combined(gains: tuple[Gains, Gains], sds: tuple[Gains, Gains]) -> tuple[Gains, Gains]:
+    """Mean of two gains by their variances; its standard error, larger where they differ by more than that."""
+    variances = [sd**2 + (model * gain) ** 2 for gain, sd, model in zip(gains, sds, MODEL_SD, strict=True)]
+    weights = [1.0 / np.maximum(variance, 1e-12) for variance in variances]
+    mean = (weights[0] * gains[0] + weights[1] * gains[1]) / (weights[0] + weights[1])
+    chi_squared = (gains[0] - gains[1]) ** 2 / np.maximum(variances[0] + variances[1], 1e-12)
+    return mean, np.sqrt(np.maximum(1.0, chi_squared) / (weights[0] + weights[1]))
+
+
+def _dead_plates(balance: ForceBalance) -> Iterator[ChannelGain]:
+    """Horizontal channels of single plates that measure next to nothing while their plate carries the body alone."""
+    if balance.moment_needed_n is None or not balance.is_walk:
+        return
+    upward_n = balance.banded_n[:, :, _VERTICAL]
+    load_n = upward_n.sum(axis=0)
+    for plate, track, force_n in zip(balance.plates, balance.levered_n, upward_n, strict=True):
+        alone = (force_n > _ALONE * load_n) & (load_n > _CARRIES * balance.weight_n)
+        if np.count_nonzero(alone) < _ALONE_S * balance.rate_hz:
             continue
-        b, sd = _slopes(needed_n[inner, axis], banded, judged, n_free)
-        k = _position_gains(position_m[:, axis], tracks / mass_kg, judged, rate_hz)
-        for n, here in enumerate(np.flatnonzero(judged)):
-            candidates = (float(b[n]),) if axis == _VERTICAL else (float(b[n]), float(k[n]))
-            nearer = min(candidates, key=_distance_from_one)
-            if sd[n] <= MAX_SD * max(1.0, abs(nearer)):
-                gains.append(ChannelGain(_AXES[axis], names[here], nearer, float(sd[n])))
-    return tuple(gains)
+        for axis, size in ((_ALONG, np.std), (_ACROSS, _root_mean_square)):
+            needs, measured = size(balance.moment_needed_n[alone, axis]), size(track[alone, axis])
+            if needs > _DEAD_PLATE_NEEDS[axis] * balance.weight_n and measured < DEAD_PLATE_SHARE * needs:
+                yield ChannelGain(_AXES[axis], plate.index, math.inf, 0.0)
 
 
-def _at(time_s: Series, force_n: Float[np.ndarray, "samples 3"], rate_hz: float) -> Float[np.ndarray, "n 3"]:
-    """Low-passed force at the instants ``time_s``."""
-    smooth_n, force_time_s = low_pass_force(force_n, rate_hz), np.arange(len(force_n)) / rate_hz
-    return np.column_stack([np.interp(time_s, force_time_s, smooth_n[:, j]) for j in range(3)])
+def _root_mean_square(x: Needed) -> float:
+    return float(np.sqrt(np.mean(x**2)))
 
 
-def _slopes(
-    needed_n: Float[np.ndarray, " frames"], tracks_n: Tracks, judged: Bool[np.ndarray, " plates"], n_free: float
-) -> tuple[Gains, Gains]:
+def _slopes(needed_n: Needed, tracks_n: Tracks, judged: Judged, n_free: float) -> tuple[Gains, Gains]:
     """Slopes of the needed force on each judged track, and their standard errors for ``n_free`` independent samples.
 
     The tracks that vary too little are taken as they are.
@@ -136,16 +195,11 @@ def _slopes(
     return solution[:-1], sd[:-1]
 
 
-def _position_gains(
-    position_m: Float[np.ndarray, " frames"],
-    acceleration_m_s2: Tracks,
-    judged: Bool[np.ndarray, " plates"],
-    rate_hz: float,
-) -> Gains:
+def _position_gains(position_m: Needed, balance: ForceBalance, tracks_n: Tracks, judged: Judged) -> Gains:
     """Gains for which the twice integrated tracks explain the position; its drift (a parabola) is free."""
-    double = acceleration_m_s2
+    double = tracks_n * GRAVITY_M_S2 / balance.weight_n
     for _ in range(2):
-        steps = 0.5 * (double[:, 1:] + double[:, :-1]) / rate_hz
+        steps = 0.5 * (double[:, 1:] + double[:, :-1]) / balance.rate_hz
         double = np.concatenate([np.zeros((len(double), 1)), np.cumsum(steps, axis=1)], axis=1)
     t = np.linspace(0.0, 1.0, len(position_m))
     A = np.column_stack([*double[judged], np.ones_like(t), t, t**2])

@@ -40,7 +40,8 @@ from stridelab.dynamics.wrench import contact_force
 from stridelab.estimation.differentiation import low_pass, smoothed_derivatives, walk_frame
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ, assess_flight, force_residual_track_n
-from stridelab.estimation.quality.channel_gain import ChannelGain, channel_gains
+from stridelab.estimation.quality.channel_gain import ChannelGain, channel_gains, exchange_ratio
+from stridelab.estimation.quality.force_balance import force_balance
 from stridelab.estimation.quality.plate_pressure import PlatePressure, plate_pressures
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Recording, SegmentMotion, WrenchTrack
@@ -58,13 +59,14 @@ class AccelerationDifference:
     """Standard deviations on the named axis, over the weight: of the difference, and of the measured force itself.
 
     ``tilt`` is the mean of the horizontal difference over the weight: the sine of the angle between the vertical of
-    the file and gravity. NaN where less than ``MIN_TILT_S`` is compared.
+    the file and gravity; ``lean`` is this mean along x and y. NaN where less than ``MIN_TILT_S`` is compared.
     """
 
     axis: str
     share: float
     force_share: float
     tilt: float = math.nan
+    lean: tuple[float, float] = (math.nan, math.nan)
 
 
 MIN_TILT_S: Final = 0.8
@@ -96,13 +98,15 @@ def acceleration_difference(
     frame, weight_n = walk_frame(velocity - geometric.ground_m_s), mass_kg * GRAVITY_M_S2
     apart = (contact_force(acceleration, mass_kg) - force_n)[edge:-edge] @ frame.T
     share, force_share = apart.std(axis=0) / weight_n, (force_n[edge:-edge] @ frame.T).std(axis=0) / weight_n
-    tilt = math.nan
+    tilt, lean = math.nan, (math.nan, math.nan)
     if len(apart) >= MIN_TILT_S * rate_hz:
         tilt = float(np.linalg.norm(apart[:, :2].mean(axis=0))) / weight_n
+        x, y, _ = apart.mean(axis=0) @ frame / weight_n
+        lean = (float(x), float(y))
     # the large vertical forces of a run allow more than a walk's, and must not hide an axis that contradicts
     contradicts = share > np.maximum(EXPLAINED_SHARE * force_share, MIN_CONTRADICTING_SHARE)
     worst = int(np.argmax(np.where(contradicts, 1.0, 0.0) * share.max() + share))
-    return AccelerationDifference(AXES[worst], float(share[worst]), float(force_share[worst]), tilt)
+    return AccelerationDifference(AXES[worst], float(share[worst]), float(force_share[worst]), tilt, lean)
 
 
 NAN = math.nan
@@ -136,6 +140,8 @@ class Recorded:
 class Measures:
     """One value per check; NaN if it cannot be computed.
 
+    ``lean_bias_m`` is the part of the horizontal bias that the mean horizontal force explains: without it, the force
+    would act through a centre of mass that is so much nearer to the markers'.
     ``axis`` is that of ``acceleration_difference`` and ``force_share`` the variation of the force on it,
     ``leg`` the segment of ``leg_length_change``. ``model_leg_share`` is the share of the legs in a body model's mass,
     None without a model.
@@ -148,6 +154,7 @@ class Measures:
     axis: str = ""
     force_share: float = 0.0
     horizontal_bias_m: float = NAN
+    lean_bias_m: float = NAN
     vertical_bias_m: float = NAN
     largest_difference_m: float = NAN
     outside_body_m: float = NAN
@@ -157,8 +164,10 @@ class Measures:
     leg_length_change: float = NAN
     leg: str = ""
     model_leg_share: float | None = None
+    thigh_over_trunk: float = NAN
     plates: tuple[PlatePressure, ...] = ()
     gains: tuple[ChannelGain, ...] = ()
+    exchange_ratio: float = NAN
 
 
 def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
@@ -173,17 +182,22 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         leg_length_change=NAN if leg is None else leg[1],
         leg="" if leg is None else leg[0],
         model_leg_share=leg_mass_share(recorded.recording.segments),
+        thigh_over_trunk=thigh_over_trunk(geometric, used),
     )
     if not recorded.with_force:
         return common
     complete = wrench.complete[used]
     offset_m = (estimate.com_m - geometric.com_m[used])[complete]
     apart = acceleration_difference(geometric, wrench, recorded.mass_kg)
-    horizontal_m, vertical_m, largest_m = NAN, NAN, NAN
+    balance = force_balance(recorded.recording, geometric, wrench, recorded.mass_kg)
+    horizontal_m, vertical_m, largest_m, lean_m = NAN, NAN, NAN, NAN
     if np.isfinite(offset_m).all(axis=1).any():
         x, y, z = np.nanmean(offset_m, axis=0)
         horizontal_m, vertical_m = float(np.hypot(x, y)), float(abs(z))
         largest_m = float(np.nanmax(np.linalg.norm(offset_m, axis=1)))
+        if apart is not None and horizontal_m > 0.0:
+            height_m = float(np.nanmean(geometric.com_m[used][complete, 2]))
+            lean_m = height_m * (apart.lean[0] * x + apart.lean[1] * y) / horizontal_m
     return Measures(
         force_tilt=NAN if apart is None else apart.tilt,
         normalised_innovations=estimate.diagnostics.get("normalised_innovations", NAN),
@@ -192,6 +206,7 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         axis="" if apart is None else apart.axis,
         force_share=0.0 if apart is None else apart.force_share,
         horizontal_bias_m=horizontal_m,
+        lean_bias_m=lean_m,
         vertical_bias_m=vertical_m,
         largest_difference_m=largest_m,
         outside_body_m=common.outside_body_m,
@@ -201,8 +216,10 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         leg_length_change=common.leg_length_change,
         leg=common.leg,
         model_leg_share=common.model_leg_share,
+        thigh_over_trunk=common.thigh_over_trunk,
         plates=plate_pressures(recorded.recording, recorded.landmarks, wrench.complete, wrench.latency_applied_s),
-        gains=channel_gains(recorded.recording, geometric, wrench, recorded.mass_kg),
+        gains=channel_gains(balance),
+        exchange_ratio=exchange_ratio(balance),
     )
 
 
@@ -321,6 +338,25 @@ def length_change(joint_centres_m: Mapping[str, Points]) -> tuple[str, float] | 
     return name, change
 
 
+def thigh_over_trunk(geometric: GeometricCom, used: slice) -> float:
+    """Length of the thighs over the distance of the hips' middle from the cervical joint, medians over ``used``.
+
+    NaN where the neck is not marked: it is then placed by proportions.
+    """
+    joints = geometric.joint_centres_m
+    if any(remark.code == _NO_TRUNK for remark in geometric.remarks) or not joints.keys() >= _TRUNK:
+        return NAN
+    hips_m = (joints["l_hip"] + joints["r_hip"])[used] / 2.0
+    trunk_m = np.linalg.norm(hips_m - joints["cervical"][used], axis=1)
+    thighs_m = np.linalg.norm([joints[f"{s}_hip"][used] - joints[f"{s}_knee"][used] for s in "lr"], axis=2)
+    seen = np.isfinite(trunk_m) & np.isfinite(thighs_m).all(axis=0)
+    if np.count_nonzero(seen) < _MIN_FRAMES:
+        return NAN
+    return float(np.median(thighs_m[:, seen]) / max(float(np.median(trunk_m[seen])), 1e-3))
+
+
+_TRUNK: Final = frozenset({"l_hip", "r_hip", "l_knee", "r_knee", "cervical"})
+_NO_TRUNK: Final = "trunk-missing"
 _LEG: Final = re.compile(r"femur|thigh|tibia|shank|shin|fibula|patella|talus|calc|foot|toe|metatars|leg", re.IGNORECASE)
 _ABOVE: Final = re.compile(
     r"torso|trunk|thorax|spine|lumbar|rib|head|clavic|scapula|humer|arm|ulna|radius|hand", re.IGNORECASE

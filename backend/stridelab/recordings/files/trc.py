@@ -3,6 +3,7 @@
 Cells are separated by tabs; a file whose first line has a comma or semicolon instead was saved by a table program.
 """
 
+import math
 import re
 from typing import Final
 
@@ -30,13 +31,14 @@ _COORDINATE: Final = re.compile(r"X\d+", re.IGNORECASE)
 def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, str, tuple[Remark, ...]]:
     """Labels, times in seconds, points (file's unit), rate in Hz, unit of length and remarks of a TRC file.
 
-    The rate is the header's unless the times contradict it. A count of markers in the header that contradicts their
-    names is ignored, with a remark, if the columns of the frames agree with the names. Raises ``UnreadableFile``
-    (``trc-broken``, ``no-frames``).
+    The rate is the header's unless it states none or the times contradict it. A count of markers in the header that
+    contradicts their names is ignored, with a remark, if the columns of the frames agree with the names. Raises
+    ``UnreadableFile`` (``trc-broken``, ``no-frames``).
     """
     lines = trc_lines(text)
     try:
         labels, n_stated, rate_hz, unit = _parse_header(lines)
+        rate_stated = math.isfinite(rate_hz)
         rows = numbered_lines(lines, 5)
         labels, virtual = _without_virtual(labels, n_stated, lines[4] if len(lines) > 4 else "")
         n_unnamed = _check_columns(rows, labels, n_stated, lines[4] if len(lines) > 4 else "")
@@ -50,11 +52,16 @@ def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, st
             measured_hz = sampling_rate_hz(time_s)
             if not abs(measured_hz - rate_hz) <= 0.01 * rate_hz:
                 rate_hz = measured_hz
+        elif not rate_stated:
+            raise BrokenLineError("lines 2 and 3 of the header state no DataRate, and one frame shows none")
         if not 0.0 < rate_hz < 1e5:
             raise BrokenLineError(f"DataRate in line 3 and the times in column 2 give a frame rate of {rate_hz:g} Hz")
     except BrokenLineError as error:
         raise trc_broken(name, str(error)) from error
     remarks = []
+    if not rate_stated:
+        message = f"Lines 2 and 3 of {name} state no DataRate; the times in column 2 give {rate_hz:g} Hz."
+        remarks.append(Remark("trc-header-differs", message))
     if virtual:
         message = f"{name} names {len(virtual)} virtual markers ({virtual[0]} ...) that have no columns."
         remarks.append(Remark("trc-header-differs", message))
@@ -139,11 +146,12 @@ def header_fields(lines: list[str]) -> dict[str, str]:
 
 
 def _parse_header(lines: list[str]) -> tuple[list[str], float, float, str]:
-    """Labels, stated number of markers, rate in Hz and unit of length of a TRC file; raises ``BrokenLineError``."""
+    """Labels, number of markers, rate in Hz (NaN if none is stated) and unit of length; raises ``BrokenLineError``."""
     if len(lines) < 4:
         raise BrokenLineError(f"the file ends after line {len(lines)}, before the marker names in line 4")
     head = header_fields(lines)
-    n_markers, rate_hz = _header_number(head, "NumMarkers"), _header_number(head, "DataRate")
+    n_markers = _header_number(head, "NumMarkers")
+    rate_hz = _header_number(head, "DataRate") if "DataRate" in head else math.nan
     if "\t" not in lines[3].strip():
         raise BrokenLineError("line 4 holds no tabs, which separate the names of the markers")
     cells = lines[3].rstrip("\t\r ").split("\t")[2:]

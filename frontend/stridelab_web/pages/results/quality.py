@@ -12,6 +12,7 @@ NAMES: Final[Mapping[str, str]] = {
     "force_residual": "Force residual of the result",
     "acceleration_difference": "Force residual of the markers alone",
     "channel_gain": "Gain of a force channel from 1 (1 = half or twice the force)",
+    "channel_exchange": "Fit of the horizontal channels exchanged, over their fit as they are",
     "horizontal_bias": "Fused from markers, horizontally",
     "vertical_bias": "Fused from markers, vertically",
     "largest_difference": "Fused from markers, at any one time",
@@ -22,6 +23,7 @@ NAMES: Final[Mapping[str, str]] = {
     "pressure_off_plate": "Centre of pressure off its plate",
     "outside_body": "Centre of mass outside the body",
     "leg_length_change": "Change of a leg's length",
+    "body_proportions": "Thigh over trunk, from a person's (logarithm)",
     "model_leg_mass": "Legs' share of the model's mass, from a person's",
 }
 SHARES: Final = frozenset(

@@ -1,0 +1,36 @@
+"""Further label lists as laboratories write them; the first entry is the code of the largest substitute."""
+
+FURTHER = {
+    "bmclab": (
+        "trunk-missing",
+        """
+        R.ASIS L.ASIS R.PSIS L.PSIS L.Iliac.Crest R.Iliac.Crest R.GTR R.Knee R.HF R.TT R.Ankle R.Heel R.MT1 R.MT5 L.GTR
+        L.Knee L.HF L.TT L.Ankle L.Heel L.MT1 L.MT5 R.Knee.Medial R.Ankle.Medial L.Knee.Medial L.Ankle.Medial
+        """,
+    ),
+    "treadmill-segments": (
+        "arms-missing",
+        """
+        R.ASIS R.PSIS S2 L.PSIS L.ASIS R.TH1 R.TH2 R.TH3 R.MKnee R.Knee R.SH1 R.SH2 R.SH3 R.SH4 R.Ankle R.MAnkle R.Heel
+        R.MT5 R.MT1 L.TH1 L.TH2 L.TH3 L.TH4 L.MKnee L.Knee L.SH1 L.SH2 L.SH3 L.Ankle L.MAnkle L.Heel L.MT5 L.MT1 R.Acr
+        L.Acr C7 T10 Clav Sternum R.Back
+        """,
+    ),
+    "treadmill-segments with arms": (
+        "",
+        """
+        R.Acromium L.Acromium Sternum R.Bicep L.Bicep R.Elbow L.Elbow R.Wrist.Med R.Wrist.Lat L.Wrist.Med L.Wrist.Lat
+        R.ASIS R.PSIS S2 L.PSIS L.ASIS R.TH1 R.TH2 R.TH3 R.Knee R.SH1 R.SH2 R.SH3 R.SH4 R.Ankle R.Heel R.MT5 R.MT1
+        R.Toe.Tip L.TH1 L.TH2 L.TH3 L.TH4 L.Knee L.SH1 L.SH2 L.SH3 L.Ankle L.Heel L.MT5 L.MT1 L.Toe.Tip R.MKnee R.MAnkle
+        L.MKnee L.MAnkle
+        """,
+    ),
+    "m2s": (
+        "",
+        """
+        LBHD RBHD C7 CLAV STRN RBAC LSHO LUPA LRAD LWRA LCAR RSHO RHUM RRAD RWRA RWRB RCAR RFWT LKNE LTARI RTHI RKNI
+        RHEE RTOE ROHAND LOHAND RTFIB LWRB RKNE LTFIB RANE LKNI LFWT LHUM LTHI LHEE LBWT RBWT LFHD T10 RFHD LANI RUPA
+        LANE LTOE RANI LTAR RTARI RTAR
+        """,
+    ),
+}
