@@ -10,6 +10,7 @@ from stridelab.contacts.effector_geometry import sole_points_m
 from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.stairs import flat_walk, six_stairs, stairs_with_rail
 from stridelab.contacts.sequence import Contact
+from stridelab.contacts.sequence_swings import swing_of
 from stridelab.contacts.swing import (
     FOOT_CLEARANCE_M,
     HAND_RETREAT_M,
@@ -18,7 +19,6 @@ from stridelab.contacts.swing import (
     SwingCurve,
     passing_shift_m,
     required_rise_m,
-    swing_of,
 )
 from stridelab.contacts.terrain import Box, Terrain, depth_in_box_m, vertical_span_m
 from stridelab.dynamics.spatial import Placement

@@ -18,8 +18,8 @@ from .scenarios.stairs import stairs_with_rail as stairs_with_rail
 from .sequence import Contact as Contact
 from .sequence import ContactPhase as ContactPhase
 from .sequence import ContactSequence as ContactSequence
+from .sequence_swings import swing_of as swing_of
 from .swing import SwingCurve as SwingCurve
-from .swing import swing_of as swing_of
 from .terrain import Box as Box
 from .terrain import Rail as Rail
 from .terrain import Terrain as Terrain

@@ -28,14 +28,13 @@ from functools import cached_property
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.contacts.effector_geometry import sole_points_m
-from stridelab.contacts.sequence import Contact, ContactSequence
+from stridelab.contacts.sequence import Contact
 from stridelab.contacts.terrain import Terrain, vertical_span_m
 from stridelab.conventions import Points, Rotation, Rotations, Series, Vector3
 from stridelab.dynamics.spatial import Placement
-from stridelab.errors import InvalidInput
 
 FOOT_CLEARANCE_M: Final = 0.06
 """Rise of a level sole without obstacles."""
@@ -151,6 +150,7 @@ class SwingCurve:
     """A swing from ``start`` to ``end`` in ``duration_s``; ``starts_s`` is its start time in the sequence.
 
     ``rise_m`` is the apex of a sole's centre above the higher of its two contacts, ``side_m`` its shift there.
+    ``windows`` replace the usual time windows (``swing_windows``).
     """
 
     start: Placement
@@ -160,10 +160,13 @@ class SwingCurve:
     starts_s: float = 0.0
     rise_m: float = FOOT_CLEARANCE_M
     side_m: Vector3 = field(default_factory=lambda: np.zeros(3))
+    windows: Profile | None = None
 
     @cached_property
     def profile(self) -> Profile:
-        """The time windows of this swing."""
+        """The time windows of this swing: ``windows``, or the usual ones of its kind."""
+        if self.windows is not None:
+            return self.windows
         if self.kind == "point":
             return HAND
         level = abs(self.end.position_m[2] - self.start.position_m[2]) < LEVEL_M and not self.side_m.any()
@@ -184,6 +187,12 @@ class SwingCurve:
         """``a_1 - a_0``."""
         up, down = self._lift_vectors
         return np.asarray(self.end.position_m + down - self.start.position_m - up)
+
+    @cached_property
+    def parts_m(self) -> Float[np.ndarray, "3 3"]:
+        """Rise, travel and descent, one per row, which the scalings of the three windows multiply."""
+        up, down = self._lift_vectors
+        return np.vstack([up, self._travel, -down])
 
     @cached_property
     def _rotation_vector(self) -> Vector3:
@@ -209,47 +218,14 @@ class SwingCurve:
     def poses_at(self, shares: Series) -> tuple[Points, Rotations]:
         """Positions ``(n, 3)`` and rotations ``(n, 3, 3)`` at ``shares`` of the swing, 0 to 1."""
         scalings = np.array([[quintic_scaling(u, window, 1.0)[0] for window in self.profile] for u in shares.tolist()])
-        up, down = self._lift_vectors
-        positions = self.start.position_m + scalings @ np.vstack([up, self._travel, -down])
-        turns = ScipyRotation.from_rotvec(np.outer(scalings[:, 1], self._rotation_vector)).as_matrix()
-        return positions, np.asarray(self.start.rotation @ turns)
+        return self.start.position_m + scalings @ self.parts_m, self.rotations_at(scalings[:, 1])
+
+    def rotations_at(self, moved: Series) -> Rotations:
+        """Rotations ``(n, 3, 3)`` where the shares ``moved`` of the travel are done."""
+        turns = ScipyRotation.from_rotvec(np.outer(moved, self._rotation_vector)).as_matrix()
+        return np.asarray(self.start.rotation @ turns)
 
     def _rotation_at(self, share: float) -> Rotation:
         if not self._rotation_vector.any():
             return self.start.rotation
         return np.asarray(self.start.rotation @ ScipyRotation.from_rotvec(share * self._rotation_vector).as_matrix())
-
-
-def swing_of(sequence: ContactSequence, effector: str, phase: int) -> SwingCurve:
-    """The swing of ``effector`` during ``phase``, from its last contact to its next.
-
-    A swing may last several phases: ``t_s`` of the curve counts from its lift-off, ``SwingCurve.starts_s``. Raises
-    ``InvalidInput`` (``no-swing``) if the effector is in contact in that phase, or has no contact before or after it.
-    """
-    start, end = sequence.last_contact(effector, phase), sequence.next_contact(effector, phase)
-    if effector in sequence.phases[phase].contacts or start is None or end is None:
-        raise InvalidInput("no-swing", f"{effector} does not swing from one contact to another in phase {phase}")
-    first, last = phase, phase
-    while effector not in sequence.phases[first - 1].contacts:
-        first -= 1
-    while effector not in sequence.phases[last + 1].contacts:
-        last += 1
-    starts_s = float(sequence.starts_s[first])
-    duration_s = float(sequence.ends_s[last]) - starts_s
-    shifts = [
-        passing_shift_m(start, end, contact)
-        for contact in sequence.phases[phase].contacts.values()
-        if contact.kind == start.kind == "surface"
-    ]
-    side_m = max(shifts, key=lambda shift: float(shift @ shift), default=np.zeros(3))
-    sole_m = sole_points_m(start.half_size_m)
-    rises_m = [
-        required_rise_m(
-            Placement(start.placement.position_m + shift, start.placement.rotation),
-            Placement(end.placement.position_m + shift, end.placement.rotation),
-            sole_m,
-            sequence.terrain,
-        )
-        for shift in ((np.zeros(3), side_m) if side_m.any() else (np.zeros(3),))
-    ]
-    return SwingCurve(start.placement, end.placement, duration_s, start.kind, starts_s, max(rises_m), side_m)

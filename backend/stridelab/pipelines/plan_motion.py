@@ -7,6 +7,7 @@ Every stage has its share of the progress bar and its time in the summary, and e
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from stridelab.centroidal.boundary_conditions import PathBounds
@@ -14,7 +15,7 @@ from stridelab.centroidal.hand_force_limits import hand_bounds_n
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
-from stridelab.centroidal.solver import solve
+from stridelab.centroidal.solver import SolverChoice, solve
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.pipelines.motion_summary import (
     certificate_summary,
@@ -50,8 +51,10 @@ from stridelab.schemas.plans import (
 )
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
+from stridelab.wholebody.leg_stretch import lower_for_legs
 from stridelab.wholebody.momentum_consistency import Pass, agree
 from stridelab.wholebody.motion import WholeBodyMotion, WholeBodyStopped
+from stridelab.wholebody.shoe_check import require_room_for_shoes
 
 if TYPE_CHECKING:
     from stridelab.wholebody.replay.replay import Replay
@@ -135,6 +138,8 @@ def plan_motion(task: PlanMotionTask, stages: Stages, change: Change | None = No
         sequence, noted = validate_scenario(task.scenario)
         robot = load_robot(sequence.robot)
         require_pushes(request.replay, sequence.robot, sequence.duration_s)
+        if request.whole_body:
+            require_room_for_shoes(robot, sequence)
     with stages.run_stage(REACHABILITY, "reading the learned densities"):
         proxies = load_densities(robot, request.measure or DEFAULT_MEASURE)
     with stages.run_stage(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s") as tell:
@@ -147,6 +152,8 @@ def plan_motion(task: PlanMotionTask, stages: Stages, change: Change | None = No
             durations=free_durations(request, sequence),
         )
         problem, plan = solve_centroidal(problem, request, tell, change)
+        if request.whole_body:
+            problem, plan = lower_for_legs(robot, problem, plan, partial(solve, solver=_solver_again(plan)))
         given, sequence = sequence, plan.sequence
 
     motion, certificate, stopped = None, None, None
@@ -184,6 +191,11 @@ def stage_shares(request: PlanMotionInput) -> dict[str, float]:
         shares |= {WHOLE_BODY: 4.0, CERTIFICATE: 2.0}
     shares |= {EXPORT: 4.0 if request.whole_body else 0.3}
     return shares | ({REPLAY: 6.0} if request.replay else {})
+
+
+def _solver_again(plan: CentroidalPlan) -> SolverChoice:
+    """The solver that found a plan, for problems that differ little: no other one is tried."""
+    return "native" if plan.solver == "native" else "fatrop" if plan.solver == "fatrop" else "ipopt"
 
 
 def _motion_progress(progress: ProgressCallback, duration_s: float) -> ProgressCallback:

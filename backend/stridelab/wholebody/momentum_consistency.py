@@ -21,7 +21,7 @@ from scipy.signal.windows import hann
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.contacts.swing import swing_of
+from stridelab.contacts.sequence_swings import swing_of
 from stridelab.conventions import Progress
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate.certify import momentum_limit_nms

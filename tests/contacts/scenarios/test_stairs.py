@@ -22,7 +22,7 @@ from stridelab.contacts.scenarios.stairs import (
     stairs_with_rail,
 )
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.contacts.swing import swing_of
+from stridelab.contacts.sequence_swings import swing_of
 from stridelab.contacts.terrain import Rail, depth_in_box_m
 from stridelab.contacts.validation.surface_contact import outline_points_m
 from stridelab.contacts.validation.validate import validate_scenario

@@ -21,7 +21,7 @@ from stridelab.wholebody.control.swing_detour import AnkleRelief
 
 def com_error_m(talos: Robot, proxies: Mapping[str, Proxy]) -> tuple[float, float]:
     """Largest CoM error, and the smallest distance of an ankle from the end of its range as a share of it."""
-    scenario = climb(Stairs(2, 0.167, 0.302), Timing(1.5, 1.5, 0.3), "alternate")
+    scenario = climb(Stairs(2, 0.167, 0.302), Timing(1.5, 0.9, 0.2), "alternate")
     sequence = sequence_of(scenario, effector_shapes("talos"))
     plan = solve(whole_body_problem(talos, sequence, proxies))
     motion = WholeBodyController().run(talos, sequence, plan)
@@ -39,6 +39,6 @@ def test_a_heel_that_lifts_first_keeps_the_com_on_its_plan(
     assert error_m < COM_ERROR_M
     assert share > 0.03
     monkeypatch.setattr(AnkleRelief, "push", lambda *_: np.zeros(6))
-    error_m, share = com_error_m(talos, proxies)
+    error_m, less = com_error_m(talos, proxies)
     assert error_m > 2.0 * COM_ERROR_M
-    assert share < 0.03
+    assert less < share

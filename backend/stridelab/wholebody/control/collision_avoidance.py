@@ -5,7 +5,9 @@ With the distance d of a pair, its nearest points ``p_1, p_2`` and ``n = (p_1 - 
     n' (J_1 - J_2) a = k_p max(0, d_s - d) + k_d max(0, -d') ,      d' = n' (J_1 - J_2) v
 
 brakes approaching pairs and separates pairs nearer than ``d_s``. The weight rises from 0 at ``d_a`` to its full value
-at ``d_s``, so that accelerations are continuous. The drift ``n' (dJ_1 - dJ_2) v`` is neglected and compensated by the
+at ``d_s``, so that accelerations are continuous, and further until the pair touches. A row with short levers (a hip
+against the pelvis: 5 cm) would lose against tasks on angles, whose rows have norm 1: its weight is larger. The
+drift ``n' (dJ_1 - dJ_2) v`` is neglected and compensated by the
 spring. Three kinds of pairs are monitored (``collision_pairs``); they differ in the joints that the task moves:
 
     arm      an arm and anything else       the arm only; otherwise the task would bend the trunk
@@ -56,6 +58,9 @@ class AvoidanceSettings:
     most: int = 8
     shrunk: float = 0.5
     firmest: float = 8.0
+    lever_m: float = 0.3
+    short_lever: float = 3.0
+    urgent: float = 3.0
 
 
 class CollisionAvoidance:
@@ -87,6 +92,7 @@ class CollisionAvoidance:
         wrench = np.column_stack([n, y * n_z - z * n_y, z * n_x - x * n_z, x * n_y - y * n_x])
         self._J = wrench @ body.J * pairs.sign[near.pair]
         apart_m, acts_m = scale * settings.apart_m, scale * settings.acts_m
+        self._inside = np.clip(1.0 - d / apart_m, 0.0, 1.0)
         self._nearness = np.minimum(1.0, (acts_m - d) / (acts_m - apart_m))
         approach_m_s = np.maximum(0.0, -(self._J @ body.v))
         firm = np.minimum(1.0 / scale, settings.firmest)
@@ -94,8 +100,10 @@ class CollisionAvoidance:
 
     def task_rows(self) -> tuple[Rows, Angles]:
         """Task rows of the active pairs, and their weights; valid after ``update``."""
-        rows = Rows(self._J * self._moving_joints[self._near.pair], self._b)
-        return rows, self._avoid.weight * self._nearness**2
+        settings, A = self._avoid, self._J * self._moving_joints[self._near.pair]
+        lever_m = np.maximum(np.linalg.norm(A, axis=1), _TINY_M)
+        weights = settings.weight * self._nearness**2 * np.clip(settings.lever_m / lever_m, 1.0, settings.short_lever)
+        return Rows(A, self._b), weights * (1.0 + settings.urgent * self._inside)
 
     def push_m_s2(self, effector: str) -> Vector3:
         """Acceleration that keeps foot and shank of a swinging sole off everything but arms, never downwards."""

@@ -21,7 +21,8 @@ import pinocchio as pin
 
 from stridelab.centroidal.plan import CentroidalPlan, Reference
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.contacts.swing import SwingCurve, swing_of
+from stridelab.contacts.sequence_swings import swing_of
+from stridelab.contacts.swing import SwingCurve
 from stridelab.conventions import Points, Progress, Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import Fault, InvalidInput, NotEstimable

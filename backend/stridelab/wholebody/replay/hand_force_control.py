@@ -9,11 +9,13 @@ On a wall, 0.85 m above them, that is much less than on a rail beside the hip. I
 force is added by the torques of the arm, ``J' f``. The remaining force error moves the commanded position of the hand
 into the surface or out of it,
 
-    delta' = k (f_reference - f) ,     |delta| <= delta_max ,      dq = J^+ (o - delta n) .
+    delta' = k (f_reference - f) ,     |delta| <= delta_max ,      dq = W J' (J W J')^-1 (o - delta n) .
 
-This locates a displaced rail along the normal; without a surface the search ends at ``delta_max`` without a force on
-the body. Along the surface, o keeps a hand in contact at its landing position, and moves one without contact to its
-planned world position despite errors of the base, as for swinging feet. The landing position is that of the first
+W holds the torque limits of the arm's joints, relative to their mean: with equal shares, the forearm's roll joint of
+TALOS (3 N m) was asked for up to three times its limit. This locates a displaced rail along the normal; without a
+surface the search ends at ``delta_max`` without a force on the body. Along the surface, o keeps a hand in contact at
+its landing position, and moves one without contact to its planned world position despite errors of the base, as for
+swinging feet. The landing position is that of the first
 contact until contact is lost for longer than ``lost_s``: tracking the current position instead would let the hand slide
 on, and a lightly loaded one creeps up its wall by repeatedly losing and regaining contact.
 
@@ -74,6 +76,7 @@ class HandForceControl:
     def __init__(self, grip: Grip, kinematics: LimbKinematics, hands: tuple[str, ...], dt_s: float) -> None:
         self._kinematics = kinematics
         self._hands = {name: _Hand(grip, dt_s) for name in hands}
+        self._strengths = {name: kinematics.strengths(name) for name in hands}
 
     def compute_corrections(
         self,
@@ -93,8 +96,8 @@ class HandForceControl:
                 hand.update_in_contact(contacts[name], here_m, home_m, force_n, planned_n[name], reference_n[name])
             else:
                 hand.update_in_swing(home_m)
-            J, limb = self._kinematics.limb_jacobian(name)[:3], self._kinematics.limb[name]
-            angles[limb] += J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(3), hand.moved_m)
+            J, limb, w = self._kinematics.limb_jacobian(name)[:3], self._kinematics.limb[name], self._strengths[name]
+            angles[limb] += w * (J.T @ np.linalg.solve(J @ (w[:, None] * J.T) + _DAMPING * np.eye(3), hand.moved_m))
             tau[limb] += J.T @ hand.added_n
         return angles, tau
 
