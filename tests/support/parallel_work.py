@@ -105,6 +105,24 @@ def behave(item: Json) -> Json:
     return {"pid": os.getpid(), "twice": 2 * item["n"]}
 
 
+def note_run(item: Json) -> Json:
+    """Leave a file per run, named by item and process, and take some time."""
+    Path(item["noted"], f"{item['n']}-{os.getpid()}").touch()
+    time.sleep(item["seconds"])
+    return {"n": item["n"]}
+
+
+def read_beside(item: Json) -> Json:
+    """The files in the folder of the item, and whether another file can be read."""
+    folder = Path(item["folder"])
+    try:
+        other = Path(item["other"]).read_text(encoding="utf-8")
+    except PermissionError:
+        other = "refused"
+    found = {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*") if path.is_file()}
+    return {"files": found, "other": other}
+
+
 class Endless(dict[str, Any]):
     """A scenario that notes the process that reads it, and never answers."""
 
