@@ -103,8 +103,11 @@ def wait_until(is_true: Any, timeout_s: float = 60.0) -> bool:
 
 
 def restart_scheduler(cluster: DaskCluster) -> None:
-    """Kill the scheduler, and start another one at its address."""
+    """Kill the scheduler, with which its workers end, and start others at its address."""
     assert cluster.scheduler is not None
     cluster.scheduler.send_signal(signal.SIGKILL)
     cluster.scheduler.wait()
+    assert wait_until(lambda: all(worker.poll() is not None for worker in cluster.workers))
     cluster.start_scheduler()
+    for _ in tuple(cluster.workers):
+        cluster.start_worker()
