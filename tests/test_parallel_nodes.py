@@ -1,10 +1,13 @@
 """Pieces on a real Dask cluster of two workers: the same answers, and what ends costs its piece alone."""
 
+import asyncio
 import os
+import socket
 import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +17,14 @@ from pyarrow import parquet
 from stridelab.errors import InvalidInput, NotEstimable, StridelabError, Unavailable
 from stridelab.machine import cluster
 from stridelab.parallel import available_processes, map_in_order, map_isolated, worthwhile_processes
-from stridelab.service.processes.sandbox import KernelFeatures, confine_piece
+from stridelab.schemas.tasks import BenchMember, ComBenchTask
+from stridelab.service.kinds.registry import KINDS
+from stridelab.service.processes.landlock import NETWORK_ABI
+from stridelab.service.processes.pool import IsolatedPool
+from stridelab.service.processes.running_child import IsolatedOutcome
+from stridelab.service.processes.sandbox import STRICT, KernelFeatures, Sandbox, confine_piece
 from support import parallel_work
+from support.command_line import SAMPLE, estimate_task
 from support.dask_cluster import DaskCluster, dask_cluster, restart_scheduler, wait_until
 
 PRELOAD = ("support.parallel_work",)
@@ -178,6 +187,46 @@ def test_a_sweep_is_the_same_in_every_bit_wherever_it_ran(tmp_path: Path, monkey
         monkeypatch.delenv(cluster.VARIABLE, raising=False)
     assert tables[0] == tables[1]
     assert "feasible" in tables[0]
+
+
+def run_confined(target: str, task: Any, folder: Path, sandbox: Sandbox) -> Any:
+    """The value of ``target`` in a child of a worker."""
+
+    async def run() -> IsolatedOutcome:
+        async with IsolatedPool([target.partition(":")[0]]) as pool:
+            limits: dict[str, Any] = {"timeout_s": 120.0, "memory_mb": 4096}
+            return await pool.run(target, task, folder, **limits, low_priority=False, sandbox=sandbox)
+
+    outcome = asyncio.run(run())
+    assert outcome.state == "ok", (outcome.problem, outcome.log_tail)
+    return outcome.value
+
+
+def test_a_confined_job_spans_the_nodes_if_its_kind_may(nodes: DaskCluster, tmp_path: Path) -> None:
+    kind = KINDS["com-bench"]
+    assert kind.spans_nodes
+    summaries = []
+    for name, sandbox in (("nodes", replace(STRICT, connects=nodes.port)), ("here", STRICT)):
+        task = estimate_task(SAMPLE / "recording.c3d", tmp_path / name / "a")
+        staged = ComBenchTask(members=[BenchMember(recording_id="a", folder="a", task=task)]).model_dump(mode="json")
+        before = nodes.count_transitions()
+        summaries.append(run_confined(kind.run, staged, tmp_path / name, sandbox)["summary"])
+        assert (nodes.count_transitions() > before) is (name == "nodes")
+    assert summaries[0] == summaries[1]
+
+
+def test_the_exception_is_one_port(nodes: DaskCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    target = "support.parallel_work:connect_to"
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        addresses = {"addresses": [["127.0.0.1", nodes.port], ["127.0.0.1", port]]}
+        found = run_confined(target, addresses, tmp_path, replace(STRICT, connects=nodes.port))
+        strict = run_confined(target, addresses, tmp_path, STRICT)
+    assert found[f"127.0.0.1:{nodes.port}"] == "connected"
+    if KernelFeatures.detect_features().landlock_abi >= NETWORK_ABI:
+        assert found[f"127.0.0.1:{port}"] == "PermissionError"
+    assert set(strict.values()) == {"PermissionError"}
 
 
 @pytest.mark.usefixtures("nodes")

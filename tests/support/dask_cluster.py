@@ -58,6 +58,13 @@ class DaskCluster:
                         found += process.children()
         return found
 
+    def count_transitions(self) -> int:
+        """A number that grows with every task of the cluster."""
+        from distributed import Client
+
+        with Client(self.url, set_as_default=False) as client:
+            return int(client.run_on_scheduler(lambda dask_scheduler: dask_scheduler.transition_counter))
+
     def wait_for_workers(self, n: int) -> None:
         from distributed import Client
 

@@ -1,6 +1,7 @@
 """Processes of ``stridelab.parallel``, and work that misbehaves in them; as a program, work that never ends."""
 
 import os
+import socket
 import sys
 import threading
 import time
@@ -121,6 +122,18 @@ def read_beside(item: Json) -> Json:
         other = "refused"
     found = {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*") if path.is_file()}
     return {"files": found, "other": other}
+
+
+def connect_to(task: Json, _folder: Path, _progress: object) -> Json:
+    """Which of the addresses accept a connection, and why others do not."""
+    found = {}
+    for host, port in task["addresses"]:
+        try:
+            socket.create_connection((host, port), timeout=5).close()
+            found[f"{host}:{port}"] = "connected"
+        except OSError as error:
+            found[f"{host}:{port}"] = type(error).__name__
+    return found
 
 
 class Endless(dict[str, Any]):
