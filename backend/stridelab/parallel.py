@@ -30,8 +30,14 @@ from typing import Any, Final, TypeVar
 from threadpoolctl import threadpool_limits
 
 from stridelab.errors import NotEstimable, StridelabError, error_of, problem_of
-from stridelab.machine.cluster import call_on_cluster, count_cluster_slots, find_cancellation, has_cluster
-from stridelab.machine.cores import usable_cores
+from stridelab.machine.cluster import (
+    call_on_cluster,
+    count_cluster_slots,
+    find_cancellation,
+    has_cluster,
+    leave_cluster,
+)
+from stridelab.machine.cores import limit_cores, usable_cores
 
 PROCESSES_MAX: Final = 6
 """Each process uses about 220 MB with a robot and scikit-learn; this number stays below 2 GB with the parent."""
@@ -278,6 +284,8 @@ def _has_one_thread() -> bool:
 
 def _serve_items(pipe: Connection, settings: _Settings, items: Sequence[Any], folder: str | None) -> None:
     """Entry point of a process: send the result of each item, or the first error."""
+    limit_cores(1)  # the other cores compute other items
+    leave_cluster()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
     codec = _CODECS[settings.codec]
 
