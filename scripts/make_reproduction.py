@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 from experiments.reproduction_page import render_markdown, replace_sections
+from stridelab.parallel import PROCESSES_MAX, available_processes
 from stridelab.reproduction.registry import ITEMS
 from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import PEOPLE, QUICK_SEEDS, Section, collect_sections, recipes_of
@@ -40,8 +41,9 @@ def main() -> None:
     folder = None if asked.real is None else Path(asked.real)
     wanted = [r for r in recipes_of(ITEMS, asked.seeds, folder, asked.seed) if not chosen or r.name in chosen]
     sections = []
+    processes = min(available_processes(), PROCESSES_MAX)
     start = time.monotonic()
-    for section in collect_sections(wanted, ResultCache(KEPT), lambda _fraction, _message: None):
+    for section in collect_sections(wanted, ResultCache(KEPT), lambda _f, _m: None, processes=processes):
         sections.append(section)
         sys.stderr.write(f"{section.name}: {section.failure or f'{time.monotonic() - start:.0f} s'}\n")
         start = time.monotonic()

@@ -1,23 +1,26 @@
-"""Runs independent pieces of one computation in several processes.
+"""Runs independent pieces of one computation in several processes, of this machine or of a Dask cluster.
 
 ``map_isolated`` runs every item in its own process, so that a crash or hang of one does not affect the others;
-``map_in_order`` shares many pieces among a few processes. The processes are forked from the caller if it has one
-thread, and otherwise from a server process with preloaded modules. They stay in the session, the sandbox and under the
-limits of the caller, limit their libraries to one thread, and end when the caller ends or closes the generator. The
-results equal those of a single process: no random state is shared.
+``map_in_order`` shares many pieces among a few processes. Where ``STRIDELAB_DASK_URL`` names a scheduler, its nodes run
+the same processes (``machine.cluster``). On this machine they are forked from the caller if it has one thread, and
+otherwise from a server process with preloaded modules. They stay in the session, the sandbox and under the limits of
+the caller, limit their libraries to one thread, and end when the caller ends or closes the generator. The results equal
+those of a single process, wherever the pieces ran: no random state is shared.
 """
 
 import contextlib
 import json
+import math
 import multiprocessing
 import os
 import pickle
 import signal
+import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -27,7 +30,14 @@ from typing import Any, Final, TypeVar
 from threadpoolctl import threadpool_limits
 
 from stridelab.errors import NotEstimable, StridelabError, error_of, problem_of
-from stridelab.machine.cores import usable_cores
+from stridelab.machine.cluster import (
+    call_on_cluster,
+    count_cluster_slots,
+    find_cancellation,
+    has_cluster,
+    leave_cluster,
+)
+from stridelab.machine.cores import limit_cores, usable_cores
 
 PROCESSES_MAX: Final = 6
 """Each process uses about 220 MB with a robot and scikit-learn; this number stays below 2 GB with the parent."""
@@ -35,14 +45,28 @@ PROCESSES: Final = 2
 _DEFAULT_TIMEOUT_S: Final = 3600.0
 _START_TIMEOUT_S: Final = 60.0
 """Time for the server process to import the preloaded modules; the limit of an item starts with its own process."""
+_LOOK_S: Final = 1.0
+"""Interval at which a node asks whether its result is still wanted."""
+_CHUNKS_PER_SLOT: Final = 4
+
+_CODECS: Final = {codec.__name__: codec for codec in (json, pickle)}
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+_Message = dict[str, Any]
+"""``value``; or why there is none: ``problem`` and ``raised``, ``memory``, ``ended`` (exit code), ``late``."""
+
+
+def available_processes() -> int:
+    """Number of processes that can run at a time: on the nodes of the cluster, or on the usable cores."""
+    return count_cluster_slots() if has_cluster() else usable_cores()
 
 
 def worthwhile_processes(seconds: int) -> int:
     """Number of processes to start for ``seconds`` of work: starting one takes up to a second."""
-    return max(1, min(usable_cores(), PROCESSES_MAX, seconds))
+    if seconds <= 1:
+        return 1
+    return min(available_processes() if has_cluster() else min(usable_cores(), PROCESSES_MAX), seconds)
 
 
 def map_isolated(
@@ -53,76 +77,144 @@ def map_isolated(
     timeout_s: float = _DEFAULT_TIMEOUT_S,
     processes: int = PROCESSES,
     codec: ModuleType = json,
+    confine: Callable[[Path], None] | None = None,
+    spans_nodes: bool = True,
 ) -> Generator[tuple[int, "Result | StridelabError"], None, None]:
     """Yield the index and the result of ``work(item)``, or the ``StridelabError`` that it raised, as items finish.
 
     ``work`` is a module-level function; ``preload`` are the modules that it needs. Results are sent with ``codec``:
     ``json``, or ``pickle`` for work that reads no files of strangers. A process that ends without a result yields the
     error ``computation-crashed``, one that exceeds ``timeout_s`` ``computation-timed-out``.
+
+    With ``confine``, the item is a mapping whose ``folder`` contains files of strangers: a node gets a copy of the
+    folder, and its process calls ``confine`` with it first. ``spans_nodes=False`` uses this machine only.
+
+    Raises ``Unavailable`` (``cluster-unavailable``).
     """
-    at_once = min(processes, usable_cores())
-    waiting = deque(enumerate(items))
-    running: dict[Connection, tuple[int, _Worker]] = {}
-    deadlines_s: dict[Connection, float] = {}
-    try:
-        while waiting or running:
-            while waiting and len(running) < at_once:
-                index, item = waiting.popleft()
-                worker = _Worker.start(work, [item], codec, preload)
-                running[worker.pipe] = index, worker
-                deadlines_s[worker.pipe] = time.monotonic() + _START_TIMEOUT_S
-            next_s = min(deadlines_s[pipe] for pipe in running) - time.monotonic()
-            ready = wait(list(running), timeout=max(next_s, 0.0))
-            late = [pipe for pipe in running if pipe not in ready and deadlines_s[pipe] <= time.monotonic()]
-            for pipe in [pipe for pipe in running if pipe in ready]:
-                index, worker = running[pipe]
-                message = worker.receive_message()
-                if message == {}:
-                    deadlines_s[pipe] = time.monotonic() + timeout_s
-                    continue
-                del running[pipe]
-                worker.end()
-                yield index, _item_result(worker, message)
-            for pipe in late:
-                index, worker = running.pop(pipe)
-                worker.end()
-                sentence = "The computation exceeded its time limit and was stopped."
-                yield index, StridelabError("computation-timed-out", sentence)
-    finally:
-        for _, worker in running.values():
-            worker.end()
+    settings = _Settings(work, codec.__name__, tuple(preload), timeout_s, confine)
+    groups = [[item] for item in items]
+    for index, message in _run_groups(settings, groups, processes, spans_nodes=spans_nodes):
+        yield index, message["value"] if "value" in message else _item_error(message)
 
 
 def map_in_order(work: Callable[[int], Result], pieces: int, processes: int) -> Generator[Result, None, None]:
     """Yield ``work(0)`` to ``work(pieces - 1)`` in this order, computed by ``processes`` processes (1: in this one).
 
     ``work`` must be picklable. Close the generator unless it is exhausted. Raises the project's errors that ``work``
-    raises, ``MemoryError`` if a process runs out of memory, and ``NotEstimable`` (``process-ended``) if a process
-    ends without a result.
+    raises, ``MemoryError`` if a process runs out of memory, ``NotEstimable`` (``process-ended``) if a process
+    ends without a result, and ``Unavailable`` (``cluster-unavailable``).
     """
     processes = min(processes, pieces)
     if processes <= 1:
         with threadpool_limits(1):
             yield from map(work, range(pieces))
         return
-    workers: list[_Worker] = []
-    try:
-        workers += [_Worker.start(work, range(k, pieces, processes), pickle, ()) for k in range(processes)]
-        for worker in workers:
-            worker.receive_message()  # it has started
+    n_groups = min(pieces, _CHUNKS_PER_SLOT * processes) if has_cluster() else processes
+    groups = [range(k, pieces, n_groups) for k in range(n_groups)]
+    received: list[deque[_Message]] = [deque() for _ in groups]
+    with contextlib.closing(_run_groups(_Settings(work, pickle.__name__), groups, processes)) as messages:
         for piece in range(pieces):
-            message = workers[piece % processes].receive_message()
-            if message is None:
-                sentence = "A process that computed a part of the result ended unexpectedly."
-                raise NotEstimable("process-ended", sentence)
-            if "memory" in message:
-                raise MemoryError
-            if "problem" in message:
-                raise error_of(message["problem"], message["raised"])
-            yield message["value"]
+            own = received[piece % n_groups]
+            while not own:
+                group, message = next(messages)
+                received[group].append(message)
+            yield _value_of(own.popleft())
+
+
+@dataclass(frozen=True)
+class _Settings:
+    """What all groups of a computation share."""
+
+    work: Callable[[Any], Any]
+    codec: str
+    preload: Sequence[str] = ()
+    timeout_s: float = math.inf
+    confine: Callable[[Path], None] | None = None
+
+
+def _run_groups(
+    settings: _Settings, groups: Sequence[Sequence[Any]], at_once: int, *, spans_nodes: bool = True
+) -> Generator[tuple[int, _Message], None, None]:
+    """Yield the number of a group and the message of its next item, until all groups have ended.
+
+    Each group has its own process, and ends at its first item without a value.
+    """
+    if not (spans_nodes and has_cluster()):
+        yield from _run_in_processes(settings, groups, min(at_once, usable_cores()))
+        return
+    copied = [None if settings.confine is None else _read_folder(group[0]["folder"]) for group in groups]
+    arguments = [(settings, list(group), files) for group, files in zip(groups, copied, strict=True)]
+    with contextlib.closing(call_on_cluster(_run_on_node, arguments)) as results:
+        for group, messages in results:
+            yield from ((group, message) for message in messages or [{"ended": None}])
+
+
+def _run_on_node(settings: _Settings, items: list[Any], files: Mapping[str, bytes] | None) -> list[_Message]:
+    """Entry point on a node of the cluster: run one group in a process of this machine."""
+    multiprocessing.current_process().daemon = False  # set by Dask, and forbids children
+    with tempfile.TemporaryDirectory(prefix="stridelab-") as folder:
+        for name, content in (files or {}).items():
+            (Path(folder) / name).parent.mkdir(parents=True, exist_ok=True)
+            (Path(folder) / name).write_bytes(content)
+        here = items if files is None else [{**items[0], "folder": folder}]
+        return [message for _, message in _run_in_processes(settings, [here], 1, find_cancellation(), folder)]
+
+
+def _run_in_processes(
+    settings: _Settings,
+    groups: Sequence[Sequence[Any]],
+    at_once: int,
+    is_wanted: Callable[[], bool] = lambda: True,
+    folder: str | None = None,
+) -> Generator[tuple[int, _Message], None, None]:
+    """``_run_groups`` on this machine. A process that was killed is started again once, at its unfinished item."""
+    waiting = deque(_Group(number, list(items)) for number, items in enumerate(groups) if len(items))
+    running: dict[Connection, _Group] = {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < at_once:
+                group = waiting.popleft()
+                group.start_process(settings, folder)
+                running[group.worker.pipe] = group
+            next_s = min(group.deadline_s for group in running.values()) - time.monotonic()
+            ready = wait(list(running), timeout=min(max(next_s, 0.0), _LOOK_S))
+            if not is_wanted():
+                return
+            late = [p for p, group in running.items() if p not in ready and group.deadline_s <= time.monotonic()]
+            for pipe in [*(pipe for pipe in running if pipe in ready), *late]:
+                group = running[pipe]
+                message = {"late": True} if pipe in late else group.worker.receive_message()
+                if message == {}:
+                    group.deadline_s = time.monotonic() + settings.timeout_s
+                    continue
+                if message == {"ended": -signal.SIGKILL} and not group.was_killed:
+                    group.was_killed = True
+                    waiting.appendleft(group)
+                else:
+                    del group.items[0]
+                    yield group.number, message
+                    if "value" in message and group.items:
+                        continue
+                del running[pipe]
+                group.worker.end()
     finally:
-        for worker in workers:
-            worker.end()
+        for group in running.values():
+            group.worker.end()
+
+
+@dataclass(eq=False)
+class _Group:
+    """A group of items, of which the first is being computed."""
+
+    number: int
+    items: list[Any]
+    was_killed: bool = False
+    deadline_s: float = math.inf
+    worker: "_Worker" = field(init=False)
+
+    def start_process(self, settings: _Settings, folder: str | None) -> None:
+        self.worker = _Worker.start(settings, self.items, folder)
+        self.deadline_s = time.monotonic() + _START_TIMEOUT_S
 
 
 @dataclass(frozen=True)
@@ -131,26 +223,26 @@ class _Worker:
 
     process: BaseProcess
     pipe: Connection
-    codec: ModuleType
+    codec: str
 
     @staticmethod
-    def start(work: Callable[[Any], Any], items: Iterable[Any], codec: ModuleType, preload: Sequence[str]) -> "_Worker":
+    def start(settings: _Settings, items: Sequence[Any], folder: str | None) -> "_Worker":
         context: Any = multiprocessing.get_context("fork" if _has_one_thread() else "forkserver")
-        context.set_forkserver_preload(["__main__", *preload])
+        context.set_forkserver_preload(["__main__", *settings.preload])
         ours, theirs = context.Pipe(duplex=False)
-        process = context.Process(target=_serve_items, args=(theirs, codec.__name__, work, items), daemon=True)
+        process = context.Process(target=_serve_items, args=(theirs, settings, items, folder), daemon=True)
         process.start()
         theirs.close()  # so that the pipe ends when the process ends
-        return _Worker(process, ours, codec)
+        return _Worker(process, ours, settings.codec)
 
-    def receive_message(self) -> dict[str, Any] | None:
-        """The next message; None if the process has ended."""
+    def receive_message(self) -> _Message:
+        """The next message, also when the process has ended."""
         try:
             content = self.pipe.recv_bytes()
         except (EOFError, ConnectionResetError):
             self.process.join()
-            return None
-        message: dict[str, Any] = self.codec.loads(content)
+            return {"ended": self.process.exitcode}
+        message: _Message = _CODECS[self.codec].loads(content)
         return message
 
     def end(self) -> None:
@@ -160,13 +252,28 @@ class _Worker:
         self.pipe.close()
 
 
-def _item_result(worker: _Worker, message: dict[str, Any] | None) -> Any:
-    if message is None:
-        how = f"The computation ended with exit code {worker.process.exitcode} and no answer."
-        return StridelabError("computation-crashed", how)
+def _item_error(message: _Message) -> StridelabError:
+    if "problem" in message:
+        return error_of(message["problem"], message["raised"])
+    if "late" in message:
+        return StridelabError("computation-timed-out", "The computation exceeded its time limit and was stopped.")
+    how = "ran out of memory" if "memory" in message else f"ended with exit code {message['ended']} and no answer"
+    return StridelabError("computation-crashed", f"The computation {how}.")
+
+
+def _value_of(message: _Message) -> Any:
+    if "value" in message:
+        return message["value"]
     if "memory" in message:
-        return StridelabError("computation-crashed", "The computation ran out of memory.")
-    return message["value"] if "value" in message else error_of(message["problem"], message["raised"])
+        raise MemoryError
+    if "problem" in message:
+        raise _item_error(message)
+    raise NotEstimable("process-ended", "A process that computed a part of the result ended unexpectedly.")
+
+
+def _read_folder(folder: str) -> dict[str, bytes]:
+    files = (path for path in Path(folder).rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 def _has_one_thread() -> bool:
@@ -175,21 +282,25 @@ def _has_one_thread() -> bool:
     return tasks.exists() and len(list(tasks.iterdir())) == 1
 
 
-def _serve_items(pipe: Connection, codec_name: str, work: Callable[[Any], Any], items: Iterable[Any]) -> None:
+def _serve_items(pipe: Connection, settings: _Settings, items: Sequence[Any], folder: str | None) -> None:
     """Entry point of a process: send the result of each item, or the first error."""
+    limit_cores(1)  # the other cores compute other items
+    leave_cluster()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
-    threading.Thread(target=_exit_with_parent, daemon=True).start()
-    codec = {"json": json, "pickle": pickle}[codec_name]
+    codec = _CODECS[settings.codec]
 
-    def send_message(message: dict[str, Any]) -> None:
+    def send_message(message: _Message) -> None:
         content = codec.dumps(message)
         pipe.send_bytes(content if isinstance(content, bytes) else content.encode())
 
     try:
-        send_message({})
         with _limit_threads():
+            if settings.confine is not None and folder is not None:
+                settings.confine(Path(folder))
+            threading.Thread(target=_exit_with_parent, daemon=True).start()
+            send_message({})
             for item in items:
-                send_message({"value": work(item)})
+                send_message({"value": settings.work(item)})
     except StridelabError as error:
         send_message({"problem": problem_of(error), "raised": type(error).__name__})
     except MemoryError:

@@ -62,7 +62,7 @@ def test_only_the_proxy_can_be_reached_from_elsewhere() -> None:
     assert published == {"caddy": ["80:8080", "443:8443"], "grafana": ["127.0.0.1:3000:3000"]}
     assert ALL["networks"]["inside"]["internal"] is True
     assert {name for name, service in ALL["services"].items() if "outside" in service["networks"]} == set(published)
-    for line in ("http_port 8080", "https_port 8443", "reverse_proxy api:8000", ":8081 {", "respond /healthy 200"):
+    for line in ("http_port 8080", "https_port 8443", "dynamic a api 8000", ":8081 {", "respond /healthy 200"):
         assert line in CADDY
 
 

@@ -46,7 +46,7 @@ def test_numeric_code_does_not_print() -> None:
 
 
 def test_locks_name_no_index_and_hash_everything() -> None:
-    for name in ("requirements.lock", "requirements-dev.lock", "requirements-uv.lock"):
+    for name in ("requirements.lock", "requirements-cluster.lock", "requirements-dev.lock", "requirements-uv.lock"):
         text = (ROOT / name).read_text(encoding="utf-8")
         assert "://" not in text
         pins = [line for line in text.splitlines() if "==" in line and not line.lstrip().startswith("#")]

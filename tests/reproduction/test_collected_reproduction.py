@@ -102,6 +102,23 @@ def test_an_item_that_fails_is_told_and_the_others_go_on(tmp_path: Path) -> None
     assert (known.calls, unknown.calls, fine.calls) == (2, 2, 1)
 
 
+def test_items_in_processes_are_those_of_one_process_in_their_order(tmp_path: Path) -> None:
+    wanted, told = recipes_of(["fig-2.5", "fig-2.2"], 1, None), []
+    alone = list(collect_sections(wanted, ResultCache(tmp_path / "one"), silent))
+    cache = ResultCache(tmp_path / "two")
+    both = list(collect_sections(wanted, cache, lambda f, m: told.append((f, m)), processes=2))
+    assert [section.name for section in both] == ["fig-2.5", "fig-2.2"]
+    for one, other in zip(alone, both, strict=True):
+        assert one.result is not None
+        assert other.result is not None
+        assert one.result.claims == other.result.claims
+        assert one.result.drawing == other.result.drawing
+    assert [fraction for fraction, _ in told] == [0.0, 0.5, 1.0]
+    assert [path.name for path in sorted((tmp_path / "two").iterdir())] == sorted(
+        path.name for path in (tmp_path / "one").iterdir()
+    )
+
+
 def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
     done, stopped = Counting(), Counting(KeyboardInterrupt())
     wanted = [recipe("done", done), recipe("stopped", stopped)]

@@ -1,6 +1,7 @@
 """Processes of ``stridelab.parallel``, and work that misbehaves in them; as a program, work that never ends."""
 
 import os
+import socket
 import sys
 import threading
 import time
@@ -103,6 +104,36 @@ def behave(item: Json) -> Json:
     if how == "large":
         return {"text": "x" * 3_000_000}
     return {"pid": os.getpid(), "twice": 2 * item["n"]}
+
+
+def note_run(item: Json) -> Json:
+    """Leave a file per run, named by item and process, and take some time."""
+    Path(item["noted"], f"{item['n']}-{os.getpid()}").touch()
+    time.sleep(item["seconds"])
+    return {"n": item["n"]}
+
+
+def read_beside(item: Json) -> Json:
+    """The files in the folder of the item, and whether another file can be read."""
+    folder = Path(item["folder"])
+    try:
+        other = Path(item["other"]).read_text(encoding="utf-8")
+    except PermissionError:
+        other = "refused"
+    found = {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*") if path.is_file()}
+    return {"files": found, "other": other}
+
+
+def connect_to(task: Json, _folder: Path, _progress: object) -> Json:
+    """Which of the addresses accept a connection, and why others do not."""
+    found = {}
+    for host, port in task["addresses"]:
+        try:
+            socket.create_connection((host, port), timeout=5).close()
+            found[f"{host}:{port}"] = "connected"
+        except OSError as error:
+            found[f"{host}:{port}"] = type(error).__name__
+    return found
 
 
 class Endless(dict[str, Any]):

@@ -15,6 +15,7 @@ from stridelab.cli.estimate import run_job
 from stridelab.cli.options import Delivery
 from stridelab.cli.results import deliver_result, err, out, progress_bar, show_files
 from stridelab.errors import Fault, InvalidInput
+from stridelab.parallel import PROCESSES_MAX, available_processes
 from stridelab.reproduction.claims import OUTCOMES, WORDS, Claim
 from stridelab.reproduction.registry import ITEMS, MAX_SEEDS
 from stridelab.reproduction.report.formatting import basis_text, count_outcomes, format_quantity
@@ -113,7 +114,11 @@ def reproduce_all(
     sections = []
     with progress_bar("reproduction") as bar:
         for section in collect_sections(
-            recipes_of(names, draws, recordings, seed), ResultCache(target / CACHE_FOLDER), bar, recompute=recompute
+            recipes_of(names, draws, recordings, seed),
+            ResultCache(target / CACHE_FOLDER),
+            bar,
+            recompute=recompute,
+            processes=min(available_processes(), PROCESSES_MAX),
         ):
             sections.append(section)
             if section.result is None:

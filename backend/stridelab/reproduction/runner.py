@@ -1,5 +1,6 @@
-"""Sequential computation of items with a result cache; a failed item is reported and does not stop the others."""
+"""Computation of items with a result cache; a failed item is reported and does not stop the others."""
 
+import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -8,10 +9,11 @@ from typing import Final
 
 from stridelab.conventions import Progress
 from stridelab.errors import StridelabError
+from stridelab.parallel import map_isolated
 from stridelab.reproduction.chapter2 import fig_2_8_people, table_real_walks
 from stridelab.reproduction.chapter3 import wheel_people
 from stridelab.reproduction.claims import Reproduction, sampling_text
-from stridelab.reproduction.registry import item_of, seeds_of
+from stridelab.reproduction.registry import ITEMS, item_of, seeds_of
 from stridelab.reproduction.result_cache import ResultCache, digest_of
 
 _PEOPLE_MODULES: Final = (fig_2_8_people, table_real_walks, wheel_people)
@@ -81,28 +83,78 @@ def recipe_of(name: str, seeds: int | None, seed: int | None = None) -> Recipe:
 
 
 def collect_sections(
-    recipes: Sequence[Recipe], cache: ResultCache, tell: Progress, *, recompute: bool = False
+    recipes: Sequence[Recipe], cache: ResultCache, tell: Progress, *, recompute: bool = False, processes: int = 1
 ) -> Iterator[Section]:
-    """Compute the items and yield their sections; ``recompute`` ignores cached results. Failures are not cached."""
+    """Compute the items and yield their sections in order; ``recompute`` ignores cached results.
+
+    With several ``processes``, each item has its own, on this machine or on a node of the cluster (``parallel``), and
+    the progress counts items. Failures are not cached.
+    """
+    results: dict[int, Reproduction | str] = {}
+    digests = {each.module: digest_of(each.module) for each in recipes}
+    for number, each in enumerate(recipes):
+        cached = None if recompute else cache.load_result(each.name, each.seeds, digests[each.module])
+        if cached is not None:
+            results[number] = cached
+    missing = [number for number in range(len(recipes)) if number not in results]
+    compute = _compute_in_processes(processes) if processes > 1 and len(missing) > 1 else _compute_here
+    computed = compute([recipes[number] for number in missing], _share_of(tell, len(results), len(recipes)))
+    for number, each in enumerate(recipes):
+        while number not in results:
+            index, result = next(computed)
+            results[missing[index]] = result
+            if isinstance(result, Reproduction):
+                done = recipes[missing[index]]
+                cache.save_result(done.name, done.seeds, digests[done.module], result, done.printed)
+        result = results[number]
+        found, failure = (None, result) if isinstance(result, str) else (result, "")
+        yield Section(each.name, each.title, each.sampling, each.printed, found, failure)
+
+
+def _share_of(tell: Progress, cached: int, total: int) -> Progress:
+    """Progress of the items that are not cached, as part of all."""
+
+    def tell_all(computed: float, message: str) -> None:
+        tell((cached + computed) / total, message)
+
+    return tell_all
+
+
+def _compute_here(recipes: Sequence[Recipe], tell: Progress) -> Iterator[tuple[int, Reproduction | str]]:
     for number, each in enumerate(recipes):
 
         def tell_item(fraction: float, message: str, number: int = number, name: str = each.name) -> None:
-            tell((number + fraction) / len(recipes), f"{name}: {message}")
+            tell(number + fraction, f"{name}: {message}")
 
-        yield _compute_section(each, cache, tell_item, recompute=recompute)
+        tell_item(0.0, "starting")
+        yield number, _result_or_failure(each.run, tell_item)
 
 
-def _compute_section(recipe: Recipe, cache: ResultCache, tell: Progress, *, recompute: bool) -> Section:
-    digest = digest_of(recipe.module)
-    result = None if recompute else cache.load_result(recipe.name, recipe.seeds, digest)
-    failure = ""
-    if result is None:
-        tell(0.0, "starting")
-        try:
-            result = recipe.run(tell)
-            cache.save_result(recipe.name, recipe.seeds, digest, result, recipe.printed)
-        except StridelabError as error:
-            failure = error.message
-        except Exception as error:  # noqa: BLE001 (a failed item does not stop the others)
-            failure = f"{type(error).__name__}: {error}"
-    return Section(recipe.name, recipe.title, recipe.sampling, recipe.printed, result, failure)
+def _compute_in_processes(
+    processes: int,
+) -> Callable[[Sequence[Recipe], Progress], Iterator[tuple[int, Reproduction | str]]]:
+    def compute(recipes: Sequence[Recipe], tell: Progress) -> Iterator[tuple[int, Reproduction | str]]:
+        orders = [(each.name, each.seeds, None if each.name in ITEMS else each.run) for each in recipes]
+        preload = (item_of.__module__,)
+        done = map_isolated(_compute_order, orders, preload=preload, processes=processes, codec=pickle)
+        tell(0.0, f"{len(orders)} items")
+        for count, (index, answer) in enumerate(done, start=1):
+            tell(float(count), f"{recipes[index].name}: done")
+            yield index, answer.message if isinstance(answer, StridelabError) else answer
+
+    return compute
+
+
+def _compute_order(order: tuple[str, range, Callable[[Progress], Reproduction] | None]) -> Reproduction | str:
+    name, seeds, run = order
+    return _result_or_failure(run or partial(item_of(name), seeds), lambda _fraction, _message: None)
+
+
+def _result_or_failure(run: Callable[[Progress], Reproduction], tell: Progress) -> Reproduction | str:
+    """The result, or the message of the error."""
+    try:
+        return run(tell)
+    except StridelabError as error:
+        return error.message
+    except Exception as error:  # noqa: BLE001 (a failed item does not stop the others)
+        return f"{type(error).__name__}: {error}"

@@ -55,6 +55,11 @@ class Settings(BaseSettings):
     )
     child_user: str | None = Field(default=None, description="account of processes that read files, if started by root")
     worker_slots: int | None = Field(default=None, ge=1, description="jobs at a time per worker; cores - 1 by default")
+    dask_url: str | None = Field(
+        default=None,
+        pattern=r"^tcp://[^/:@\s]+:\d{1,5}$",
+        description="scheduler of a Dask cluster that computes the parts of sweeps, studies, benches and learning",
+    )
     job_timeout_s: float = Field(default=600.0, gt=0, description="wall-clock limit of a job, unless its kind sets one")
     job_memory_mb: int = Field(default=3072, ge=128, description="memory limit of a job's process")
     job_niceness: int = Field(default=NICENESS, ge=0, le=19, description="niceness of the processes of jobs")

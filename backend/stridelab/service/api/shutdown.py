@@ -1,7 +1,7 @@
-"""Ends long-running responses (event streams, long polls) when the server shuts down."""
+"""Ends long-running responses (long polls, streams) when the server shuts down."""
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable
+from collections.abc import Awaitable
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -17,15 +17,3 @@ async def await_unless(closing: asyncio.Event, work: Awaitable[T]) -> T | None:
         for task in (doing, stopping):
             task.cancel()
         await asyncio.gather(doing, stopping, return_exceptions=True)
-
-
-async def iterate_until(closing: asyncio.Event, source: AsyncIterator[T]) -> AsyncIterator[T]:
-    """Yield the items of ``source`` until it ends or ``closing`` is set."""
-    while True:
-        try:
-            item = await await_unless(closing, anext(source))
-        except StopAsyncIteration:
-            return
-        if item is None:
-            return
-        yield item

@@ -7,6 +7,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -14,6 +15,7 @@ import structlog
 from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.errors import StorageFull, StridelabError, Unavailable, problem_of
+from stridelab.machine.cluster import scheduler_address
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service import telemetry
 from stridelab.service.data_folder import DISK_FULL_ERRNOS
@@ -54,6 +56,9 @@ class AttemptRunner:
         self._attempt, self._kind, self._attempts, self._blobs = attempt, kind, attempts, blobs
         self._retry_database = retry_database
         self._timeout_s = kind.timeout_s or limits.job_timeout_s
+        self._sandbox = kind.sandbox
+        if kind.sandbox is not None and kind.spans_nodes and limits.dask_url is not None:
+            self._sandbox = replace(kind.sandbox, connects=scheduler_address(limits.dask_url)[1])
         self._memory_mb = kind.memory_mb or limits.job_memory_mb
         self._patience_s, self._max_attempts = limits.storage_patience_s, limits.job_max_attempts
         self._kill_requested = asyncio.Event()
@@ -114,7 +119,7 @@ class AttemptRunner:
                     memory_mb=self._memory_mb,
                     cancel=self._kill_requested,
                     on_progress=self._note_progress,
-                    sandbox=self._kind.sandbox,
+                    sandbox=self._sandbox,
                 )
                 computing.set_attribute("outcome", outcome.state)
             log_tail = outcome.log_tail

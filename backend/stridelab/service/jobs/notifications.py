@@ -6,7 +6,8 @@ and no wrong state: all watchers read again after every reconnection and at leas
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import AsyncGenerator, Callable, Iterator, Sequence
 from typing import Final, Self
 
 import psycopg
@@ -19,6 +20,8 @@ from stridelab.service.storage.database import CONNECTION_OPTIONS, libpq_url
 
 FALLBACK_S: Final = 15.0
 """Polling interval without notifications."""
+RECENT_EVENTS: Final = 1000
+"""Number of events of a job in memory for its listeners."""
 _RECONNECT_S: Final = (0.1, 0.2, 0.5, 1.0, 2.0)
 _log = structlog.get_logger(__name__)
 
@@ -84,6 +87,7 @@ class JobNotifications:
 
     def __init__(self, url: str) -> None:
         self._watchers: dict[str, set[asyncio.Event]] = {}
+        self._feeds: dict[str, _JobFeed] = {}
         self._listener = Listener(url, [CHANNEL], self._wake_watchers, self._wake_all)
 
     async def __aenter__(self) -> Self:
@@ -105,25 +109,41 @@ class JobNotifications:
             if not self._watchers[job_id]:
                 del self._watchers[job_id]
 
-    async def follow_events(self, store: JobStore, job_id: str, after: int = 0) -> AsyncIterator[tuple[JobEvent, ...]]:
-        """The job's events after number ``after``, as they are written, until the job has ended.
+    async def follow_events(
+        self, store: JobStore, job_id: str, after: int = 0, closing: asyncio.Event | None = None
+    ) -> AsyncGenerator[tuple[JobEvent, ...], None]:
+        """The job's events after number ``after``, as they are written, until the job has ended or ``closing`` is set.
 
+        All listeners to a job share one reader of the tables; who joins late, or is slow, reads what it missed itself.
         Yields an empty tuple after ``FALLBACK_S`` without events (as a keep-alive). Raises ``NotFound``.
         """
-        with self.watch_job(job_id) as change:
+        feed = self._feeds.get(job_id)
+        if feed is None:
+            feed = self._feeds[job_id] = _JobFeed(job_id, after)
+            feed.start_reading(self, store, closing)
+        feed.listeners += 1
+        try:
             while True:
-                change.clear()
-                record = await store.get(job_id)
-                events = await store.events_after(job_id, after)
+                change = feed.change
+                events = feed.events_after(after)
+                if events is None:
+                    events = await store.events_after(job_id, after)
                 if events:
                     after = events[-1].seq
-                elif record.is_final:
+                    yield events
+                elif feed.end is not None:
+                    await feed.end  # raises what ended the reader
                     return
-                yield events
-                if record.is_final:
-                    continue  # until all events are sent
-                with contextlib.suppress(asyncio.TimeoutError):
-                    await asyncio.wait_for(change.wait(), FALLBACK_S)
+                else:
+                    await change.wait()
+                    if not feed.events_after(after) and feed.end is None:
+                        yield ()
+        finally:
+            feed.listeners -= 1
+            if not feed.listeners:
+                feed.stop_reading()
+                if self._feeds.get(job_id) is feed:
+                    del self._feeds[job_id]
 
     async def wait_for_end(self, store: JobStore, job_id: str, timeout_s: float) -> JobRecord:
         """Wait until the job has ended or ``timeout_s`` has passed; returns its state then. Raises ``NotFound``."""
@@ -146,3 +166,75 @@ class JobNotifications:
         for events in self._watchers.values():
             for event in events:
                 event.set()
+
+
+class _JobFeed:
+    """The events of one job, read once for all its listeners in this process.
+
+    ``change`` is set and replaced after every reading.
+    """
+
+    def __init__(self, job_id: str, after: int) -> None:
+        self.job_id, self.listeners = job_id, 0
+        self.change = asyncio.Event()
+        self._last_seq = after
+        self._recent: deque[JobEvent] = deque(maxlen=RECENT_EVENTS)
+        self._before_recent = after
+        """Number of the event before the recent ones."""
+        self._reader: asyncio.Task[None] | None = None
+
+    @property
+    def end(self) -> "asyncio.Task[None] | None":
+        """The reader, once it has ended."""
+        return self._reader if self._reader is not None and self._reader.done() else None
+
+    def events_after(self, after: int) -> tuple[JobEvent, ...] | None:
+        """The events that were read with numbers above ``after``; None if older ones are needed, too."""
+        if after < self._before_recent:
+            return None
+        if after >= self._last_seq:
+            return ()
+        return tuple(event for event in self._recent if event.seq > after)
+
+    def start_reading(self, board: JobNotifications, store: JobStore, closing: asyncio.Event | None) -> None:
+        """Read in a task until the job has ended, or ``closing`` is set."""
+        self._reader = asyncio.create_task(self._read_events(board, store, closing or asyncio.Event()))
+        self._reader.add_done_callback(lambda _: self._wake_listeners())
+
+    def stop_reading(self) -> None:
+        """End the task without waiting for it."""
+        if self._reader is not None and not self._reader.cancel() and not self._reader.cancelled():
+            self._reader.exception()  # seen, if a listener has not seen it
+
+    async def _read_events(self, board: JobNotifications, store: JobStore, closing: asyncio.Event) -> None:
+        with board.watch_job(self.job_id) as change:
+            while not closing.is_set():
+                change.clear()
+                record = await store.get(self.job_id)
+                events = await store.events_after(self.job_id, self._last_seq)
+                if record.is_final and not events:
+                    return
+                self._add_events(events)
+                self._wake_listeners()
+                if not record.is_final:  # else until all events are read
+                    await _wait_for_either(change, closing, FALLBACK_S)
+
+    def _add_events(self, events: Sequence[JobEvent]) -> None:
+        for event in events:
+            if len(self._recent) == RECENT_EVENTS:
+                self._before_recent = self._recent[0].seq
+            self._recent.append(event)
+            self._last_seq = event.seq
+
+    def _wake_listeners(self) -> None:
+        self.change.set()
+        self.change = asyncio.Event()
+
+
+async def _wait_for_either(first: asyncio.Event, second: asyncio.Event, timeout_s: float) -> None:
+    waits = [asyncio.ensure_future(event.wait()) for event in (first, second)]
+    try:
+        await asyncio.wait(waits, timeout=timeout_s, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for wait in waits:
+            wait.cancel()

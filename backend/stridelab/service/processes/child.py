@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import IO, Any, Final, NoReturn
 
 from stridelab.errors import StridelabError, problem_of
+from stridelab.machine.cluster import leave_cluster, resolve_scheduler
 from stridelab.machine.cores import limit_cores
 from stridelab.service.processes.priority import lower_priority, raise_priority
 from stridelab.service.processes.sandbox import Sandbox, confine_process
@@ -92,6 +93,10 @@ def _prepare_work(setup: dict[str, Any], folder: Path | None) -> Callable[..., A
     limit_cores(setup["cores"])
     if setup["sandbox"] is not None:
         _open_statm()
+        if setup["sandbox"]["connects"] is None:
+            leave_cluster()
+        else:
+            resolve_scheduler()
         confine_process(Sandbox(**setup["sandbox"]), folder)
     return target() if isinstance(target, type) else with_json(target)
 

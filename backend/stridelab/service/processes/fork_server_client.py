@@ -17,6 +17,7 @@ from typing import Final
 
 import structlog
 
+from stridelab.machine.cluster import VARIABLE as CLUSTER_VARIABLE
 from stridelab.service.processes.fork_server import ANSWER, FORK, PING, RELEASE, REQUEST
 from stridelab.service.processes.sandbox import MODE_VARIABLE, USER_VARIABLE
 from stridelab.service.processes.watchdog import ResponseWatchdog
@@ -26,8 +27,8 @@ _MAX_LINE_BYTES: Final = 64 * 1024 * 1024
 _log = structlog.get_logger(__name__)
 _THREAD_LIBRARIES: Final = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB", "BLIS")
 _SECRET_PREFIXES: Final = ("STRIDELAB_", "AWS_", "PG", "AZURE_", "GOOGLE_")
-_PASSED_VARIABLES: Final = frozenset({"STRIDELAB_NATIVE_PATH", MODE_VARIABLE, USER_VARIABLE})
-"""Non-secret variables that children need: the folder of the C++ solver and the sandbox settings."""
+_PASSED_VARIABLES: Final = frozenset({"STRIDELAB_NATIVE_PATH", CLUSTER_VARIABLE, MODE_VARIABLE, USER_VARIABLE})
+"""Non-secret variables that children need: the folder of the C++ solver, the cluster and the sandbox settings."""
 _SINGLE_THREADED: Final = {"JE_ARROW_MALLOC_CONF": "background_thread:false"}
 """Arrow's allocator would start a thread at import, and a process with threads is not safely forked."""
 

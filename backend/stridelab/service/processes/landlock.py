@@ -63,12 +63,12 @@ def abi_version() -> int:
         return 0
 
 
-def restrict_thread(rules: Iterable[Rule], *, may_listen: bool, version: int) -> None:
+def restrict_thread(rules: Iterable[Rule], *, may_listen: bool, connects: int | None = None, version: int) -> None:
     """Restrict the calling thread to ``rules``; it must have set ``no_new_privs``.
 
-    Missing or unreachable paths are skipped. From ABI 4 on, the thread cannot connect to TCP ports, and can bind only a
-    port chosen by the kernel, if ``may_listen``; from ABI 6 on, it cannot signal processes outside or use their
-    abstract sockets. Raises ``OSError``.
+    Missing or unreachable paths are skipped. From ABI 4 on, the thread can connect to the TCP port ``connects`` only,
+    and can bind only a port chosen by the kernel, if ``may_listen``; from ABI 6 on, it cannot signal processes outside
+    or use their abstract sockets. Raises ``OSError``.
     """
     handled = (2 << _LAST_BIT_OF_ABI[min(version, len(_LAST_BIT_OF_ABI)) - 1]) - 1
     ruleset_attr = _Ruleset(handled)
@@ -81,9 +81,10 @@ def restrict_thread(rules: Iterable[Rule], *, may_listen: bool, version: int) ->
     try:
         for path, rights in rules:
             _add_path_rule(ruleset, path, rights & handled)
-        if may_listen and version >= NETWORK_ABI:
-            any_port = _NetPort(_BIND_TCP, 0)  # a port from the ephemeral range
-            _system_call(_ADD_RULE, ruleset, _NET_PORT, ctypes.byref(any_port), 0)
+        ports = [_NetPort(_BIND_TCP, 0)] if may_listen else []  # a port from the ephemeral range
+        ports += [] if connects is None else [_NetPort(_CONNECT_TCP, connects)]
+        for port in ports if version >= NETWORK_ABI else ():
+            _system_call(_ADD_RULE, ruleset, _NET_PORT, ctypes.byref(port), 0)
         _system_call(_RESTRICT_SELF, ruleset, 0)
     finally:
         os.close(ruleset)

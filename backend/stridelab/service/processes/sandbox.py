@@ -70,12 +70,13 @@ _START_FOLDER: Final = _working_folder()
 class Sandbox:
     """Exceptions for a child.
 
-    It may start ``programs`` (under the same limits), be a ``server`` on a TCP port, or read the files ``reads`` of the
-    caller, for which it keeps the caller's account.
+    It may start ``programs`` (under the same limits), be a ``server`` on a TCP port, connect to the TCP port
+    ``connects``, or read the files ``reads`` of the caller, for which it keeps the caller's account.
     """
 
     programs: bool = False
     server: bool = False
+    connects: int | None = None
     reads: Sequence[str] = ()
 
 
@@ -141,10 +142,21 @@ def confine_process(sandbox: Sandbox, folder: Path | None, kernel: KernelFeature
     _drop_privileges()
     if kernel.landlock_abi:
         landlock.restrict_thread(
-            _landlock_rules(sandbox, folder), may_listen=sandbox.server, version=kernel.landlock_abi
+            _landlock_rules(sandbox, folder),
+            may_listen=sandbox.server,
+            connects=sandbox.connects,
+            version=kernel.landlock_abi,
         )
     if kernel.filters:
-        seccomp.install_filter(programs=sandbox.programs, server=sandbox.server)
+        seccomp.install_filter(programs=sandbox.programs, server=sandbox.server, client=sandbox.connects is not None)
+
+
+def confine_piece(folder: Path) -> None:
+    """Confine a process that computes a part of a job on a node of a cluster, without exceptions.
+
+    Raises as ``confine_process`` does.
+    """
+    confine_process(STRICT, folder)
 
 
 def _landlock_rules(sandbox: Sandbox, folder: Path | None) -> list[Rule]:

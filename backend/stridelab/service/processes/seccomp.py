@@ -99,6 +99,7 @@ which is killed as a group. clone and clone3 are needed for threads and forks.
 _CONDITIONAL_CALLS: Final = frozenset({"clone", "clone3", "prlimit64", "seccomp", "sendto", "sendmsg", "sendmmsg"})
 _EXEC_CALLS: Final = frozenset({"execve", "execveat"})
 _LISTENING_CALLS: Final = frozenset({"socket", "bind", "listen"})
+_CONNECTING_CALLS: Final = frozenset({"socket", "connect"})
 
 
 class _Program(ctypes.Structure):
@@ -117,27 +118,26 @@ def is_available() -> bool:
         return False
 
 
-def install_filter(*, programs: bool, server: bool) -> None:
+def install_filter(*, programs: bool, server: bool, client: bool) -> None:
     """Install the filter in all threads of this process, which must have set ``no_new_privs``.
 
-    With ``programs`` the process may still start programs, with ``server`` listen on TCP, but not connect. Raises
-    ``OSError``.
+    With ``programs`` the process may still start programs, with ``server`` listen on TCP, with ``client`` connect by
+    TCP. Raises ``OSError``.
     """
     machine = _current_machine()
     if machine is None:
         raise OSError(errno.ENOSYS, "no table of system calls for this architecture")
-    code = filter_program(machine.audit, machine.column, programs=programs, server=server)
+    code = filter_program(machine.audit, machine.column, programs=programs, server=server, client=client)
     program = _Program(len(code) // 8, code)
     if (thread := _seccomp_call(machine, _FILTER_MODE, _ALL_THREADS, ctypes.byref(program))) != 0:
         raise OSError(errno.EBUSY, f"seccomp: the thread {thread} has another filter")
 
 
-def filter_program(audit: int, column: int, *, programs: bool, server: bool) -> bytes:
+def filter_program(audit: int, column: int, *, programs: bool, server: bool, client: bool = False) -> bytes:
     """Filter program for the architecture ``audit`` with the call numbers of ``column``."""
     number = {name: numbers[column] for name, numbers in _CALLS.items()}
-    free = (
-        _CONDITIONAL_CALLS | (_EXEC_CALLS if programs else frozenset()) | (_LISTENING_CALLS if server else frozenset())
-    )
+    exceptions = ((programs, _EXEC_CALLS), (server, _LISTENING_CALLS), (client, _CONNECTING_CALLS))
+    free = _CONDITIONAL_CALLS.union(*(calls for is_excepted, calls in exceptions if is_excepted))
     code = [
         # Check the architecture first: an instruction may switch to another one with other call numbers.
         _bpf_instruction(_LOAD, _ARCHITECTURE_AT),
@@ -155,7 +155,7 @@ def filter_program(audit: int, column: int, *, programs: bool, server: bool) -> 
     code += _refuse_unless(number["clone"], 0, [_bpf_instruction(_ANY_BIT, _NAMESPACE_FLAGS, skip_unless=1)])
     # Limits of this process (0) only, not of others that the same user runs.
     code += _refuse_unless(number["prlimit64"], 0, [_bpf_instruction(_EQUAL, 0, skip_if=1)])
-    if server:
+    if server or client:
         code += _refuse_unless(number["socket"], 0, [_bpf_instruction(_EQUAL, _AF_INET, skip_if=1)])
         not_tcp = [_bpf_instruction(0x54, 0xF), _bpf_instruction(_EQUAL, _SOCK_STREAM, skip_if=1)]  # 0x54: and with 0xF
         code += _refuse_unless(number["socket"], 1, not_tcp)

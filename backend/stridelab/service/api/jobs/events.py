@@ -1,6 +1,7 @@
 """Resumable server-sent events of a job."""
 
 from collections.abc import AsyncIterator
+from contextlib import aclosing
 from typing import Final
 
 import structlog
@@ -10,7 +11,6 @@ from starlette.responses import StreamingResponse
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.schemas.jobs import FINAL_STATES, JobEvent, JobState, Progress
 from stridelab.service.api.dependencies import Parts
-from stridelab.service.api.shutdown import iterate_until
 from stridelab.service.jobs.store import JobRecord
 
 log = structlog.get_logger(__name__)
@@ -44,13 +44,14 @@ async def _event_lines(parts: Parts, job_id: str, after: int) -> AsyncIterator[s
     state: JobState | None = None
     yield ": following\n\n"
     try:
-        async for events in iterate_until(parts.closing, parts.notifications.follow_events(parts.store, job_id, after)):
-            for event in events:
-                after = event.seq
-                yield _format_event(event, changed=event.state != state)
-                state = event.state
-            if not events:
-                yield ": nothing new\n\n"
+        async with aclosing(parts.notifications.follow_events(parts.store, job_id, after, parts.closing)) as changes:
+            async for events in changes:
+                lines = []
+                for event in events:
+                    after = event.seq
+                    lines.append(_format_event(event, changed=event.state != state))
+                    state = event.state
+                yield "".join(lines) or ": nothing new\n\n"
         record = await parts.store.get(job_id)
         if record.is_final and state not in FINAL_STATES:
             yield _format_event(_final_event(record, after), changed=True)

@@ -37,4 +37,5 @@ KIND = JobKind(
     stage=stage,
     timeout_s=3600.0,
     lane="long",
+    spans_nodes=True,
 )

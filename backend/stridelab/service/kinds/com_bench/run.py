@@ -16,10 +16,14 @@ from stridelab.pipelines.progress import ItemMap, ProgressCallback
 from stridelab.schemas.tasks import ComBenchTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import write_table
+from stridelab.service.processes.sandbox import confine_piece
 
 RECORDING_TIMEOUT_S: Final = 600.0
 map_recordings: Final = partial(
-    map_isolated, preload=("stridelab.pipelines.bench_estimators",), timeout_s=RECORDING_TIMEOUT_S
+    map_isolated,
+    preload=("stridelab.pipelines.bench_estimators",),
+    timeout_s=RECORDING_TIMEOUT_S,
+    confine=confine_piece,
 )
 
 

@@ -21,4 +21,5 @@ KIND = JobKind(
     timeout_s=900.0,
     memory_mb=2048,
     lane="long",
+    spans_nodes=True,
 )

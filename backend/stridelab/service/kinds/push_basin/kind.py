@@ -22,4 +22,5 @@ KIND = JobKind(
     timeout_s=7200.0,
     memory_mb=8192,
     lane="long",
+    spans_nodes=True,
 )

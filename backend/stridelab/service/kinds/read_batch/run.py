@@ -50,7 +50,7 @@ def parse_batch(task: Json, folder: Path, progress: ProgressCallback) -> Json:
          "marker_sets": request.marker_sets}
         for place, one in enumerate(results) if "problem" not in one
     ]  # fmt: skip
-    done = map_isolated(read_one, items, preload=PRELOAD, timeout_s=request.timeout_s)
+    done = map_isolated(read_one, items, preload=PRELOAD, timeout_s=request.timeout_s, spans_nodes=False)
     for count, (index, answer) in enumerate(done, start=1):
         one = results[items[index]["place"]]
         if isinstance(answer, StridelabError):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
+from stridelab.machine.cluster import leave_cluster
 from stridelab.machine.models_folder import add_models_folder
 from stridelab.robots.card import RobotCard, card_of_fields, invalid_card
 from stridelab.robots.proposal.propose import URDF, card_toml
@@ -22,10 +23,11 @@ MAX_PATTERN: Final = 10_000
 
 
 def use_staged_robot(folder: Path) -> str:
-    """Unpack the robot that was staged in ``folder`` and make it known; returns its name.
+    """Unpack the robot that was staged in ``folder`` and make it known to this machine only; returns its name.
 
     Raises ``InvalidInput`` (``robot-card-invalid``), ``UnreadableFile`` (``stored-file-damaged``).
     """
+    leave_cluster()  # other machines do not have the files
     staged = json.loads((folder / STAGED_ROBOT).read_text(encoding="utf-8"))
     name = str(staged["name"])
     if not re.fullmatch(NAME_PATTERN, name):

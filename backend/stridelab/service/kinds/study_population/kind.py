@@ -61,4 +61,5 @@ KIND = JobKind(
     stage=stage,
     timeout_s=900.0,
     lane="long",
+    spans_nodes=True,
 )

@@ -14,6 +14,7 @@ from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import StudyPopulationTask
 from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.study_population.files import write_population
+from stridelab.service.processes.sandbox import confine_piece
 
 PRELOAD: Final = ("stridelab.pipelines.population.study",)
 RECORDING_TIMEOUT_S: Final = 120.0
@@ -24,7 +25,7 @@ def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> 
 
     Raises as ``stridelab.pipelines.population.study.study_population`` does.
     """
-    map_recordings = partial(map_isolated, preload=PRELOAD, timeout_s=RECORDING_TIMEOUT_S)
+    map_recordings = partial(map_isolated, preload=PRELOAD, timeout_s=RECORDING_TIMEOUT_S, confine=confine_piece)
     result = study_population(task, folder, map_recordings, progress)
     progress(0.97, "writing the tables")
     steps = [(row.step, row.fitted, result.groups[row.step.person], row.used) for row in result.steps]

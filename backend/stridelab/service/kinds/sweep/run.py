@@ -10,8 +10,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.contacts.scenarios.variations import UNITS
-from stridelab.machine.cores import usable_cores
-from stridelab.parallel import map_isolated
+from stridelab.parallel import available_processes, map_isolated
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.sweep_scenarios import Point, SweepRow, sweep_scenarios
 from stridelab.schemas.sweeps import SweepTask
@@ -27,7 +26,7 @@ def run(task: SweepTask, folder: Path, progress: ProgressCallback, processes: in
 
     Raises as ``stridelab.pipelines.sweep_scenarios.sweep_scenarios`` does.
     """
-    at_once = processes or usable_cores()
+    at_once = processes or available_processes()
     map_points = partial(map_isolated, preload=(PRELOAD_MODULE,), timeout_s=CHUNK_TIMEOUT_S, processes=at_once)
     result = sweep_scenarios(task, map_points, at_once, progress)
     about = {"scenario": task.scenario.name, "robot": task.scenario.robot, "vary": task.input.model_dump()["vary"]}
