@@ -58,7 +58,8 @@ def test_an_obstacle_is_dragged_by_its_handle_and_everything_is_undone(tab: Tab,
     expect(rise).not_to_have_value("10")
     page.mouse.up()
     dragged = rise.input_value(), depth.input_value()
-    assert float(dragged[0]) > 10 and float(dragged[1]) > 30
+    assert float(dragged[0]) > 10
+    assert float(dragged[1]) > 30
     page.wait_for_function(f"() => document.querySelector('[data-handle]').getBoundingClientRect().x != {box['x']}")
 
     page.locator("select[name=robot]").select_option("hrp2")

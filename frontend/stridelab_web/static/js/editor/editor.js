@@ -11,6 +11,7 @@ import { ScenarioStore, moveContact, sameJson } from "./scenario_store.js";
 import { contactOf } from "./phase_edits.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
 import { PhaseTimeline } from "./phase_timeline.js";
+import { TerrainList } from "./terrain_list.js";
 import { rotateAboutZ, yawDegrees } from "../viewer/quaternions.js";
 import { showFailure, hideOverlay } from "../viewer/loading_overlay.js";
 
@@ -43,6 +44,7 @@ const form = new PhaseForm(root, {
   onInput: (edit) => propose(edit, { isTyping: true }),
   onLeave: discardTyping,
 });
+const terrainList = new TerrainList(root, { onCommit: commitEdit });
 const timeline = new PhaseTimeline(root, {
   onChoosePhase: choosePhase,
   onChooseContact: chooseContact,
@@ -125,6 +127,7 @@ function render() {
   }
   timeline.draw(scenario, touches);
   form.show(scenario, validation.phase ?? 0);
+  terrainList.show(scenario);
   validation.setScene(nodes, touches, chosenContact);
   if (sceneView.isReady) nodes.draw();
   validation.validate(scenario);

@@ -95,9 +95,9 @@ export class ViserNodes {
     return this.viser.scene.__r3f.root.getState();
   }
 
-  // Requests one frame; viser's own request draws frames for a quarter of a second.
+  // Requests one frame; viser's own request draws frames for a quarter of a second. A scene that is loading draws itself.
   redraw() {
-    this.root.invalidate();
+    if (this.viser.scene) this.root.invalidate();
   }
 
   // Lets viser's own requests draw one frame, too, until its scene is shown: further ones would be equal.
