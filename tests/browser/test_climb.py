@@ -4,6 +4,7 @@ import math
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
+from playwright.sync_api import expect
 
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.scene.contacts import placed_contacts
@@ -12,6 +13,7 @@ from support.browser.page import Service, Tab, drag, nodes, opened, until
 
 FOOT = "leg_right_6_link"
 PLANNED_WITHIN_MS = 240_000
+COM = "/support/com"
 
 
 def test_from_a_sample_over_a_dragged_foothold_to_the_robot_that_walks_on_it(tab: Tab, service: Service) -> None:
@@ -29,7 +31,13 @@ def test_from_a_sample_over_a_dragged_foothold_to_the_robot_that_walks_on_it(tab
     assert math.dist(stored.contact.position_m, target) < 0.01
     assert math.dist(stored.contact.position_m, third.contact.position_m) > 0.02
 
+    start = nodes(page, COM)[COM]["position"]
     page.get_by_role("button", name="Plan", exact=True).click()
+    until(page, lambda: math.dist(nodes(page, COM)[COM]["position"], start) > 0.01)
+    expect(page.locator("[data-said]")).to_contain_text("The centre of mass moves as planned, solved in")
+    (running,) = client.jobs(kind="plan-motion", scenario_id=copy.id).items
+    assert running.state in ("queued", "running"), "the motion of the CoM is shown before the plan is computed"
+    assert f"planning={running.id}" in page.url
     page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
     page.wait_for_selector("[data-player][data-ready]", timeout=90_000)
     job_id = page.url.partition("plan=")[2].partition("&")[0]

@@ -51,8 +51,8 @@ def test_a_robot_that_climbs_stairs(page: Page, service: Service) -> None:
     mouse = Mouse()
     card = page.locator("li", has=page.get_by_role("heading", name="Six stairs"))
     mouse.click(card.get_by_role("button", name="Plan"))
-    page.wait_for_url("**/plans/*")
-    expect(page.get_by_role("progressbar", name="Progress")).to_be_visible()
+    page.wait_for_url("**/view/?scenario=six-stairs&planning=*")
+    expect(page.get_by_role("progressbar", name="Progress of the plan")).to_be_visible()
     page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
     expect_motion(page)
     assert mouse.clicks <= CLICKS_AT_MOST

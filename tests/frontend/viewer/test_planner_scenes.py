@@ -382,7 +382,12 @@ def test_pages_say_what_they_show(fake: FakeService, browse: Callable[[str], htt
     assert f'href="/view/?scenario={kept.id}"' in page
     del fake.scenarios[kept.id]
     assert "/view/?scenario=" not in browse(f"/view/?plan={job.id}").text
-    assert browse(f"/view/?plan={fake.add_job('plan-motion', 'running').id}").status_code == 409
+    kept = fake.add_scenario()
+    running = fake.add_job("plan-motion", "running", scenario_id=kept.id)
+    waiting = browse(f"/view/?plan={running.id}", follow_redirects=False)
+    assert waiting.headers["location"] == f"/view/?scenario={kept.id}&planning={running.id}"
+    own = browse(f"/view/?plan={fake.add_job('plan-motion', 'running').id}", follow_redirects=False)
+    assert own.headers["location"].endswith("?watch=1"), "without a stored scenario, the page of the plan waits"
     assert browse(f"/view/?plan={fake.add_job('estimate-com', 'succeeded').id}").status_code == 404
     assert browse("/view/?scenario=nothing").status_code == 404
     listed = browse(f"/view/scene/scenario/{fake.add_scenario().id}/-/touches.json").json()

@@ -3,7 +3,7 @@
 import { createElement, smallButton } from "../shared/elements.js";
 import { courseBody, dragElement, KINDS, moveItem, newElement } from "./course_fields.js";
 import { CourseHistory } from "./course_history.js";
-import { bindCourseButton, startPlan } from "./planning_jobs.js";
+import { bindCourseButton, planningUrl, startPlan } from "./planning_jobs.js";
 
 const DRAW_AFTER_MS = 100,
   PX_PER_M = 200; // of the drawing (charts/scenario_drawing.py)
@@ -43,7 +43,7 @@ pictures.addEventListener("pointerdown", startDrag);
 
 bindCourseButton(form, "plan", course, async (stored) => {
   const job = await startPlan(stored.id);
-  location.assign(`/plans/${job.id}?watch=1`);
+  location.assign(planningUrl(stored.id, job.id));
 });
 bindCourseButton(form, "place", course, (stored) => location.assign(`/view/?scenario=${stored.id}`));
 

@@ -10,6 +10,7 @@ import { ContactList } from "./contact_list.js";
 import { ScenarioStore, moveContact, sameJson } from "./scenario_store.js";
 import { contactOf } from "./phase_edits.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
+import { PlanPlayback } from "./plan_playback.js";
 import { PhaseTimeline } from "./phase_timeline.js";
 import { TerrainList } from "./terrain_list.js";
 import { rotateAboutZ, yawDegrees } from "../viewer/quaternions.js";
@@ -69,7 +70,19 @@ const currentScenario = () => draft?.scenario ?? store.scenario;
 const touchOf = (number) => touches.find((touch) => touch.number === number);
 
 start().catch((error) => showFailure(part("stage"), error));
-bindPlanButton(root, id, flushPending);
+const playback = new PlanPlayback({
+  show: (phase, com_m) => {
+    if (!sceneView.isReady || validation.phases.length === 0) return;
+    root.dataset.playing = String(com_m !== null);
+    validation.showInstant(phase, com_m);
+  },
+  report: (text) => setStatus(text, false),
+});
+const followPlan = bindPlanButton(root, id, {
+  before: flushPending,
+  onRun: () => playback.start(store.scenario),
+  onEnd: () => playback.stop(),
+});
 bindContactsButton(root, id, flushPending);
 new JsonView(root, { read: () => currentScenario() ?? {}, store: storeScenario });
 
@@ -89,6 +102,7 @@ async function start() {
   await hideOverlay(part("stage"), sceneView.nodes);
   root.dataset.ready = "true";
   setInterval(pollScene, POLL_MS);
+  followPlan();
 }
 
 // Writes the expanded contact or the chosen phase into the address, so that a reload restores it.
@@ -111,6 +125,7 @@ function chooseContact(number, inUrl = true) {
 }
 
 function choosePhase(k) {
+  if (validation.movingCom) playback.stop();
   validation.choosePhase(k);
   rememberInUrl("phase", k);
 }
@@ -137,6 +152,7 @@ function render() {
 
 // Shows the stored scenario with `edit` applied, without storing it.
 function propose(edit, options = {}) {
+  if (validation.movingCom) playback.stop();
   draft = { scenario: edit(store.scenario), ...options };
   render();
 }

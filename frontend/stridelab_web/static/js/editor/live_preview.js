@@ -167,7 +167,7 @@ function pushArrow(from, push) {
 }
 
 // The position of the CoM of a motion at a time.
-function comAt(motion, t_s) {
+export function comAt(motion, t_s) {
   const k = Math.max(
     motion.time_s.findIndex((t) => t >= t_s),
     1,
