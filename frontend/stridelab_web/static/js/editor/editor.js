@@ -32,7 +32,7 @@ const [status, undo, redo] = ["said", "undo", "redo"].map(part);
 const id = root.dataset.scenario,
   isReadOnly = root.dataset.own !== "true"; // the first edit is stored as a copy, which is opened
 const store = new ScenarioStore(id, isReadOnly);
-const sceneView = new SceneView(part("stage"), isReadOnly);
+const sceneView = new SceneView(part("stage"));
 const contactList = new ContactList(root, {
   onChoose: toggleContact,
   onKey: onContactKey,
@@ -71,6 +71,7 @@ const touchOf = (number) => touches.find((touch) => touch.number === number);
 
 start().catch((error) => showFailure(part("stage"), error));
 const playback = new PlanPlayback({
+  isAvailable: () => preview.started.then(() => preview.isAvailable),
   show: (phase, com_m) => {
     if (!sceneView.isReady || validation.phases.length === 0) return;
     root.dataset.playing = String(com_m !== null);
@@ -178,7 +179,9 @@ function pollScene() {
   }
   if (sceneView.nodes.isStale()) return render();
   if (pending || draft?.isTyping || timeline.drag) return;
-  const dragged = sceneView.draggedContact(touches, currentScenario());
+  const dragged = isReadOnly
+    ? sceneView.heldContact(touches, store.scenario)
+    : sceneView.draggedContact(touches, currentScenario());
   if (!dragged) return;
   const { touch, position_m, isReleased } = dragged;
   if (chosenContact !== touch.number) chooseContact(touch.number);

@@ -7,8 +7,10 @@ import { phaseEndTimes } from "./phase_edits.js";
 const SHARE = 1 / 3; // of the time that drawing may take: without a graphics card it slows the plan down
 
 export class PlanPlayback {
-  // `show(phase, com_m)` draws an instant, with null the end of the playback; `report(text)` shows a sentence.
-  constructor({ show, report }) {
+  // `isAvailable()` resolves to whether the service can plan at once; `show(phase, com_m)` draws an instant, with null the end
+  // of the playback; `report(text)` shows a sentence.
+  constructor({ isAvailable, show, report }) {
+    this.isAvailable = isAvailable;
     this.show = show;
     this.report = report;
     this.turn = 0;
@@ -18,6 +20,7 @@ export class PlanPlayback {
   async start(scenario) {
     this.stop();
     const turn = this.turn;
+    if (!(await this.isAvailable())) return;
     const preview = await call("POST", "/plans/preview", { scenario }).catch((error) => error);
     if (turn !== this.turn) return;
     if (preview instanceof Error || !preview.motion.converged) return; // the job says why

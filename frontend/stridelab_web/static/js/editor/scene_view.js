@@ -16,8 +16,7 @@ const HELD = "/held"; // the place of a dragged contact of a read-only scenario,
 const HELD_ENDED = `${HELD}/ended`;
 
 export class SceneView {
-  constructor(stage, isReadOnly) {
-    this.isReadOnly = isReadOnly;
+  constructor(stage) {
     this.frame = stage.querySelector("iframe");
     this.scene = stage.dataset.scene;
     this.revision = 0;
@@ -100,9 +99,7 @@ export class SceneView {
   }
 
   // The touch whose mark is dragged away from its position in `scenario`, and the new position; null without a drag.
-  // `isReleased` is true once at the end of a drag that the page has to store.
   draggedContact(touches, scenario) {
-    if (this.isReadOnly) return this.heldContact(touches, scenario);
     if (!this.isPressed && performance.now() - this.released_ms > RELEASE_MS) return null;
     for (const touch of touches) {
       const position = this.nodes.positionOf(touch.node),
@@ -115,7 +112,8 @@ export class SceneView {
     return null;
   }
 
-  // In a read-only scenario the viewer moves no mark, because others see the same scene.
+  // The same of a read-only scenario, in which the viewer moves no mark, because others see the same scene; `isReleased` is
+  // true once at the end of the drag, which the page has to store.
   heldContact(touches, scenario) {
     const touch = touches.find(({ number }) => this.nodes.positionOf(`${HELD}/${number}`));
     const ended_m = touch ? this.nodes.positionOf(HELD_ENDED) : null,

@@ -132,6 +132,11 @@ export class ViserNodes {
     );
   }
 
+  // Whether viser has placed everything that was moved.
+  isPlaced() {
+    return this.names.every((name) => this.viser.nodePoseData[name]?.poseUpdateState !== "needsUpdate");
+  }
+
   positionOf(name) {
     return this.viser?.nodePoseData[name]?.position ?? null;
   }
