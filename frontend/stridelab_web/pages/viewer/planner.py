@@ -119,7 +119,7 @@ async def plan_page(request: Request, job_id: str) -> Response:
     return render_page(
         request,
         "viewer/view.html",
-        section="",
+        section="Viewer",
         title=scenario.name,
         scene=Document("plan", job.id).address,
         start_s=0.0,
@@ -162,7 +162,7 @@ async def scenario_page(request: Request, scenario_id: str) -> Response:
     return render_page(
         request,
         "viewer/view_scenario.html",
-        section="",
+        section="Viewer",
         scenario=stored,
         own=right.key is not None and not stored.bundled,
         scene=Document("scenario", stored.id).address,

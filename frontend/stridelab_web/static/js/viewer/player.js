@@ -218,8 +218,9 @@ function step(frames) {
 for (const [name, action] of Object.entries(actions))
   player.querySelector(`[data-do=${name}]`).addEventListener("click", () => scene && action());
 slider.addEventListener("input", () => {
+  const target = Number(slider.value); // pausing writes the present frame into it
   if (playing) play(false);
-  seek(Number(slider.value));
+  seek(target);
 });
 
 for (const strip of player.querySelectorAll("[data-seek]")) {
