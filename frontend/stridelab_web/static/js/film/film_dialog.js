@@ -1,7 +1,7 @@
 // A dialog that saves a film of a range of the timeline in a chosen format, size, rate and speed.
 import { saveBlob } from "../shared/elements.js";
 import { pictureSize } from "../viewer/snapshot.js";
-import { FORMATS, frameTimes, makeFilm, videoCodec } from "./film.js";
+import { frameTimes, makeFilm, videoCodec } from "./film.js";
 
 const SCALES = [0.5, 1, 1.5, 2];
 
@@ -95,5 +95,3 @@ export class FilmDialog {
     return !this.isStopped;
   }
 }
-
-export const FILM_FORMATS = Object.keys(FORMATS);

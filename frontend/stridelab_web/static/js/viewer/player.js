@@ -1,5 +1,4 @@
 // The player of the 3D scene: play, step, scrub, speed, loop, layers and views; time and range are kept in the address.
-import { FilmDialog } from "../film/film_dialog.js";
 import { Camera } from "./camera.js";
 import { LoopRange } from "./loop_range.js";
 import { decodeFrames } from "./frame_decoder.js";
@@ -270,7 +269,7 @@ const pictures = new PictureDialog(document.querySelector("[data-picture]"), {
   viser: () => scene?.nodes.viser,
   name: () => `${player.dataset.name} ${time_s[Math.round(position)].toFixed(3)} s`,
 });
-const films = new FilmDialog(document.querySelector("[data-film]"), {
+const filmSource = {
   viser: () => scene?.nodes.viser,
   name: () => player.dataset.name,
   range_s: () => [time_s[range.from], time_s[range.to]],
@@ -287,11 +286,16 @@ const films = new FilmDialog(document.querySelector("[data-film]"), {
     filming = false;
     seek(Math.round(position));
   },
-});
-const openFilm = () => {
-  if (playing) play(false);
-  films.open();
 };
+/** @type {import("../film/film_dialog.js").FilmDialog | undefined} */
+let films;
+// The modules of films are loaded when the first one is wanted.
+async function openFilm() {
+  if (playing) play(false);
+  const { FilmDialog } = await import("../film/film_dialog.js");
+  films ??= new FilmDialog(document.querySelector("[data-film]"), filmSource);
+  films.open();
+}
 player.querySelector("[data-do=film]").addEventListener("click", () => scene?.nodes.viser && openFilm());
 const linkStatus = player.querySelector("[data-said-link]");
 player.querySelector("[data-do=link]").addEventListener("click", copyLink);
