@@ -95,7 +95,7 @@ def test_a_gif_has_the_chosen_range_speed_and_size(tab: Tab, lab: Lab, tmp_path:
     path = film(page, tmp_path, **fields)
     expect(page.locator("[data-time]")).to_contain_text("s · frame")
     with Image.open(path) as gif:
-        assert gif.n_frames == 11  # half a second at half speed
+        assert getattr(gif, "n_frames", 1) == 11, "half a second at half speed"
         assert gif.info["duration"] == 100
         pictures = []
         for k in (0, 10):

@@ -373,7 +373,7 @@ def test_the_robot_follows_the_first_footholds(start: Start) -> None:
     assert tuple(scene._robot.position) == pytest.approx((0.0, 0.02, 0.0))
 
 
-def test_pages_say_what_they_show(fake: FakeService, browse: Callable[[str], httpx.Response]) -> None:
+def test_pages_say_what_they_show(fake: FakeService, browse: Callable[..., httpx.Response]) -> None:
     kept = fake.add_scenario()
     job = fake.add_plan(scenario_id=kept.id)
     page = browse(f"/view/?plan={job.id}").text

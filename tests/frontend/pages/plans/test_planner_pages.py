@@ -158,7 +158,9 @@ def test_a_plan_that_the_body_cannot_follow_shows_where_it_stops(fake: FakeServi
     assert "data-moments" not in viewer.text
 
 
-def test_a_failed_plan_without_a_result_has_a_page_of_its_own(fake: FakeService, browse: Browse) -> None:
+def test_a_failed_plan_without_a_result_has_a_page_of_its_own(
+    fake: FakeService, browse: Callable[..., httpx.Response]
+) -> None:
     job = fake.add_job("plan-motion", "failed", scenario_id=fake.add_scenario().id)
     answer = browse(f"/view/?plan={job.id}", follow_redirects=False)
     assert (answer.status_code, answer.headers["location"]) == (303, f"/plans/{job.id}")
