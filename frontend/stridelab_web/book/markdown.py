@@ -48,6 +48,7 @@ def _render_file(name: str, path: Path, _changed_ns: int) -> BookPage:
         for child in token.children or ():
             _resolve_target(child, dirname(name))
     rendered = PLACED.sub(lambda place: formulas[int(place[1])], parser.renderer.render(tokens, parser.options, {}))
+    rendered = rendered.replace("<pre>", '<pre class="scroll">')
     rendered = rendered.replace("<table>", '<div class="scroll"><table>').replace("</table>", "</table></div>")
     return BookPage(page_title(path), rendered, tuple(headings))
 
@@ -57,7 +58,7 @@ def _take_formula(found: re.Match[str], formulas: list[str]) -> str:
         return found[0]
     is_block = found["block"] is not None
     made = mathml(found["block"] or found["inline"], block=is_block)
-    formulas.append(f'<span class="formula">{made}</span>' if is_block else made)
+    formulas.append(f'<span class="formula scroll">{made}</span>' if is_block else made)
     return PLACE.format(len(formulas) - 1)
 
 
