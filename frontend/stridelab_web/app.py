@@ -2,13 +2,14 @@
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
+from starlette.responses import RedirectResponse
 from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 
 from stridelab.client import ProblemError, Unreachable
 from stridelab_web import assets
 from stridelab_web.api_client import make_client
 from stridelab_web.config import WebConfig
-from stridelab_web.pages import errors, home, job, lists, recording, reproduction, robot
+from stridelab_web.pages import book, errors, home, job, lists, recording, reproduction, robot
 from stridelab_web.pages.plans import page
 from stridelab_web.pages.render import make_environment
 from stridelab_web.pages.results import comparison, population, reachability, sweep
@@ -76,6 +77,9 @@ def web_routes() -> list[BaseRoute]:
         Route(f"{scene}/motion.{{form}}", proxy.player_file),
         Route("/view/scene/scenario/{id}/-/touches.json", planner.contacts_json),
         WebSocketRoute(scene, proxy.relay_websocket),
+        Route("/help/pictures/{name}", book.help_picture),
+        Route("/help/{name:path}", book.help_page),
+        Route("/help", lambda _: RedirectResponse("/help/")),
         Route("/login", home.login_page),
         Route("/static/plotly.min.js", assets.plotly_script),
         Route(f"{FOLDER}{{name}}", assets.viser_file),

@@ -10,6 +10,7 @@ declare module "node:assert/strict" {
     ok(value: unknown, message?: string): void;
     equal(actual: unknown, expected: unknown, message?: string): void;
     deepEqual(actual: unknown, expected: unknown): void;
+    notDeepEqual(actual: unknown, expected: unknown): void;
     match(text: string, pattern: RegExp): void;
     throws(action: () => unknown, expected: RegExp): void;
     rejects(promise: Promise<unknown>, expected: object): Promise<void>;

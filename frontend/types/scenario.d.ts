@@ -11,12 +11,30 @@ interface Phase {
   contacts: Contact[];
 }
 
-type Surface =
-  | { kind: "box"; center_m: number[]; size_m: number[]; yaw_rad?: number; orientation_wxyz?: number[] }
-  | { kind: "rail"; from_m: number[]; to_m: number[]; radius_m: number };
+interface Box {
+  kind: "box";
+  name: string;
+  center_m: number[];
+  size_m: number[];
+  yaw_rad?: number | null;
+  orientation_wxyz?: number[] | null;
+  friction?: number | null;
+}
+
+interface Rail {
+  kind: "rail";
+  name: string;
+  from_m: number[];
+  to_m: number[];
+  radius_m: number;
+  friction?: number | null;
+}
+
+type Surface = Box | Rail;
 
 interface Scenario {
   name: string;
+  friction: number;
   terrain: Surface[];
   phases: Phase[];
 }

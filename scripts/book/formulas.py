@@ -1,20 +1,11 @@
 """Formulas in TeX become MathML while the book is built: a browser shows them without a script from elsewhere."""
 
-import html
 import re
 
-from latex2mathml.converter import convert
+from stridelab_web.book.formulas import mathml
 
 MARKED = re.compile(r'<(span|div) class="arithmatex">\\[\[(](.*?)\\[\])]</\1>', re.DOTALL)
 IN_TITLE = re.compile(r"\\\((.*?)\\\)")
-
-
-def mathml(tex: str, *, block: bool = False) -> str:
-    """A formula as a browser reads it. Raises ``ValueError`` for what the converter does not know."""
-    made = convert(html.unescape(tex).strip(), display="block" if block else "inline")
-    if "\\" in made:
-        raise ValueError(f"not understood: {tex}")
-    return made
 
 
 def in_page(text: str) -> str:

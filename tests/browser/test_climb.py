@@ -1,10 +1,12 @@
-"""The real chain in a browser: a copied sample, a dragged foothold, a plan, and the robot where its file says."""
+"""The real chain in a browser: a foothold of a sample is dragged, its copy is planned, and the robot stands on it."""
 
 import math
+from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 from playwright.sync_api import expect
 
+from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.scene.contacts import placed_contacts
 from stridelab_web.scene.plan_frames import read_motion
@@ -12,26 +14,32 @@ from support.browser.page import Service, Tab, drag, nodes, opened, until
 
 FOOT = "leg_right_6_link"
 PLANNED_WITHIN_MS = 240_000
+COM = "/support/com"
 
 
 def test_from_a_sample_over_a_dragged_foothold_to_the_robot_that_walks_on_it(tab: Tab, service: Service) -> None:
     client = service.client
     page = opened(tab, "/view/?scenario=flat-walk")
-    page.get_by_role("button", name="Edit a copy").click()
-    page.wait_for_url(lambda url: "scenario=" in url and "flat-walk" not in url)
-    page.wait_for_selector("[data-ready]", timeout=60_000)
-    copy = client.scenario(page.url.rpartition("=")[2])
-    third = placed_contacts(copy)[2]
+    third = placed_contacts(client.scenario("flat-walk"))[2]
     x, y, z = third.contact.position_m
     target = (x + 0.03, y - math.copysign(0.01, y), z)
 
     drag(page, "/contacts/3", target)
-    expect(page.locator("[data-said]")).to_have_text("Stored.")
+    page.wait_for_url(lambda url: "scenario=" in url and "flat-walk" not in url)
+    page.wait_for_selector("[data-ready]", timeout=60_000)
+    copy = client.scenario(parse_qs(urlsplit(page.url).query)["scenario"][0])
     stored = placed_contacts(client.scenario(copy.id))[2]
     assert math.dist(stored.contact.position_m, target) < 0.01
     assert math.dist(stored.contact.position_m, third.contact.position_m) > 0.02
 
+    start = nodes(page, COM)[COM]["position"]
     page.get_by_role("button", name="Plan", exact=True).click()
+    if not isinstance(native_availability(), NativeUnavailable):  # without it there is no motion before the plan
+        until(page, lambda: math.dist(nodes(page, COM)[COM]["position"], start) > 0.01)
+        expect(page.locator("[data-said]")).to_contain_text("The centre of mass moves as planned, solved in")
+        (running,) = client.jobs(kind="plan-motion", scenario_id=copy.id).items
+        assert running.state in ("queued", "running"), "the motion of the CoM is shown before the plan is computed"
+        assert f"planning={running.id}" in page.url
     page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
     page.wait_for_selector("[data-player][data-ready]", timeout=90_000)
     job_id = page.url.partition("plan=")[2].partition("&")[0]

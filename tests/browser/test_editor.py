@@ -194,3 +194,34 @@ def test_why_no_contacts_are_found_is_said(tab: Tab, service: Service) -> None:
     expect(page.get_by_role("alert").filter(has_text="A goal needs both feet")).to_have_text(
         "A goal needs both feet, and the last phase lacks the left foot."
     )
+
+
+def test_terrain_is_changed_by_numbers_and_its_contacts_follow(tab: Tab, service: Service) -> None:
+    kept = service.client.add_scenario(bare(service, "six-stairs", name="raised"))
+    names = [surface.name for surface in kept.terrain]
+    last = placed_contacts(kept)[-1]
+    page = opened(tab, f"/view/?scenario={kept.id}")
+    page.get_by_text("Terrain, friction and name").click()
+    surface = page.locator("[data-surfaces] li").nth(len(names) - 1)
+    surface.get_by_role("button", name=names[-1]).click()
+    top = surface.get_by_label("top")
+    before = float(top.input_value())
+    top.fill(str(round(before + 0.01, 4)))
+    top.press("Enter")
+    expect(page.locator("[data-said]")).to_have_text(f"{names[-1]} stored.")
+    stored = service.client.scenario(kept.id)
+    assert placed_contacts(stored)[-1].contact.position_m[2] == pytest.approx(last.contact.position_m[2] + 0.01)
+    assert placed_contacts(stored)[0].contact.position_m == placed_contacts(kept)[0].contact.position_m
+
+    page.get_by_role("group", name="Add a surface").get_by_role("button", name="Wall").click()
+    expect(page.locator("[data-said]")).to_have_text("Added a wall.")
+    assert service.client.scenario(kept.id).terrain[-1].name == "wall 1"
+    for _ in range(2):
+        page.get_by_role("button", name="Undo").click()
+        expect(page.locator("[data-said]")).to_have_text("Undone.")
+        page.evaluate("() => { document.querySelector('[data-said]').textContent = ''; }")
+    assert service.client.scenario(kept.id).terrain == kept.terrain
+    page.get_by_label("Name").fill("Renamed")
+    page.get_by_label("Name").press("Enter")
+    expect(page.get_by_role("heading", level=1)).to_have_text("Renamed")
+    assert service.client.scenario(kept.id).name == "Renamed"

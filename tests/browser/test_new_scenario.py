@@ -42,3 +42,38 @@ def test_numbers_outside_their_range_are_named_and_nothing_starts(tab: Tab, serv
     page.get_by_role("button", name="Remove: Stairs, obstacle 1").click()
     expect(page.locator("[data-course-said]")).to_have_text("Add an obstacle.")
     assert len(service.client.jobs(kind="plan-contacts").items) == before
+
+
+def test_an_obstacle_is_dragged_by_its_handle_and_everything_is_undone(tab: Tab, service: Service) -> None:
+    page = tab.go("/scenarios/new")
+    rise = page.get_by_label("Rise in cm of Stairs, obstacle 1")
+    depth = page.get_by_label("Depth in cm of Stairs, obstacle 1")
+    handle = page.locator("[data-handle='0']")
+    box = handle.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 40, y - 20, steps=4)
+    expect(rise).not_to_have_value("10")
+    page.mouse.up()
+    dragged = rise.input_value(), depth.input_value()
+    assert float(dragged[0]) > 10
+    assert float(dragged[1]) > 30
+    page.wait_for_function(f"() => document.querySelector('[data-handle]').getBoundingClientRect().x != {box['x']}")
+
+    page.locator("select[name=robot]").select_option("hrp2")
+    page.get_by_role("button", name="Add: Box").click()
+    expect(page.get_by_label("Height in cm of Box, obstacle 2")).to_have_value("10")
+    page.reload()
+    expect(page.get_by_label("Height in cm of Box, obstacle 2")).to_have_value("10")
+    page.get_by_role("button", name="Undo").click()
+    expect(page.get_by_label("Height in cm of Box, obstacle 2")).to_have_count(0)
+    page.get_by_role("button", name="Undo").click()
+    expect(page.locator("select[name=robot]")).to_have_value("talos")
+    page.keyboard.press("Control+z")
+    expect(rise).to_have_value("10")
+    expect(page.get_by_role("button", name="Undo")).to_be_disabled()
+    page.get_by_role("button", name="Redo").click()
+    expect(rise).to_have_value(dragged[0])
+    expect(depth).to_have_value(dragged[1])

@@ -1,6 +1,7 @@
 """A newcomer's way: from the front page of a fresh service to a moving result of either wing, in at most two clicks."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
@@ -51,8 +52,8 @@ def test_a_robot_that_climbs_stairs(page: Page, service: Service) -> None:
     mouse = Mouse()
     card = page.locator("li", has=page.get_by_role("heading", name="Six stairs"))
     mouse.click(card.get_by_role("button", name="Plan"))
-    page.wait_for_url("**/plans/*")
-    expect(page.get_by_role("progressbar", name="Progress")).to_be_visible()
+    page.wait_for_url("**/view/?scenario=six-stairs&planning=*")
+    expect(page.get_by_role("progressbar", name="Progress of the plan")).to_be_visible()
     page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
     expect_motion(page)
     assert mouse.clicks <= CLICKS_AT_MOST
@@ -65,3 +66,40 @@ def test_a_robot_that_climbs_stairs(page: Page, service: Service) -> None:
     page.wait_for_url(f"**/view/?plan={plan.id}*")
     expect_motion(page)
     assert mouse.clicks <= CLICKS_AT_MOST
+
+
+@pytest.mark.timeout(600)
+def test_a_new_stair_with_a_rail_is_planned_and_watched(page: Page, service: Service) -> None:
+    """At most eight clicks, a choice in a list counted as two."""
+    mouse = Mouse()
+    mouse.click(page.get_by_role("link", name="New scenario"))
+    page.locator("select[name=handrails]").select_option("right")
+    mouse.clicks += 2
+    page.get_by_label("Stairs of Stairs, obstacle 1").fill("2")
+    mouse.clicks += 1
+    mouse.click(page.get_by_role("button", name="Plan the motion"))
+    page.wait_for_url("**/view/?scenario=*&planning=*", timeout=PLANNED_WITHIN_MS)
+    page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
+    expect_motion(page)
+    assert mouse.clicks <= 8
+
+
+@pytest.mark.timeout(600)
+def test_a_recording_of_ones_own_to_com_comparison_and_csv(page: Page, trial: Path) -> None:
+    """At most four clicks, with that on "Choose files", whose dialog is the system's."""
+    mouse = Mouse()
+    with page.expect_file_chooser() as chooser:
+        mouse.click(page.get_by_role("button", name="Choose files"))
+    chooser.value.set_files(trial)
+    page.wait_for_url("**/recordings/*")
+    mouse.click(page.get_by_role("button", name="Estimate", exact=True))
+    expect(page.locator("[data-headline]")).to_contain_text("Centre of mass known to", timeout=PLANNED_WITHIN_MS)
+    with page.expect_download() as saved:
+        mouse.click(page.get_by_role("link", name="CSV", exact=True))
+    assert saved.value.suggested_filename == "com.csv"
+    job_url = page.url
+    mouse.click(page.get_by_role("button", name="Compare all methods"))
+    page.wait_for_url(lambda url: job_url not in url)
+    expect(page.get_by_role("heading", level=1)).to_have_text("Comparison of methods")
+    expect(page.get_by_role("heading", name="Result")).to_be_visible(timeout=PLANNED_WITHIN_MS)
+    assert mouse.clicks <= 4

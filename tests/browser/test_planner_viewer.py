@@ -3,12 +3,14 @@
 import math
 import re
 from collections.abc import Callable
+from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 import pytest
 from playwright.sync_api import Route, expect
 
 from stridelab.schemas.base import FaultItem, Problem
+from stridelab_web.scene.contacts import placed_contacts
 from support.browser.page import Tab, drag, nodes, opened, until
 from support.fakes import robots
 from support.fakes.web_app import Lab
@@ -326,19 +328,31 @@ def test_the_scene_keeps_its_place_while_the_judge_thinks(tab: Tab, lab: Lab) ->
 def test_samples_are_copied_before_they_are_changed(tab: Tab, lab: Lab) -> None:
     sample = lab.fake.add_scenario(bundled=True)
     page = opened(tab, f"/view/?scenario={sample.id}")
-    contact = page.get_by_role("button", name="5 left foot")
-    contact.press("ArrowUp")
-    contact.click()
-    expect(page.locator("li", has=contact).get_by_label("x")).to_be_disabled()
-    expect(page.get_by_role("button", name="Undo")).to_have_count(0)
-    page.wait_for_timeout(700)
-    assert lab.fake.scenarios[sample.id] == sample
-    page.get_by_role("button", name="Edit a copy").click()
+    expect(page.get_by_role("button", name="Undo")).to_be_disabled()
+    page.get_by_role("button", name="5 left foot").press("ArrowUp")
     page.wait_for_url(lambda url: "scenario=" in url and sample.id not in url)
-    copied = lab.fake.scenarios[page.url.rpartition("=")[2]]
+    assert lab.fake.scenarios[sample.id] == sample
+    copied = lab.fake.scenarios[parse_qs(urlsplit(page.url).query)["scenario"][0]]
     assert (copied.name, copied.bundled) == ("Two steps (copy)", False)
-    assert copied.phases == sample.phases
+    x, y, z = placed_contacts(sample)[4].contact.position_m
+    assert placed_contacts(copied)[4].contact.position_m == pytest.approx((x + 0.01, y, z))
     page.wait_for_selector("[data-ready]", timeout=60_000)
+    expect(page.get_by_role("button", name="5 left foot")).to_have_attribute("aria-expanded", "true")
+    page.get_by_role("button", name="Undo").click()
+    expect(page.locator("[data-said]")).to_have_text("Undone.")
+    assert lab.fake.scenarios[copied.id].phases == sample.phases
+
+
+def test_a_drag_in_a_sample_makes_a_copy_and_moves_nothing_for_others(tab: Tab, lab: Lab) -> None:
+    sample = lab.fake.add_scenario(bundled=True)
+    page = opened(tab, f"/view/?scenario={sample.id}")
+    target = (0.28, 0.21, 0.1)
+    drag(page, "/contacts/5", target)
+    page.wait_for_url(lambda url: "scenario=" in url and sample.id not in url)
+    copied = lab.fake.scenarios[parse_qs(urlsplit(page.url).query)["scenario"][0]]
+    moved = placed_contacts(copied)[4].contact.position_m
+    assert math.dist(moved, target) < 0.01
+    assert lab.fake.scenarios[sample.id] == sample
 
 
 def test_planning_shows_its_progress_and_leads_to_the_plan(tab: Tab, lab: Lab) -> None:

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from stridelab.contacts.effector_geometry import EffectorShape, effector_shapes
 from stridelab.contacts.planner.planner import ContactPlanner
-from stridelab.contacts.scenarios.course import Bar, Course, Element, Flight, Gap, Level, Ramp, Stones
+from stridelab.contacts.scenarios.course import Bar, Block, Course, Element, Flight, Gap, Level, Ramp, Stones
 from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.planner_limits import planner_limits
@@ -22,6 +22,7 @@ ELEMENTS: Final[Mapping[str, type[Any]]] = {
     "ramp": Ramp,
     "stones": Stones,
     "bar": Bar,
+    "box": Block,
     "gap": Gap,
 }
 """Element of a course by the ``kind`` of its schema; the fields have the same names."""

@@ -216,6 +216,14 @@ class CourseBar(Contract):
     thickness_m: Annotated[float, Field(ge=0.005, le=1.0)] = 0.05
 
 
+class CourseBox(Contract):
+    """A box as wide as the course, to step on and off; its top is level."""
+
+    kind: Literal["box"]
+    height_m: Annotated[float, Field(ge=-0.5, le=0.5)] = 0.10
+    length_m: Length = 0.40
+
+
 class CourseGap(Contract):
     """No ground."""
 
@@ -224,7 +232,8 @@ class CourseGap(Contract):
 
 
 CourseElement = Annotated[
-    CourseLevel | CourseStairs | CourseRamp | CourseStones | CourseBar | CourseGap, Field(discriminator="kind")
+    CourseLevel | CourseStairs | CourseRamp | CourseStones | CourseBar | CourseBox | CourseGap,
+    Field(discriminator="kind"),
 ]
 
 

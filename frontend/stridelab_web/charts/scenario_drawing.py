@@ -43,6 +43,13 @@ class Drawing:
     height: float
     shapes: tuple[Shape, ...]
     description: str
+    origin_m: tuple[float, float] = (0.0, 0.0)
+    """World coordinates of the upper left corner along the two axes of the view."""
+
+    def to_px(self, point_m: Sequence[float]) -> tuple[float, float]:
+        """Position of a point with the two coordinates of the view."""
+        x, y = ((point_m[0] - self.origin_m[0]) * PX_PER_M, (self.origin_m[1] - point_m[1]) * PX_PER_M)
+        return round(x, 1), round(y, 1)
 
 
 def draw_scenario(scenario: Scenario, view: View, region_m: Sequence[tuple[float, float]] = ()) -> Drawing | None:
@@ -82,7 +89,8 @@ def draw_scenario(scenario: Scenario, view: View, region_m: Sequence[tuple[float
     width, height = (high - low) * PX_PER_M
     side = "from the side" if view == "side" else "from above"
     text = f"{scenario.name} {side}: {count_text(len(contacts), 'contact')}"
-    return Drawing(round(float(width), 1), round(float(height), 1), tuple(shapes), text)
+    origin_m = (float(low[0]), float(high[1]))
+    return Drawing(round(float(width), 1), round(float(height), 1), tuple(shapes), text, origin_m)
 
 
 def _footprint_shape(

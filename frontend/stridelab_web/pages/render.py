@@ -8,6 +8,7 @@ from starlette.responses import HTMLResponse
 
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab_web.assets import TEMPLATES
+from stridelab_web.book.contents import section_page
 from stridelab_web.config import WebConfig
 from stridelab_web.formatting import FILTERS
 
@@ -44,6 +45,7 @@ def make_environment(config: WebConfig) -> Environment:
         navigation=NAVIGATION,
         section="",
         names={},
+        section_page=section_page,
     )
     return environment
 

@@ -9,8 +9,6 @@ PlayerForm = Literal["viser", "html"]
 """A file for viser's own player, or one page with that player and the file in it."""
 KEY_HEADER: Final = "X-Stridelab-Scenario-Key"
 """Header with the key that stores changes made through a websocket to the viewer."""
-REFUSAL_HEADER: Final = "X-Stridelab-Scenario-Refusal"
-"""Header, in place of the key, with the reason why nothing may be changed."""
 USER_HEADER: Final = "X-Stridelab-User"
 """Header with the percent-encoded user of a websocket to the viewer; empty without login."""
 NO_JOB: Final = "-"

@@ -20,7 +20,7 @@ from stridelab.schemas.base import Problem
 from stridelab_web import viser_client
 from stridelab_web.api_client import client_of
 from stridelab_web.config import WebConfig
-from stridelab_web.scene.documents import KEY_HEADER, REFUSAL_HEADER, USER_HEADER, Document, document_of
+from stridelab_web.scene.documents import KEY_HEADER, USER_HEADER, Document, document_of
 
 OPENING_S = 120.0
 STARTING_RETRIES = 7
@@ -119,12 +119,12 @@ async def relay_websocket(socket: WebSocket) -> None:
 
 
 async def _right_headers(socket: WebSocket, document: Document) -> dict[str, str]:
-    """Headers with the key that stores changes made through this websocket, or with the reason of its absence."""
+    """Headers with the key that stores changes made through this websocket; without one, the page stores a copy."""
     if document.kind != "scenario":
         return {}
     stored = await client_of(socket).scenario(document.id)
     right = socket.app.state.config.scenario_right(socket.scope, stored.id, stored.owner)
-    return {REFUSAL_HEADER: right.refusal} if right.key is None else {KEY_HEADER: right.key}
+    return {} if right.key is None else {KEY_HEADER: right.key}
 
 
 async def _relay_to_viewer(socket: WebSocket, upstream: ClientConnection) -> None:

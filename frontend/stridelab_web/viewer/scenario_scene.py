@@ -1,9 +1,11 @@
 """The scene of a scenario: terrain, the robot at its start, and contacts, which owners of the scenario can drag.
 
 A dragged mark slides at once; on release the scenario is stored through the HTTP interface with the key of that user.
-Users without a key cannot move marks and see the reason. If the service refuses, the mark returns and its message is
-shown. Each attempt, and each change that was stored elsewhere, moves the node ``TURN`` one metre along its x axis,
-which notifies the pages that show the scene (static/js/editor/editor.js).
+Without a key, as in samples, nothing moves for the other users of the scene: a frame below ``HELD``, in the client of
+that user only, has the place of the dragged contact, and ``HELD_ENDED`` is added there on release; the page draws the
+mark there and stores a copy. If the service refuses, the mark returns and its message is shown. Each attempt, and each
+change that was stored elsewhere, moves the node ``TURN`` one metre along its x axis, which notifies the pages that
+show the scene (static/js/editor/editor.js).
 
 Overlays of a scenario's scene: the planned path of the CoM, its path after a push, and the support region.
 
@@ -23,7 +25,7 @@ import viser
 from stridelab.client import ClientError, ProblemError
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab_web.scene.contacts import HalfSizes, PlacedContact, move_contact, placed_contacts
-from stridelab_web.scene.documents import KEY_HEADER, REFUSAL_HEADER
+from stridelab_web.scene.documents import KEY_HEADER
 from stridelab_web.viewer import meshes
 from stridelab_web.viewer.access_guard import header_of
 from stridelab_web.viewer.contact_markers import add_mark, place_mark
@@ -41,7 +43,7 @@ from stridelab_web.viewer.plan_scene import (
 from stridelab_web.viewer.scene_parts import NARROW, Colour, add_mesh, place_camera, prepare_scene
 from stridelab_web.viewer.terrain import add_terrain
 
-TURN = "/turn"
+TURN, HELD, HELD_ENDED = "/turn", "/held", "/held/ended"
 REAR = np.array([-0.42, 1.0, 0.75])
 """From behind and above, no step hides what stands on the one below."""
 HEADROOM_M = 0.4
@@ -49,21 +51,21 @@ MOVED_M = 1e-4
 """A drag that ends closer to where it began changes nothing."""
 StoreScenario = Callable[[str, Scenario, StoredScenario, str], StoredScenario]
 """Stores a scenario by its id if it is unchanged since the given version, for the user with this key."""
-NOT_KNOWN = "The viewer does not know who you are. Reload the page."
 
 
 @dataclass(frozen=True)
 class Grip:
     """A drag in progress: scenario, contact, guiding surface, and offset of the contact from the pointer.
 
-    ``key`` is that of the dragging user.
+    ``key`` is that of the dragging user, None without one; then ``held`` has the place of the contact.
     """
 
     stored: StoredScenario
     touch: PlacedContact
     guide: Guide
     offset_m: np.ndarray
-    key: str
+    key: str | None
+    held: viser.FrameHandle | None
 
 
 class ScenarioScene:
@@ -76,6 +78,7 @@ class ScenarioScene:
         self._lock = threading.Lock()
         self._attempts = 0
         self._grips: dict[int, Grip] = {}
+        self._held: dict[int, viser.FrameHandle] = {}
         self._server = server
         self.refusal = ""
         scene = server.scene
@@ -108,7 +111,7 @@ class ScenarioScene:
         async def on_drag(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
             eye = np.array(event.client.camera.position)
             if event.phase == "start":
-                self._start_drag(event.client_id, number, eye, np.array(event.start_position))
+                self._start_drag(event.client, number, eye, np.array(event.start_position))
             grip = self._grips.get(event.client_id)
             if grip is None:
                 return
@@ -117,38 +120,44 @@ class ScenarioScene:
                 return
             to = self._drag_target(grip, eye, np.array(event.end_position))
             if to is not None:
-                self._marks[number].position = tuple(to)
+                (grip.held or self._marks[number]).position = tuple(to)
             if event.phase == "end":
                 del self._grips[event.client_id]
-                await asyncio.to_thread(self.store_move, grip, np.array(self._marks[number].position))
+                if grip.held is not None:
+                    event.client.scene.add_frame(HELD_ENDED, show_axes=False, position=grip.held.position)
+                else:
+                    await asyncio.to_thread(self.store_move, grip, np.array(self._marks[number].position))
 
         return on_drag
 
-    def _start_drag(self, client_id: int, number: int, eye_m: np.ndarray, held_m: np.ndarray) -> None:
+    def _start_drag(self, client: viser.ClientHandle, number: int, eye_m: np.ndarray, held_m: np.ndarray) -> None:
         stored = self._stored
-        key = header_of(self._server, client_id, KEY_HEADER)
-        if key is None:
-            with self._lock:
-                self.refusal = header_of(self._server, client_id, REFUSAL_HEADER) or NOT_KNOWN
-                self._notify_pages()
-            return
+        key = None if stored.bundled else header_of(self._server, client.client_id, KEY_HEADER)
         touch = placed_contacts(stored)[number - 1]
         guide = guide_of(stored, touch)
         hit = None if guide is None else guide.ray_intersection(eye_m, held_m)
-        if guide is not None and hit is not None:
-            self._grips[client_id] = Grip(stored, touch, guide, np.array(touch.contact.position_m) - hit, key)
+        if guide is None or hit is None:
+            return
+        held, place_m = None, touch.contact.position_m
+        if key is None:
+            if client.client_id in self._held:
+                self._held[client.client_id].remove()  # with the frames of the previous drag below it
+            self._held[client.client_id] = client.scene.add_frame(HELD, show_axes=False)
+            held = client.scene.add_frame(f"{HELD}/{number}", show_axes=False, position=place_m)
+        self._grips[client.client_id] = Grip(stored, touch, guide, np.array(place_m) - hit, key, held)
 
     def _drag_target(self, grip: Grip, eye_m: np.ndarray, pointer_m: np.ndarray) -> np.ndarray | None:
         """Position of the dragged contact for a pointer at ``pointer_m``; None if the ray misses the surface."""
         hit = grip.guide.ray_intersection(eye_m, pointer_m)
         half_m = self._sizes.get(grip.touch.effector, (0.0, 0.0))
-        here = np.array(self._marks[grip.touch.number].position)
+        here = np.array((grip.held or self._marks[grip.touch.number]).position)
         return None if hit is None else grip.guide.constrain_position(grip.touch, half_m, here, hit + grip.offset_m)
 
     def store_move(self, grip: Grip, position_m: np.ndarray) -> None:
         """Store the dragged contact at ``position_m``, or restore its mark and record the service's message."""
         with self._lock:
             self.refusal = ""
+            assert grip.key is not None
             if float(np.linalg.norm(position_m - grip.touch.contact.position_m)) > MOVED_M:
                 try:
                     to_m = [round(float(x), 4) for x in position_m]
@@ -192,8 +201,7 @@ class ScenarioScene:
     def _add_mark(self, touch: PlacedContact) -> None:
         """Add a mark for a new contact, or for one of another effector."""
         mark = add_mark(self._scene, touch, self._sizes, touching=False)
-        if not self._stored.bundled:
-            mark.on_drag("left")(self._drag_of(touch.number))
+        mark.on_drag("left")(self._drag_of(touch.number))
         self._marks[touch.number], self._effectors[touch.number] = mark, touch.effector
 
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.planner.planner import ContactPlanner
 from stridelab.contacts.planner.start_goal import task_ends
-from stridelab.contacts.scenarios.course import Bar, Course, Element, Flight, Gap, Level, Ramp, Stones
+from stridelab.contacts.scenarios.course import Bar, Block, Course, Element, Flight, Gap, Level, Ramp, Stones
 from stridelab.errors import InvalidInput
 from stridelab.reachability.planner_limits import planner_limits
 
@@ -24,6 +24,7 @@ EVERY: dict[str, list[Element]] = {
     "stones": [Stones(4, 0.27, 0.12)],
     "beam": [Level(1.0, 0.45)],
     "bar": [Bar(0.05, 0.05)],
+    "box": [Block(0.10, 0.45)],
     "gap": [Level(0.4, None), Gap(0.12), Level(0.4, None)],
 }
 

@@ -104,3 +104,22 @@ test("a touch is moved in its phases only", () => {
   ]);
   assert.deepEqual(phases[2].contacts, [LEFT, AHEAD]);
 });
+
+test("an edit of a read-only scenario is stored as a copy, which can be undone", async () => {
+  /** @type {string[]} */
+  const opened = [];
+  const href = "http://lab/view/?scenario=s1&phase=2";
+  /** @type {any} */ (globalThis).location = { href, assign: (url) => opened.push(String(url)) };
+  const store = new ScenarioStore("s1", true);
+  await store.read();
+  stored = { ...stored, id: "s2", name: "walk (copy)", phases: walk().phases.slice(1) }; // the answer of the service
+  void store.store({ ...store.scenario, phases: walk().phases.slice(1) });
+  await new Promise((done) => setTimeout(done));
+  assert.deepEqual(requests, ["GET /api/v1/scenarios/s1", "POST /api/v1/scenarios"]);
+  assert.deepEqual(opened, ["http://lab/view/?scenario=s2&phase=2"]);
+
+  const copy = new ScenarioStore("s2");
+  await copy.read();
+  assert.equal(await copy.undo(), true);
+  assert.deepEqual([stored.name, stored.phases], ["walk (copy)", walk().phases]);
+});

@@ -16,13 +16,13 @@ from viser.infra import ClientId
 from stridelab.client import Unreachable
 from stridelab.schemas.scenarios import BoxSurface, Scenario, StoredScenario
 from stridelab_web.scene.contacts import placed_contacts
-from stridelab_web.scene.documents import KEY_HEADER, REFUSAL_HEADER, Document, document_of
+from stridelab_web.scene.documents import KEY_HEADER, Document, document_of
 from stridelab_web.scene.result_files import read_plan
 from stridelab_web.viewer.access_guard import start_guarded_server
 from stridelab_web.viewer.initial_posture import Posed, initial_pose
 from stridelab_web.viewer.plan_scene import RIGHT_FRONT, is_hidden
 from stridelab_web.viewer.robot_links import add_robot, colour_parts, limit_levels, read_links
-from stridelab_web.viewer.scenario_scene import COM, CORNERS, EDGE, NOT_KNOWN, PLUMB, REGION, ScenarioScene
+from stridelab_web.viewer.scenario_scene import COM, CORNERS, EDGE, HELD, HELD_ENDED, PLUMB, REGION, ScenarioScene
 from stridelab_web.viewer.scene_builders import document_kinds
 from stridelab_web.viewer.scene_limits import SceneLimits
 from stridelab_web.viewer.scene_parts import FOV_RAD, WIDE, camera_pose
@@ -178,6 +178,20 @@ def test_a_wall_beside_the_way_is_not_looked_at_from_behind() -> None:
     assert not is_hidden(beside(yaw_rad=np.pi / 2, center_m=(2.5, -0.7, 0.8)), RIGHT_FRONT), "it is across the way"
 
 
+class OwnScene(dict[str, Any]):
+    """The frames of one browser alone."""
+
+    def add_frame(self, name: str, *, show_axes: bool, position: Any = (0.0, 0.0, 0.0)) -> SimpleNamespace:
+        assert not show_axes
+        self[name] = SimpleNamespace(position=position, remove=lambda: self._remove(name))
+        node: SimpleNamespace = self[name]
+        return node
+
+    def _remove(self, name: str) -> None:
+        for each in [each for each in self if each == name or each.startswith(f"{name}/")]:
+            del self[each]
+
+
 class Drag:
     """Plays a person's drag into a scene, as viser would report it."""
 
@@ -191,7 +205,8 @@ class Drag:
         self.scene = scene
         opened: Any = SimpleNamespace(request=SimpleNamespace(headers=headers))
         scene._server._websock_server._live_connections[ClientId(7)] = opened
-        self.client = SimpleNamespace(camera=SimpleNamespace(position=eye_m))
+        self.own = OwnScene()
+        self.client = SimpleNamespace(camera=SimpleNamespace(position=eye_m), client_id=7, scene=self.own)
 
     def __call__(self, number: int, *places: tuple[float, float, float]) -> None:
         start = places[0]
@@ -259,21 +274,19 @@ def test_a_silent_service_puts_the_mark_back(start: Start) -> None:
     assert tuple(scene._marks[5].position) == pytest.approx((0.3, 0.09, 0.1))
 
 
-def test_who_has_no_key_moves_nothing_and_reads_why(start: Start) -> None:
-    headers: dict[str, str]
-    for headers, reason in (({REFUSAL_HEADER: "Yours may only read."}, "Yours may only read."), ({}, NOT_KNOWN)):
-        scene = start(robots.stored(robots.scenario()), None)
-        Drag(scene, headers=headers)(5, (0.3, 0.09, 0.1), (0.3, 0.15, 0.1), (0.3, 0.2, 0.1))
-        assert scene.refusal == reason
-        assert tuple(scene._marks[5].position) == pytest.approx((0.3, 0.09, 0.1))
-        assert tuple(scene._turn.position) == (1.0, 0.0, 0.0)
-
-
-def test_samples_cannot_be_dragged(start: Start) -> None:
-    own = start(robots.stored(robots.scenario()), None)
-    sample = start(robots.stored(robots.scenario(), bundled=True), None)
-    assert all(mark._impl.drag_cb for mark in own._marks.values())
-    assert not any(mark._impl.drag_cb for mark in sample._marks.values())
+@pytest.mark.parametrize("bundled", [False, True])
+def test_without_a_key_only_the_dragging_browser_sees_the_contact_move(start: Start, bundled: bool) -> None:
+    """The page stores a copy; the scene, which others see, stays as it is."""
+    scene = start(robots.stored(robots.scenario(), bundled=bundled), None)
+    drag = Drag(scene, headers={KEY_HEADER: "of-somebody"} if bundled else {})
+    drag(5, (0.35, 0.09, 0.1), (0.36, 0.12, 0.1), (0.33, 0.19, 0.1))
+    assert set(drag.own) == {HELD, f"{HELD}/5", HELD_ENDED}
+    for name in (f"{HELD}/5", HELD_ENDED):
+        assert tuple(drag.own[name].position) == pytest.approx((0.28, 0.19, 0.1))
+    assert tuple(scene._marks[5].position) == pytest.approx((0.3, 0.09, 0.1))
+    assert tuple(scene._turn.position) == (0.0, 0.0, 0.0)
+    drag(4, (0.3, -0.09, 0.1), (0.3, -0.12, 0.1), (0.3, -0.15, 0.1))
+    assert set(drag.own) == {HELD, f"{HELD}/4", HELD_ENDED}, "the frames of the first drag are gone"
 
 
 def test_a_scene_follows_what_others_store(fake: FakeService, library: ScenePool) -> None:
@@ -360,7 +373,7 @@ def test_the_robot_follows_the_first_footholds(start: Start) -> None:
     assert tuple(scene._robot.position) == pytest.approx((0.0, 0.02, 0.0))
 
 
-def test_pages_say_what_they_show(fake: FakeService, browse: Callable[[str], httpx.Response]) -> None:
+def test_pages_say_what_they_show(fake: FakeService, browse: Callable[..., httpx.Response]) -> None:
     kept = fake.add_scenario()
     job = fake.add_plan(scenario_id=kept.id)
     page = browse(f"/view/?plan={job.id}").text
@@ -369,7 +382,12 @@ def test_pages_say_what_they_show(fake: FakeService, browse: Callable[[str], htt
     assert f'href="/view/?scenario={kept.id}"' in page
     del fake.scenarios[kept.id]
     assert "/view/?scenario=" not in browse(f"/view/?plan={job.id}").text
-    assert browse(f"/view/?plan={fake.add_job('plan-motion', 'running').id}").status_code == 409
+    kept = fake.add_scenario()
+    running = fake.add_job("plan-motion", "running", scenario_id=kept.id)
+    waiting = browse(f"/view/?plan={running.id}", follow_redirects=False)
+    assert waiting.headers["location"] == f"/view/?scenario={kept.id}&planning={running.id}"
+    own = browse(f"/view/?plan={fake.add_job('plan-motion', 'running').id}", follow_redirects=False)
+    assert own.headers["location"].endswith("?watch=1"), "without a stored scenario, the page of the plan waits"
     assert browse(f"/view/?plan={fake.add_job('estimate-com', 'succeeded').id}").status_code == 404
     assert browse("/view/?scenario=nothing").status_code == 404
     listed = browse(f"/view/scene/scenario/{fake.add_scenario().id}/-/touches.json").json()

@@ -57,6 +57,7 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "new scenario": "/scenarios/new",
         "scenario": f"/scenarios/{own.id}",
         "live": "/live",
+        "help": "/help/theory/smoother",
         "live-robots": "/live/robots",
         "sweeps": "/sweeps",
         "settings": "/settings",

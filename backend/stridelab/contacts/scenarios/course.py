@@ -154,6 +154,25 @@ class Bar:
 
 
 @dataclass(frozen=True)
+class Block:
+    """A box ``height_m`` high (negative: a pit) and ``length_m`` long, to step on and off."""
+
+    height_m: float
+    length_m: float
+    label: ClassVar[str] = "box"
+
+    def end_point(self, start: Point) -> Point:
+        """Point of the walking line at which the element ends, at the height of its start."""
+        return start[0] + self.length_m, start[1]
+
+    def surfaces(self, start: Point, width_m: float, foot_y_m: float) -> Iterator[Json]:
+        """The box of the element that begins at ``start``."""
+        top = start[1] + self.height_m
+        height = (min(start[1], top) - THICKNESS_M, top)
+        yield box("top", (start[0], start[0] + self.length_m), _across(width_m), height)
+
+
+@dataclass(frozen=True)
 class Gap:
     """No ground over ``length_m``."""
 
@@ -169,7 +188,7 @@ class Gap:
         yield from ()
 
 
-Element = Level | Flight | Ramp | Stones | Bar | Gap
+Element = Level | Flight | Ramp | Stones | Bar | Block | Gap
 """One obstacle: a ``label``, the point at which it ends, and its boxes, whose names are unique within it."""
 
 

@@ -13,6 +13,7 @@ from stridelab.schemas.plans import PLAN_STAGES, PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.api_client import client_of, took_s
 from stridelab_web.assets import plotly_style_ids
+from stridelab_web.pages.plans.answer import plan_answer
 from stridelab_web.pages.plans.comparison import PlanFacts
 from stridelab_web.pages.plans.comparison_page import KIND, compare_plans, curves_of, other_plan
 from stridelab_web.pages.plans.cost_table import NOT_MINIMISED, cost_rows, cost_text
@@ -49,6 +50,7 @@ async def plan_page(request: Request) -> Response:
         took_s=took_s(job),
         result=result,
         summary=summary,
+        answer=plan_answer(summary) if summary else None,
         plots=result is not None,
         plots_url=f"/plans/{job.id}/plots.json{beside}",
         plotly_style_ids=plotly_style_ids() if result else (),

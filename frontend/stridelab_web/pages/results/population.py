@@ -14,7 +14,7 @@ from stridelab_web.pages.render import render_page
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS
 from stridelab_web.pages.results.population_bars import bars_of
 from stridelab_web.pages.results.population_charts import AGAINST, charts_against, groups_of
-from stridelab_web.pages.results.population_tables import correlation_rows, model_rows
+from stridelab_web.pages.results.population_tables import correlation_rows, model_rows, population_answer
 from stridelab_web.pages.results.quality import shown_quality
 
 KIND: Final = "study-population"
@@ -75,6 +75,7 @@ def _study_values(result: JobResult, key: str) -> dict[str, Any]:
     offered = [a for a in AGAINST if any(getattr(subject, a.key) is not None for subject in subjects)]
     against = next((a for a in offered if a.key == key), offered[0] if offered else AGAINST[0])
     present = {item.name for item in result.artifacts}
+    correlations = correlation_rows(summary)
     return {
         "summary": summary,
         "parameters": PARAMETERS,
@@ -83,7 +84,8 @@ def _study_values(result: JobResult, key: str) -> dict[str, Any]:
         "against": against,
         "charts": charts_against(subjects, against),
         "figures": bars_of(subjects),
-        "correlations": correlation_rows(summary),
+        "correlations": correlations,
+        "answer": population_answer(summary, correlations),
         "models": model_rows(summary),
         "downloads": [
             (stem, [(text, f"{stem}.{end}") for end, text in FORMATS if f"{stem}.{end}" in present]) for stem in TABLES

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from stridelab.schemas.population import CorrelationResult, MixedModelResult, StudyPopulationSummary
-from stridelab_web.formatting import code_words
+from stridelab_web.formatting import code_words, count_text
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS, Parameter
 from stridelab_web.pages.results.population_charts import AGAINST
 
@@ -16,6 +16,8 @@ THESIS_P: Final = {
     ("omega_rad_s", "height_m"): "weak, p ≥ 0.83",
 }
 """The p values of the thesis (figs. 3.7 to 3.9), which prints no coefficient for omega."""
+NAMED: Final = 3
+"""Correlations that the answer names, the strongest ones."""
 LETTERS: Final = {p.key: p.letter for p in PARAMETERS}
 QUANTITY_NAMES: Final = {a.key: a.name.lower() for a in AGAINST}
 
@@ -81,6 +83,21 @@ def _correlation_row(pair: CorrelationResult) -> Row:
         thesis=", ".join(thesis),
         clear=pair.ci95 is not None and (pair.ci95[0] > 0 or pair.ci95[1] < 0),
     )
+
+
+def population_answer(summary: StudyPopulationSummary, rows: Sequence[Row]) -> str:
+    """The answer of a study: which parameters of the wheel correlate clearly, in the group of all subjects."""
+    group = rows[0].pair.group if rows else ""
+    own = [row for row in rows if row.pair.group == group]
+    clear = sorted((row for row in own if row.clear), key=lambda row: -abs(row.pair.r))
+    people = count_text(len(summary.subjects), "subject")
+    if not own:
+        return f"{people}: too few for a correlation."
+    if not clear:
+        return f"{people}: none of {len(own)} correlations is clear (every 95 % interval contains zero)."
+    named = ", ".join(f"{row.letter} with {row.against} (r = {row.r})" for row in clear[:NAMED])
+    more = "" if len(clear) <= NAMED else f" and {len(clear) - NAMED} more"
+    return f"{people}: {len(clear)} of {len(own)} correlations are clear (95 % interval without zero): {named}{more}."
 
 
 def model_rows(summary: StudyPopulationSummary) -> tuple[ModelRow, ...]:

@@ -8,10 +8,11 @@ from starlette.responses import HTMLResponse, Response
 
 from stridelab.client import ProblemError
 from stridelab.schemas.plans import PlanContactsInput
-from stridelab.schemas.scenarios import Course, Scenario, ScenarioPhase
+from stridelab.schemas.scenarios import BoxSurface, Course, Scenario, ScenarioPhase
 from stridelab_web.api_client import client_of
 from stridelab_web.charts.scenario_drawing import draw_scenario
 from stridelab_web.pages.render import render_page
+from stridelab_web.scene.contacts import box_corners_m
 
 
 async def new_scenario_page(request: Request) -> Response:
@@ -30,9 +31,25 @@ async def course_pictures(request: Request) -> Response:
     except (ValueError, ValidationError):
         return _reason("A number is missing or outside of its range.")
     drawn = _with_both_stances(task)
+    side = draw_scenario(drawn, "side")
+    handles = {} if side is None else {k: side.to_px(corner_m) for k, corner_m in _end_corners(task).items()}
     return render_page(
-        request, "partials/_course.html", side=draw_scenario(drawn, "side"), above=draw_scenario(drawn, "above")
+        request, "partials/_course.html", side=side, above=draw_scenario(drawn, "above"), handles=handles
     )
+
+
+def _end_corners(task: PlanContactsInput) -> dict[int, tuple[float, float]]:
+    """Upper rear corner (x, z) of the last box of each element, by its index; a gap has none.
+
+    The names of an element's boxes begin with its number (``stridelab.contacts.scenarios.course``).
+    """
+    corners = {}
+    for surface in task.terrain:
+        number = surface.name.partition(" ")[0]
+        if isinstance(surface, BoxSurface) and number.isdigit():
+            x, z = max(box_corners_m(surface)[:, [0, 2]].tolist(), key=sum)
+            corners[int(number) - 1] = (x, z)
+    return corners
 
 
 def _with_both_stances(task: PlanContactsInput) -> Scenario:

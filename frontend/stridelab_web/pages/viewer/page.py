@@ -128,7 +128,7 @@ async def _recording_page(request: Request) -> Response:
     return render_page(
         request,
         "viewer/view.html",
-        section="",
+        section="Viewer",
         title=recording.filename,
         scene=(scene := Document("recording", recording.id, job_id or None).address),
         start_s=recording.windows_s[0][0] if recording.windows_s else 0.0,

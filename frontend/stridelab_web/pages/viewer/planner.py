@@ -8,10 +8,10 @@ from typing import Final
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import JSONResponse, RedirectResponse, Response
 
 from stridelab.client import AsyncClient, ProblemError
-from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.jobs import FINAL_STATES, Job, JobResult
 from stridelab.schemas.plans import CertificateCheck, PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.api_client import client_of, none_if_missing
@@ -90,7 +90,7 @@ async def plan_page(request: Request, job_id: str) -> Response:
     if job.kind not in KINDS:
         raise HTTPException(404, "This job is not a plan.")
     if not job.has_result:
-        raise HTTPException(409, f"This plan is {code_words(job.state)}: there is nothing to show yet.")
+        return RedirectResponse(await _waiting_address(client, job), status_code=303)
     result = await client.result(job.id)
     scenario = Scenario.model_validate_json(await client.read_artifact(job.id, SCENARIO))
     if (waiting := await preparation_page(request, scenario.robot, scenario.name)) is not None:
@@ -119,7 +119,7 @@ async def plan_page(request: Request, job_id: str) -> Response:
     return render_page(
         request,
         "viewer/view.html",
-        section="",
+        section="Viewer",
         title=scenario.name,
         scene=Document("plan", job.id).address,
         start_s=0.0,
@@ -140,6 +140,16 @@ async def plan_page(request: Request, job_id: str) -> Response:
     )
 
 
+async def _waiting_address(client: AsyncClient, job: Job) -> str:
+    """Page that shows a plan without a result: the editor of its scenario while it is computed, else its own page."""
+    if job.state in FINAL_STATES:
+        return f"{KINDS[job.kind]}/{job.id}"
+    known = job.scenario_id is not None and await none_if_missing(client.scenario(job.scenario_id)) is not None
+    if known and job.kind == "plan-motion":
+        return f"/view/?scenario={job.scenario_id}&planning={job.id}"
+    return f"{KINDS[job.kind]}/{job.id}?watch=1"
+
+
 async def scenario_page(request: Request, scenario_id: str) -> Response:
     """``GET /view/?scenario=``."""
     client = client_of(request)
@@ -152,10 +162,9 @@ async def scenario_page(request: Request, scenario_id: str) -> Response:
     return render_page(
         request,
         "viewer/view_scenario.html",
-        section="",
+        section="Viewer",
         scenario=stored,
         own=right.key is not None and not stored.bundled,
-        refusal="Samples cannot be changed." if stored.bundled else right.refusal,
         scene=Document("scenario", stored.id).address,
         duration_s=sum(phase.duration_s for phase in stored.phases),
         used=used,

@@ -158,8 +158,12 @@ def test_a_plan_that_the_body_cannot_follow_shows_where_it_stops(fake: FakeServi
     assert "data-moments" not in viewer.text
 
 
-def test_a_failed_plan_that_kept_nothing_has_nothing_to_show(fake: FakeService, browse: Browse) -> None:
-    assert browse(f"/view/?plan={fake.add_job('plan-motion', 'failed').id}").status_code == 409
+def test_a_failed_plan_without_a_result_has_a_page_of_its_own(
+    fake: FakeService, browse: Callable[..., httpx.Response]
+) -> None:
+    job = fake.add_job("plan-motion", "failed", scenario_id=fake.add_scenario().id)
+    answer = browse(f"/view/?plan={job.id}", follow_redirects=False)
+    assert (answer.status_code, answer.headers["location"]) == (303, f"/plans/{job.id}")
 
 
 def test_worst_moments_are_marked_on_the_timeline_and_listed_with_the_failed_first(

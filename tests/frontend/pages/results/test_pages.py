@@ -31,7 +31,7 @@ def test_home_shows_the_latest_recordings_and_jobs(fake: FakeService, browse: Br
 def test_home_without_anything_says_what_to_do(browse: Browse) -> None:
     page = browse("/")
     assert page.status_code == 200
-    assert "Nothing uploaded yet." in page.text
+    assert "Nothing uploaded yet: drop a C3D above" in page.text
 
 
 def test_a_file_name_is_text_and_never_markup(fake: FakeService, browse: Browse) -> None:

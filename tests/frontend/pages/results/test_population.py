@@ -9,7 +9,7 @@ import pytest
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS
 from stridelab_web.pages.results.population_bars import THESIS_ERROR_MM, bars_of
 from stridelab_web.pages.results.population_charts import AGAINST, groups_of, scatter_chart
-from stridelab_web.pages.results.population_tables import correlation_rows, model_rows, three_digits
+from stridelab_web.pages.results.population_tables import correlation_rows, model_rows, population_answer, three_digits
 from support.fakes.results import PEOPLE, POPULATION_KIND, population_summary
 from support.fakes.service import FakeService
 
@@ -140,3 +140,15 @@ def test_without_recordings_there_is_nothing_to_choose(browse: Browse) -> None:
     page = browse("/population").text
     assert "Nothing uploaded yet" in page
     assert "data-recording" not in page
+
+
+def test_a_study_begins_with_its_clear_correlations(browse: Browse, address: str) -> None:
+    summary = population_summary()
+    rows = correlation_rows(summary)
+    answer = population_answer(summary, rows)
+    own = [row for row in rows if row.pair.group == rows[0].pair.group]
+    clear = [row for row in own if row.clear]
+    assert answer.startswith(f"{len(summary.subjects)} subjects: ")
+    assert (f"{len(clear)} of {len(own)} correlations are clear" if clear else "none of") in answer
+    assert population_answer(summary, ()) == f"{len(summary.subjects)} subjects: too few for a correlation."
+    assert "data-headline" in browse(address).text

@@ -7,10 +7,9 @@ import { effectorLabel } from "./validation_text.js";
 export class ContactList {
   // `callbacks` are called with the number of the touch: onChoose(number), onKey(event, number), onInput(number, input),
   // onCommit(number, input), onLeave().
-  constructor(root, editable, callbacks) {
+  constructor(root, callbacks) {
     this.list = root.querySelector("[data-touches]");
     this.template = root.querySelector("template[data-row]");
-    this.editable = editable;
     this.callbacks = callbacks;
     this.typedInput = null;
     this.byNumber = new Map();
@@ -43,7 +42,6 @@ export class ContactList {
     button.addEventListener("click", () => this.callbacks.onChoose(touch.number));
     button.addEventListener("keydown", (event) => this.callbacks.onKey(event, touch.number));
     for (const input of row.querySelectorAll("input")) {
-      input.disabled = !this.editable;
       input.addEventListener("input", () => {
         this.typedInput = input;
         this.callbacks.onInput(touch.number, input);

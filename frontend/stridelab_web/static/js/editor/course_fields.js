@@ -61,6 +61,13 @@ export const KINDS = {
       field("thickness_m", "Thickness", "cm", 5, [0.5, 100, 0.5], CM),
     ],
   },
+  box: {
+    title: "Box",
+    fields: [
+      field("height_m", "Height", "cm", 10, [-50, 50, 0.5], CM),
+      field("length_m", "Length", "cm", 40, [5, 200, 0.5], CM),
+    ],
+  },
   gap: { title: "Gap", fields: [field("length_m", "Length", "cm", 15, [1, 200, 0.5], CM)] },
 };
 
@@ -75,6 +82,37 @@ export function newElement(kind) {
 export function elementBody({ kind, values }) {
   const numbers = KINDS[kind].fields.map(({ name, factor }) => [name, round(values[name] * factor)]);
   return { kind: kind === "beam" ? "level" : kind, ...Object.fromEntries(numbers) };
+}
+
+// The numbers that a handle at the end of an element changes, by metres along the course and upwards.
+/** @type {Record<string, (si: any, ahead_m: number, up_m: number) => Record<string, number>>} */
+const DRAGGED = {
+  stairs: (si, ahead_m, up_m) => ({
+    depth_m: si.depth_m + ahead_m / si.number,
+    rise_m: si.rise_m + up_m / si.number,
+  }),
+  level: (si, ahead_m) => ({ length_m: si.length_m + ahead_m }),
+  beam: (si, ahead_m) => ({ length_m: si.length_m + ahead_m }),
+  ramp: (si, ahead_m, up_m) => {
+    const length_m = Math.max(si.length_m + ahead_m, 0.05);
+    return { length_m, slope_rad: Math.atan2(si.length_m * Math.tan(si.slope_rad) + up_m, length_m) };
+  },
+  stones: (si, ahead_m) => ({ spacing_m: si.spacing_m + ahead_m / si.number }),
+  bar: (si, ahead_m, up_m) => ({ thickness_m: si.thickness_m + ahead_m, height_m: si.height_m + up_m }),
+  box: (si, ahead_m, up_m) => ({ length_m: si.length_m + ahead_m, height_m: si.height_m + up_m }),
+};
+
+// The element after its handle was dragged; its numbers stay within their ranges, at whole steps.
+/** @param {CourseElement} element @param {number} ahead_m @param {number} up_m @returns {CourseElement} */
+export function dragElement({ kind, values }, ahead_m, up_m) {
+  const { fields } = KINDS[kind];
+  const si = Object.fromEntries(fields.map(({ name, factor }) => [name, values[name] * factor]));
+  const changed = Object.entries(DRAGGED[kind](si, ahead_m, up_m)).map(([name, value]) => {
+    const { min, max, step, factor } = /** @type {CourseField} */ (fields.find((each) => each.name === name));
+    const whole = Math.round(value / factor / step) * step;
+    return [name, round(Math.min(Math.max(whole, min), max))];
+  });
+  return { kind, values: { ...values, ...Object.fromEntries(changed) } };
 }
 
 // The body of POST /scenarios/compose.

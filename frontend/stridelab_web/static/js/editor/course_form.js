@@ -1,21 +1,26 @@
-// The page "New scenario": obstacles in a row, drawn while they change; then contacts, and on request the motion.
+// The page "New scenario": obstacles in a row, drawn while they change by typing or by handles; then contacts, and on request
+// the motion. Every change can be undone.
 import { createElement, smallButton } from "../shared/elements.js";
-import { courseBody, KINDS, moveItem, newElement } from "./course_fields.js";
-import { bindCourseButton, startPlan } from "./planning_jobs.js";
+import { courseBody, dragElement, KINDS, moveItem, newElement } from "./course_fields.js";
+import { CourseHistory } from "./course_history.js";
+import { bindCourseButton, planningUrl, startPlan } from "./planning_jobs.js";
 
-const DRAW_AFTER_MS = 150;
+const DRAW_AFTER_MS = 100,
+  PX_PER_M = 200; // of the drawing (charts/scenario_drawing.py)
+const OUT_OF_RANGE = "A number is missing or outside of its range.";
+const HEAD = ["name", "robot", "handrails", "width_m", "friction"];
 
 const form = /** @type {any} */ (document.querySelector("form[data-course]"));
-const list = form.querySelector("[data-elements]");
-const pictures = form.querySelector("[data-pictures]");
-const status = form.querySelector("[data-course-said]");
-let elements = [newElement("stairs")];
+const part = (name) => form.querySelector(`[data-${name}]`);
+const [list, pictures, status, undo, redo] = ["elements", "pictures", "course-said", "undo", "redo"].map(part);
+const readHead = () => Object.fromEntries(HEAD.map((name) => [name, form.elements[name].value]));
+const history = new CourseHistory("stridelab-course", { head: readHead(), elements: [newElement("stairs")] });
+let { elements } = history.present;
 let timer = 0;
 let drawn = 0;
 
-const kinds = Object.entries(KINDS);
-form.querySelector("[data-add]").append(
-  ...kinds.map(([kind, { title }]) => {
+part("add").append(
+  ...Object.entries(KINDS).map(([kind, { title }]) => {
     const button = smallButton(title, `Add: ${title}`);
     button.addEventListener("click", () => change([...elements, newElement(kind)]));
     return button;
@@ -23,18 +28,30 @@ form.querySelector("[data-add]").append(
 );
 form.addEventListener("submit", (event) => event.preventDefault());
 form.addEventListener("input", () => drawSoon());
+form.addEventListener("change", () => form.checkValidity() && record());
+undo.addEventListener("click", () => show(history.undo()));
+redo.addEventListener("click", () => show(history.redo()));
+// In a text field, Ctrl+Z undoes the typing instead.
+document.addEventListener("keydown", (event) => {
+  const key = event.key.toLowerCase();
+  if (!(event.ctrlKey || event.metaKey) || !["z", "y"].includes(key)) return;
+  if (/** @type {PageElement} */ (event.target).matches("input")) return;
+  event.preventDefault();
+  show(key === "y" || event.shiftKey ? history.redo() : history.undo());
+});
+pictures.addEventListener("pointerdown", startDrag);
 
 bindCourseButton(form, "plan", course, async (stored) => {
   const job = await startPlan(stored.id);
-  location.assign(`/plans/${job.id}?watch=1`);
+  location.assign(planningUrl(stored.id, job.id));
 });
 bindCourseButton(form, "place", course, (stored) => location.assign(`/view/?scenario=${stored.id}`));
 
-showElements();
+show(history.present);
 
 function course() {
   if (!elements.length) throw new Error("Add an obstacle.");
-  if (!form.reportValidity()) throw new Error("A number is missing or outside of its range.");
+  if (!form.reportValidity()) throw new Error(OUT_OF_RANGE);
   const number = (name) => form.elements[name].valueAsNumber;
   const [name, robot, handrails] = ["name", "robot", "handrails"].map((field) => form.elements[field].value);
   return courseBody({ name, robot, handrails, friction: number("friction"), width_m: number("width_m") }, elements);
@@ -42,6 +59,20 @@ function course() {
 
 function change(next) {
   elements = next;
+  record();
+  showElements();
+}
+
+function record() {
+  history.record(structuredClone({ head: readHead(), elements }));
+  [undo.disabled, redo.disabled] = [!history.canUndo, !history.canRedo];
+}
+
+// Shows a state of the history.
+function show(state) {
+  for (const name of HEAD) form.elements[name].value = state.head[name];
+  elements = structuredClone(state.elements);
+  [undo.disabled, redo.disabled] = [!history.canUndo, !history.canRedo];
   showElements();
 }
 
@@ -82,16 +113,39 @@ function elementRow(element, index) {
   return createElement("li", {}, createElement("strong", {}, title), ...inputs, ...buttons);
 }
 
+// A drag of a handle in the side view. The drawing is exchanged meanwhile, so the document listens.
+function startDrag(event) {
+  const handle = event.target.closest("[data-handle]");
+  if (!handle || event.button !== 0) return;
+  event.preventDefault();
+  const index = Number(handle.dataset.handle),
+    before = elements[index],
+    { clientX, clientY } = event;
+  const m_per_pixel = 1 / handle.getScreenCTM().a / PX_PER_M;
+  const onMove = (move) => {
+    const [ahead_m, up_m] = [move.clientX - clientX, clientY - move.clientY].map((px) => px * m_per_pixel);
+    elements = elements.with(index, dragElement(before, ahead_m, up_m));
+    showElements();
+  };
+  const onEnd = (end) => {
+    for (const [name, listener] of Object.entries(listeners)) document.removeEventListener(name, listener);
+    if (end.type === "pointercancel") change(elements.with(index, before));
+    else record();
+  };
+  const listeners = { pointermove: onMove, pointerup: onEnd, pointercancel: onEnd };
+  for (const [name, listener] of Object.entries(listeners)) document.addEventListener(name, listener);
+}
+
 function drawSoon() {
-  clearTimeout(timer);
-  timer = setTimeout(draw, DRAW_AFTER_MS);
+  if (!timer) timer = setTimeout(draw, DRAW_AFTER_MS);
 }
 
 // Draws the course; an answer that a later one has overtaken is dropped.
 async function draw() {
+  timer = 0;
   const turn = ++drawn;
   if (!elements.length || !form.checkValidity()) {
-    status.textContent = elements.length ? "A number is missing or outside of its range." : "Add an obstacle.";
+    status.textContent = elements.length ? OUT_OF_RANGE : "Add an obstacle.";
     return;
   }
   const query = new URLSearchParams({ course: JSON.stringify(course()) });

@@ -1,6 +1,5 @@
 // The scenario editor: 3D scene, phase timeline, phase form and contact list. Contacts and phases are changed by dragging,
 // typing or keys; every change is stored in the service through one queue and can be undone.
-import { call } from "../shared/api.js";
 import { JsonView } from "./json_view.js";
 import { ValidationView } from "./validation_view.js";
 import { LivePreview } from "./live_preview.js";
@@ -8,10 +7,12 @@ import { PhaseForm } from "./phase_form.js";
 import { SceneView } from "./scene_view.js";
 import { bindContactsButton, bindPlanButton } from "./planning_jobs.js";
 import { ContactList } from "./contact_list.js";
-import { ScenarioStore, moveContact, openAsNewScenario, sameJson, scenarioFields } from "./scenario_store.js";
+import { ScenarioStore, moveContact, sameJson } from "./scenario_store.js";
 import { contactOf } from "./phase_edits.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
+import { PlanPlayback } from "./plan_playback.js";
 import { PhaseTimeline } from "./phase_timeline.js";
+import { TerrainList } from "./terrain_list.js";
 import { rotateAboutZ, yawDegrees } from "../viewer/quaternions.js";
 import { showFailure, hideOverlay } from "../viewer/loading_overlay.js";
 
@@ -29,22 +30,23 @@ const root = document.querySelector("[data-editor]");
 const part = (name) => root.querySelector(`[data-${name}]`);
 const [status, undo, redo] = ["said", "undo", "redo"].map(part);
 const id = root.dataset.scenario,
-  editable = root.dataset.own === "true";
-const store = new ScenarioStore(id);
+  isReadOnly = root.dataset.own !== "true"; // the first edit is stored as a copy, which is opened
+const store = new ScenarioStore(id, isReadOnly);
 const sceneView = new SceneView(part("stage"));
-const contactList = new ContactList(root, editable, {
+const contactList = new ContactList(root, {
   onChoose: toggleContact,
   onKey: onContactKey,
   onInput: previewInput,
   onCommit: commitInput,
   onLeave: discardTyping,
 });
-const form = new PhaseForm(root, editable, {
+const form = new PhaseForm(root, {
   onCommit: commitEdit,
   onInput: (edit) => propose(edit, { isTyping: true }),
   onLeave: discardTyping,
 });
-const timeline = new PhaseTimeline(root, editable, {
+const terrainList = new TerrainList(root, { onCommit: commitEdit });
+const timeline = new PhaseTimeline(root, {
   onChoosePhase: choosePhase,
   onChooseContact: chooseContact,
   onToggle: (k, effector) => form.toggle(k, effector),
@@ -68,7 +70,20 @@ const currentScenario = () => draft?.scenario ?? store.scenario;
 const touchOf = (number) => touches.find((touch) => touch.number === number);
 
 start().catch((error) => showFailure(part("stage"), error));
-bindPlanButton(root, id, flushPending);
+const playback = new PlanPlayback({
+  isAvailable: () => preview.started.then(() => preview.isAvailable),
+  show: (phase, com_m) => {
+    if (!sceneView.isReady || validation.phases.length === 0) return;
+    root.dataset.playing = String(com_m !== null);
+    validation.showInstant(phase, com_m);
+  },
+  report: (text) => setStatus(text, false),
+});
+const followPlan = bindPlanButton(root, id, {
+  before: flushPending,
+  onRun: () => playback.start(store.scenario),
+  onEnd: () => playback.stop(),
+});
 bindContactsButton(root, id, flushPending);
 new JsonView(root, { read: () => currentScenario() ?? {}, store: storeScenario });
 
@@ -88,6 +103,7 @@ async function start() {
   await hideOverlay(part("stage"), sceneView.nodes);
   root.dataset.ready = "true";
   setInterval(pollScene, POLL_MS);
+  followPlan();
 }
 
 // Writes the expanded contact or the chosen phase into the address, so that a reload restores it.
@@ -110,6 +126,7 @@ function chooseContact(number, inUrl = true) {
 }
 
 function choosePhase(k) {
+  if (validation.movingCom) playback.stop();
   validation.choosePhase(k);
   rememberInUrl("phase", k);
 }
@@ -126,15 +143,17 @@ function render() {
   }
   timeline.draw(scenario, touches);
   form.show(scenario, validation.phase ?? 0);
+  terrainList.show(scenario);
   validation.setScene(nodes, touches, chosenContact);
   if (sceneView.isReady) nodes.draw();
   validation.validate(scenario);
   preview.update(scenario);
-  if (undo) [undo.disabled, redo.disabled] = [store.past.length === 0, store.future.length === 0];
+  [undo.disabled, redo.disabled] = [store.past.length === 0, store.future.length === 0];
 }
 
 // Shows the stored scenario with `edit` applied, without storing it.
 function propose(edit, options = {}) {
+  if (validation.movingCom) playback.stop();
   draft = { scenario: edit(store.scenario), ...options };
   render();
 }
@@ -160,13 +179,15 @@ function pollScene() {
   }
   if (sceneView.nodes.isStale()) return render();
   if (pending || draft?.isTyping || timeline.drag) return;
-  const dragged = sceneView.draggedContact(touches, currentScenario());
+  const dragged = isReadOnly
+    ? sceneView.heldContact(touches, store.scenario)
+    : sceneView.draggedContact(touches, currentScenario());
   if (!dragged) return;
-  const { touch, position_m } = dragged;
+  const { touch, position_m, isReleased } = dragged;
   if (chosenContact !== touch.number) chooseContact(touch.number);
-  propose((scenario) => moveContact(scenario, touch, position_m, contactOf(scenario, touch).orientation_wxyz), {
-    draggedContact: touch.number,
-  });
+  const move = (scenario) => moveContact(scenario, touch, position_m, contactOf(scenario, touch).orientation_wxyz);
+  if (isReleased) return commitEdit(move, "Stored.");
+  propose(move, isReadOnly ? {} : { draggedContact: touch.number });
 }
 
 async function onSceneChange({ isOwnChange }) {
@@ -205,7 +226,10 @@ async function storeEdit(edit, done) {
   let failure = null;
   try {
     const scenario = edit(store.scenario);
-    if (!sameJson(scenario, store.scenario)) await store.store(scenario);
+    if (!sameJson(scenario, store.scenario)) {
+      if (isReadOnly) setStatus("Making a copy…", false);
+      await store.store(scenario);
+    }
   } catch (error) {
     failure = error;
   }
@@ -226,7 +250,6 @@ function commitEdit(edit, done) {
 
 // Stores a whole scenario from the JSON dialog; a sample is stored as a copy.
 async function storeScenario(scenario) {
-  if (!editable) return openAsNewScenario(scenario, " (copy)");
   await flushPending();
   queue = queue.then(() => storeEdit(() => scenario, "Stored."));
   const failure = await queue;
@@ -267,7 +290,7 @@ function commitInput(number, input) {
 // Each press moves the mark; the new position is stored after a pause.
 function onContactKey(event, number) {
   const direction = DIRECTIONS[event.key];
-  if (!direction || !editable || !sceneView.isReady || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (!direction || !sceneView.isReady || event.ctrlKey || event.metaKey || event.altKey) return;
   event.preventDefault();
   if (chosenContact !== number) chooseContact(number);
   const touch = touchOf(number),
@@ -323,39 +346,25 @@ function stepHistory(direction, nothing, done) {
 const undoStep = () => stepHistory("undo", "There is nothing to undo.", "Undone.");
 const redoStep = () => stepHistory("redo", "There is nothing to redo.", "Redone.");
 
-undo?.addEventListener("click", undoStep);
-redo?.addEventListener("click", redoStep);
+undo.addEventListener("click", undoStep);
+redo.addEventListener("click", redoStep);
 // In a text field, Ctrl+Z undoes the typing instead.
-const isEditable = () => editable;
 const shortcuts = new Shortcuts([
   {
     keys: ["z"],
     ctrl: true,
     text: "Undo; with Shift, redo",
     run: (event) => (event.shiftKey ? redoStep() : undoStep()),
-    when: isEditable,
   },
-  { keys: ["y"], ctrl: true, text: "Redo", run: redoStep, when: isEditable },
+  { keys: ["y"], ctrl: true, text: "Redo", run: redoStep },
   { keys: ["ArrowLeft", "ArrowRight"], text: "On a phase: the previous or next one" },
-  { keys: ["ArrowLeft", "ArrowRight"], text: "On the end of a phase: 0.05 s, with Shift 0.01 s", when: isEditable },
+  { keys: ["ArrowLeft", "ArrowRight"], text: "On the end of a phase: 0.05 s, with Shift 0.01 s" },
   {
     keys: ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"],
     text: "On a contact of the list: 1 cm, with Shift 1 mm",
-    when: isEditable,
   },
   ...CAMERA_KEYS,
 ]);
-
-const copyButton = part("copy");
-copyButton?.addEventListener("click", async () => {
-  copyButton.disabled = true;
-  try {
-    await openAsNewScenario(scenarioFields(await call("GET", `/scenarios/${id}`)), " (copy)");
-  } catch (error) {
-    setStatus(error.message, true);
-    copyButton.disabled = false;
-  }
-});
 
 function setStatus(text, wrong) {
   status.textContent = text;

@@ -30,6 +30,10 @@ export class LivePreview {
     this.isBusy = false;
     this.push = null;
     this.isAvailable = false;
+    /** @type {Promise<void>} */
+    this.started = new Promise((resolve) => {
+      this.resolveStarted = resolve;
+    });
     this.pushStatus = part("push-said");
     this.checkbox.addEventListener("change", () => this.onToggle());
     this.form.addEventListener("submit", (event) => {
@@ -52,6 +56,7 @@ export class LivePreview {
     const solvers = await call("GET", "/solvers").catch((error) => error);
     const native = solvers instanceof Error ? null : solvers.solvers.find((solver) => solver.name === "native");
     this.isAvailable = Boolean(native?.available);
+    this.resolveStarted();
     for (const field of [this.checkbox, ...this.form.elements]) field.disabled = !this.isAvailable;
     this.checkbox.checked = this.isAvailable;
     this.root.dataset.live = this.isAvailable ? "there" : "missing";
@@ -167,7 +172,7 @@ function pushArrow(from, push) {
 }
 
 // The position of the CoM of a motion at a time.
-function comAt(motion, t_s) {
+export function comAt(motion, t_s) {
   const k = Math.max(
     motion.time_s.findIndex((t) => t >= t_s),
     1,

@@ -156,12 +156,25 @@ export function suggestContact(scenario, k, effector) {
 }
 
 // The point on top of a rail that is nearest to `point`, and the orientation whose z axis is the normal of the rail.
-/** @param {Extract<Surface, { kind: "rail" }>} rail @param {number[]} point @returns {[number[], { orientation_wxyz: number[] }]} */
+/** @param {Rail} rail @param {number[]} point @returns {[number[], { orientation_wxyz: number[] }]} */
 function nearestOnRail(rail, point) {
+  return pointOnRail(rail, partAlongRail(rail, point));
+}
+
+// The part of a rail, from 0 to 1, at the foot of the perpendicular from a point.
+/** @param {Rail} rail @param {number[]} point */
+export function partAlongRail(rail, point) {
   const along = rail.to_m.map((v, i) => v - rail.from_m[i]);
   const square = along.reduce((sum, v) => sum + v * v, 0);
   const part = along.reduce((sum, v, i) => sum + v * (point[i] - rail.from_m[i]), 0) / square;
-  const at = Math.min(Math.max(part, 0), 1);
+  return Math.min(Math.max(part, 0), 1);
+}
+
+// The point on top of a rail at a part of its length, and the orientation whose z axis is the normal of the rail.
+/** @param {Rail} rail @param {number} at @returns {[number[], { orientation_wxyz: number[] }]} */
+export function pointOnRail(rail, at) {
+  const along = rail.to_m.map((v, i) => v - rail.from_m[i]);
+  const square = along.reduce((sum, v) => sum + v * v, 0);
   const normal = [0, 1, 2].map((i) => (i === 2 ? 1 : 0) - (along[2] * along[i]) / square);
   const norm = Math.hypot(...normal);
   return [

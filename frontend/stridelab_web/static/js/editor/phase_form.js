@@ -18,10 +18,9 @@ const ACTIONS = {
 
 export class PhaseForm {
   // `onCommit(edit, message)` stores an edit, `onInput(edit)` shows one while it is typed, `onLeave()` discards that.
-  constructor(root, editable, { onCommit, onInput, onLeave }) {
+  constructor(root, { onCommit, onInput, onLeave }) {
     const form = root.querySelector("[data-phase-form]");
     this.form = form;
-    this.editable = editable;
     this.onCommit = onCommit;
     this.k = 0;
     this.scenario = null;
@@ -31,8 +30,6 @@ export class PhaseForm {
     this.when = form.querySelector("[data-phase-when]");
     this.selects = [...form.querySelectorAll("select[data-effector]")];
     form.addEventListener("submit", (event) => event.preventDefault());
-    for (const field of form.elements) field.disabled = !editable;
-    if (!editable) return;
     this.duration.addEventListener("input", () => {
       this.isTyping = true;
       if (this.duration.validity.valid)

@@ -13,8 +13,7 @@ const COARSE_STEP_S = 0.05,
 export class PhaseTimeline {
   // `callbacks`: onChoosePhase(k), onChooseContact(number), onToggle(k, effector); and for borders onPropose(edit),
   // onCommit(edit, message), onKeyEdit(key, edit, message), onDiscard().
-  constructor(root, editable, callbacks) {
-    this.editable = editable;
+  constructor(root, callbacks) {
     this.callbacks = callbacks;
     this.bars = [];
     this.borders = [];
@@ -37,7 +36,7 @@ export class PhaseTimeline {
     this.phases.addEventListener("keydown", (event) => this.onKey(event));
     for (const [effector, lane] of this.lanes) {
       lane.addEventListener("click", (event) => this.onLaneClick(effector, event));
-      lane.addEventListener("dblclick", (event) => editable && callbacks.onToggle(this.phaseAt(event), effector));
+      lane.addEventListener("dblclick", (event) => callbacks.onToggle(this.phaseAt(event), effector));
     }
     root.querySelector("[data-wider]").addEventListener("click", () => this.setZoom(this.zoom * ZOOM_STEP));
     root.querySelector("[data-narrower]").addEventListener("click", () => this.setZoom(this.zoom / ZOOM_STEP));
@@ -125,7 +124,7 @@ export class PhaseTimeline {
       createElement("button", { type: "button", tabIndex: -1 }, createElement("span", {}, String(k))),
     );
     this.phases.replaceChildren(...this.bars);
-    this.borders = this.editable ? this.scenario.phases.map((_, k) => this.createBorder(k)) : [];
+    this.borders = this.scenario.phases.map((_, k) => this.createBorder(k));
     this.borderTrack.replaceChildren(...this.borders);
     this.markChosen();
   }

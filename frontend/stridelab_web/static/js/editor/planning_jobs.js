@@ -4,7 +4,11 @@ import { createElement } from "../shared/elements.js";
 import { CONTACTS_SUFFIX, openAsNewScenario } from "./scenario_store.js";
 
 const FEET = ["left_foot", "right_foot"];
-const planViewerUrl = (jobId) => `/view/?plan=${encodeURIComponent(jobId)}`;
+const planViewerUrl = (jobId) => `/view/?plan=${encodeURIComponent(jobId)}&play=1`;
+const PLANNING = "planning"; // the job that the editor follows, in its address
+// The editor of a scenario that shows its plan while it is computed, and then opens it.
+export const planningUrl = (scenarioId, jobId) =>
+  `/view/?scenario=${encodeURIComponent(scenarioId)}&${PLANNING}=${encodeURIComponent(jobId)}`;
 
 // Starts a plan with whole body and replay, the defaults of the service.
 export function startPlan(scenarioId, options = {}) {
@@ -24,13 +28,38 @@ function failureReason(job, lastMessage = "") {
 const partialResultLink = (job) =>
   createElement("a", { href: `/plans/${encodeURIComponent(job.id)}` }, "See how far it comes.");
 
-// Plans the scenario and opens the plan.
-export function bindPlanButton(root, scenarioId, before) {
-  bindJobButton(root, "plan", {
-    start: () => startPlan(scenarioId),
+// Plans the scenario and opens the plan; `onRun()` is called when a plan begins, `onEnd()` when it has ended without success.
+// Returns a function that follows the job of the address, if there is one.
+export function bindPlanButton(root, scenarioId, { before, onRun, onEnd }) {
+  const write = (jobId) => {
+    const url = new URL(location.href);
+    if (jobId) url.searchParams.set(PLANNING, jobId);
+    else url.searchParams.delete(PLANNING);
+    history.replaceState(null, "", url);
+  };
+  const follow = bindJobButton(root, "plan", {
+    start: async () => {
+      onRun();
+      const job = await startPlan(scenarioId);
+      write(job.id);
+      return job;
+    },
     before,
-    onSuccess: (job) => location.assign(planViewerUrl(job.id)),
+    onSuccess: (job) => {
+      write(null); // a step back in the history leads to the editor
+      location.assign(planViewerUrl(job.id));
+    },
+    onEnd: () => {
+      write(null);
+      onEnd();
+    },
   });
+  return () => {
+    const jobId = new URLSearchParams(location.search).get(PLANNING);
+    if (!jobId) return;
+    onRun();
+    follow(jobId);
+  };
 }
 
 // Plans contacts from the stance of the first phase to that of the last, and opens them as a new scenario.
@@ -75,20 +104,26 @@ function contactTask({ name, robot, terrain, friction, phases }) {
 
 // Binds `[data-NAME]` (button), `[data-NAME-cancel]` (button), `[data-NAME-live]` (shown while the job runs, with a
 // <progress> and `[data-NAME-message]`) and `[data-NAME-said]` (problems) inside `root`. `before` is awaited before `start`;
-// `onSuccess(job)` leaves the page.
-function bindJobButton(root, name, { start, before, onSuccess }) {
+// `onSuccess(job)` leaves the page; `onEnd()` is called after any other end. Returns a function that follows a running job.
+function bindJobButton(root, name, { start, before, onSuccess, onEnd = () => {} }) {
   const part = (ending) => root.querySelector(`[data-${name}${ending}]`);
   const [button, cancel, live, message, problem] = ["", "-cancel", "-live", "-message", "-said"].map(part);
   const bar = live.querySelector("progress");
   /** @type {any} */
   let job = null;
 
-  button.addEventListener("click", async () => {
+  button.addEventListener("click", () =>
+    run(async () => {
+      await before();
+      return start();
+    }),
+  );
+
+  async function run(begin) {
     button.disabled = true;
     problem.textContent = "";
     try {
-      await before();
-      job = await start();
+      job = await begin();
       show(job);
       live.hidden = cancel.disabled = false;
       let lastMessage = "";
@@ -104,7 +139,8 @@ function bindJobButton(root, name, { start, before, onSuccess }) {
     }
     live.hidden = true;
     button.disabled = false;
-  });
+    onEnd();
+  }
 
   cancel.addEventListener("click", async () => {
     cancel.disabled = true;
@@ -119,4 +155,6 @@ function bindJobButton(root, name, { start, before, onSuccess }) {
     bar.value = current.progress.fraction;
     message.textContent = jobHeadline(current) || current.state;
   }
+
+  return (jobId) => run(() => call("GET", `/jobs/${jobId}`));
 }

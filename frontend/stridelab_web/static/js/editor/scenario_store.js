@@ -4,6 +4,7 @@ import { call } from "../shared/api.js";
 const FIELDS = ["name", "description", "robot", "friction", "start_com_height_m", "terrain", "phases"];
 const MAX_NAME_LENGTH = 120;
 export const CONTACTS_SUFFIX = ": contacts found"; // end of the name of a scenario that the contact planner made
+const COPY_SUFFIX = " (copy)";
 export const DURATIONS_SUFFIX = ": durations chosen"; // and of one with the durations of a plan
 const MAX_STEPS = 40;
 
@@ -29,17 +30,20 @@ export function moveContact(scenario, touch, position_m, orientation_wxyz) {
 // Stores a scenario under its name with a suffix as a new one, and opens that in the editor.
 /** @param {Scenario} scenario @param {string} suffix */
 export async function openAsNewScenario(scenario, suffix) {
-  const name = scenario.name.endsWith(suffix)
-    ? scenario.name
-    : scenario.name.slice(0, MAX_NAME_LENGTH - suffix.length) + suffix;
-  const created = await call("POST", "/scenarios", { ...scenario, name });
+  const created = await call("POST", "/scenarios", { ...scenario, name: withSuffix(scenario.name, suffix) });
   location.assign(`/view/?scenario=${encodeURIComponent(created.id)}`);
 }
 
+/** @param {string} name @param {string} suffix */
+const withSuffix = (name, suffix) =>
+  name.endsWith(suffix) ? name : name.slice(0, MAX_NAME_LENGTH - suffix.length) + suffix;
+
 export class ScenarioStore {
-  /** @param {string} id */
-  constructor(id) {
+  // Of a read-only scenario, an edit is stored as a copy.
+  /** @param {string} id @param {boolean} isReadOnly */
+  constructor(id, isReadOnly = false) {
     this.id = id;
+    this.isReadOnly = isReadOnly;
     /** @type {any} */
     this.scenario = null; // a Scenario, once it is read
     this.version = "";
@@ -63,8 +67,23 @@ export class ScenarioStore {
   /** @param {Scenario} scenario */
   async store(scenario) {
     const before = this.scenario;
+    if (this.isReadOnly) return this.storeCopy(scenario, before);
     await this.replaceStored(scenario);
     this.pushUndoStep(before);
+  }
+
+  // Stores a copy with `scenario` and opens it at the same phase and contact; there, `before` can be restored by undo. The
+  // promise does not resolve, because the page is left.
+  /** @param {Scenario} scenario @param {Scenario} before @returns {Promise<never>} */
+  async storeCopy(scenario, before) {
+    const name = withSuffix(scenario.name, COPY_SUFFIX);
+    const created = await call("POST", "/scenarios", { ...scenario, name });
+    Object.assign(this, { id: created.id, scenario: scenarioFields(created), past: [{ ...before, name }], future: [] });
+    this.saveHistory();
+    const url = new URL(location.href);
+    url.searchParams.set("scenario", created.id);
+    location.assign(url);
+    return new Promise(() => {});
   }
 
   undo() {

@@ -12,6 +12,9 @@ const MIN_DRAG_M = 1e-4,
   RELEASE_MS = 1000,
   STORED_WITHIN_MS = 3000;
 
+const HELD = "/held"; // the place of a dragged contact of a read-only scenario, and that its drag has ended
+const HELD_ENDED = `${HELD}/ended`;
+
 export class SceneView {
   constructor(stage) {
     this.frame = stage.querySelector("iframe");
@@ -20,6 +23,7 @@ export class SceneView {
     this.isPressed = false;
     this.released_ms = -Infinity;
     this.isOwnChange = false;
+    this.isHandled = false; // the held contact was released, and the page has stored it
     this.nodes = new ViserNodes(this.frame, []);
   }
 
@@ -103,9 +107,25 @@ export class SceneView {
       if (!position || !stored || Math.hypot(...position.map((v, i) => v - stored.position_m[i])) <= MIN_DRAG_M)
         continue;
       this.isOwnChange = true;
-      return { touch, position_m: [...position] };
+      return { touch, position_m: [...position], isReleased: false };
     }
     return null;
+  }
+
+  // The same of a read-only scenario, in which the viewer moves no mark, because others see the same scene; `isReleased` is
+  // true once at the end of the drag, which the page has to store.
+  heldContact(touches, scenario) {
+    const touch = touches.find(({ number }) => this.nodes.positionOf(`${HELD}/${number}`));
+    const ended_m = touch ? this.nodes.positionOf(HELD_ENDED) : null,
+      isReleased = ended_m !== null,
+      isNew = !this.isHandled;
+    this.isHandled = isReleased;
+    if (!touch || !isNew) return null;
+    const held_m = ended_m ?? /** @type {number[]} */ (this.nodes.positionOf(`${HELD}/${touch.number}`));
+    const position_m = held_m.map((v) => Math.round(v * 1e4) / 1e4);
+    const stored_m = contactOf(scenario, touch).position_m;
+    const moved_m = Math.hypot(...position_m.map((v, i) => v - stored_m[i]));
+    return moved_m > MIN_DRAG_M ? { touch, position_m, isReleased } : null;
   }
 }
 

@@ -60,6 +60,7 @@ export class ValidationView {
     this.result = null;
     this.phases = [];
     this.phase = null;
+    this.movingCom = null; // where a playback has the CoM, instead of at its place with the largest margin
     this.nodes = null;
     this.touches = [];
     this.chosen = null;
@@ -148,6 +149,14 @@ export class ValidationView {
     this.requestPosture();
   }
 
+  // Shows an instant of a motion: the posture of the phase, and the CoM where it is; null ends it.
+  showInstant(phase, com_m) {
+    const isNew = com_m !== null && phase !== this.phase;
+    this.movingCom = com_m;
+    if (isNew) this.choosePhase(phase);
+    else this.show();
+  }
+
   // Requests the posture of the chosen phase; the service caches solved stances.
   requestPosture() {
     if (this.scenario) this.bodyQueue.request(this.scenario);
@@ -178,7 +187,7 @@ export class ValidationView {
     if (touch) this.contactList.showMargins(touch.number, contactMargins(this.result, touch));
     if (!this.nodes?.viser) return;
     this.posture.show(this.nodes);
-    drawSupport(this.nodes, phase);
+    drawSupport(this.nodes, this.movingCom ? { ...phase, com_m: this.movingCom } : phase);
     drawContactMarks(this.nodes, this.touches, this.phase, this.chosen, this.invalidTouches());
     this.nodes.draw();
   }

@@ -1,5 +1,5 @@
 // The page of one job: follows its progress, cancels and deletes it, and stores its result as a scenario.
-import { call, confirmDeletion, followJob, jobHeadline, onClick, showJobState } from "../shared/api.js";
+import { call, confirmDeletion, followJob, jobHeadline, onClick, openNewJob, showJobState } from "../shared/api.js";
 import { CONTACTS_SUFFIX, DURATIONS_SUFFIX, scenarioFields, openAsNewScenario } from "../editor/scenario_store.js";
 
 const card = document.querySelector("[data-live]");
@@ -27,6 +27,11 @@ onClick(cancel, message, async () => {
   message.textContent = "cancelling…";
 });
 confirmDeletion(`/jobs/${id}`, "/jobs");
+
+const compare = document.querySelector("[data-compare-methods]");
+onClick(compare, document.querySelector("[data-said-compare]"), () =>
+  openNewJob("compare-estimators", { recording_id: compare.dataset.compareMethods }),
+);
 
 // Stores the planned contacts or the optimised durations as a new scenario and opens it in the editor.
 onClick(document.querySelector("[data-keep]"), document.querySelector("[data-said-keep]"), async () => {

@@ -1,6 +1,6 @@
 // Scenario pages: plan, import, copy, delete.
 import { call, onClick, onSubmit, openNewJob } from "../shared/api.js";
-import { startPlan } from "../editor/planning_jobs.js";
+import { planningUrl, startPlan } from "../editor/planning_jobs.js";
 
 // The disturbances of the replay that a form states, or null.
 function replayOptions(fields) {
@@ -29,7 +29,7 @@ for (const form of document.querySelectorAll("form[data-plan]")) {
     const replayed = whole && replay.checked && (replayOptions(fields) ?? true);
     const options = whole ? { whole_body: whole.checked, replay: replayed, free_durations: free.checked } : {};
     const job = await startPlan(form.dataset.plan, options);
-    location.assign(`/plans/${job.id}?watch=1`);
+    location.assign(planningUrl(form.dataset.plan, job.id));
     return "started";
   });
 }

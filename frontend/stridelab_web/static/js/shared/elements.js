@@ -10,3 +10,11 @@ export function createElement(name, properties = {}, ...children) {
 /** @param {string} text @param {string} label */
 export const smallButton = (text, label = text) =>
   createElement("button", { type: "button", className: "small", ariaLabel: label }, text);
+
+// Saves a file that the page has made.
+/** @param {Blob} blob @param {string} name */
+export function saveBlob(blob, name) {
+  const link = createElement("a", { href: URL.createObjectURL(blob), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}

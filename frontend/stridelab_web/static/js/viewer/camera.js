@@ -38,6 +38,21 @@ export class Camera {
     this.viser.requestRender();
   }
 
+  // Position and target of the camera in viser's frame, six numbers.
+  place() {
+    const { camera, cameraControl } = this.viser;
+    const [from, to] = [
+      cameraControl.getPosition(camera.position.clone()),
+      cameraControl.getTarget(camera.position.clone()),
+    ];
+    return [from.x, from.y, from.z, to.x, to.y, to.z];
+  }
+
+  moveTo([x, y, z, u, v, w]) {
+    this.viser.cameraControl.setLookAt(x, y, z, u, v, w, false);
+    this.viser.requestRender();
+  }
+
   // In a scene that is higher than wide, where the whole path would be small, moves near to the positions of a frame in the
   // direction of view. Returns whether it moved.
   moveNear(frame) {

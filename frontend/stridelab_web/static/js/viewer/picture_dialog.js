@@ -1,5 +1,5 @@
 // A dialog that saves a picture of the scene in a chosen size and with or without background.
-import { createElement } from "../shared/elements.js";
+import { saveBlob } from "../shared/elements.js";
 import { MAX_SCALE, pictureSize, snapshot } from "./snapshot.js";
 
 export class PictureDialog {
@@ -37,10 +37,8 @@ export class PictureDialog {
     this.status.textContent = "Drawing…";
     await new Promise((done) => setTimeout(done, 50)); // shows the text first: drawing a large picture blocks the page
     try {
-      const blob = await snapshot(this.source.viser(), Number(this.size.value), this.transparent.checked),
-        link = createElement("a", { href: URL.createObjectURL(blob), download: `${this.source.name()}.png` });
-      link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+      const blob = await snapshot(this.source.viser(), Number(this.size.value), this.transparent.checked);
+      saveBlob(blob, `${this.source.name()}.png`);
       this.dialog.close();
     } catch (error) {
       this.status.textContent = error.message;

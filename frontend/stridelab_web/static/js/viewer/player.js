@@ -3,6 +3,7 @@ import { Camera } from "./camera.js";
 import { LoopRange } from "./loop_range.js";
 import { decodeFrames } from "./frame_decoder.js";
 import { PictureDialog } from "./picture_dialog.js";
+import { SceneAddress } from "./scene_address.js";
 import { AdaptiveResolution } from "./adaptive_resolution.js";
 import { DarkMode } from "./dark_mode.js";
 import { Scene } from "./scene.js";
@@ -25,6 +26,7 @@ const view = player.querySelector("[data-view]");
 const followBox = player.querySelector("[data-follow]");
 const base = stage.dataset.scene;
 const steps_s = JSON.parse(player.dataset.steps);
+const address = new SceneAddress(player);
 const range = new LoopRange(player.querySelector("[data-range]"), writeRangeToUrl);
 
 /** @type {Scene} */
@@ -38,6 +40,7 @@ let time_s = [],
   starts_s = [],
   position = 0,
   playing = false,
+  filming = false,
   last_ms = 0,
   urlWritten_ms = 0,
   urlTimer = 0;
@@ -74,7 +77,8 @@ async function start() {
   const query = new URLSearchParams(location.search);
   range.setFrames(time_s, ...["from", "to"].map((name) => (query.has(name) ? Number(query.get(name)) : NaN)));
   seek(frameAt(Number(query.get("t") ?? player.dataset.start)), false);
-  if (camera.moveNear(position)) {
+  const isRestored = address.restoreCamera(camera);
+  if (isRestored ? address.isFollowing : camera.moveNear(position)) {
     followBox.checked = true;
     camera.follow(true, position);
   }
@@ -82,6 +86,7 @@ async function start() {
   player.dataset.ready = "true";
   if (query.has("play")) play(true);
   setInterval(() => {
+    if (!filming) address.update();
     if (!scene.nodes.isStale()) return;
     darkMode.apply();
     if (!playing) scene.show(position);
@@ -106,6 +111,16 @@ function frameAt(t_s) {
     else high = middle;
   }
   return t_s - time_s[low] <= time_s[high] - t_s ? low : high;
+}
+
+// The frame at a time as a real number: a film has instants between two frames.
+function framePosition(t_s) {
+  const after = Math.max(
+    time_s.findIndex((each) => each >= t_s - 1e-9),
+    0,
+  );
+  if (after === 0) return t_s > time_s[0] ? time_s.length - 1 : 0;
+  return after - (time_s[after] - t_s) / (time_s[after] - time_s[after - 1]);
 }
 
 function seek(target, inUrl = true) {
@@ -146,7 +161,7 @@ function seekPhase(step) {
   else seek(step < 0 ? 0 : time_s.length - 1);
 }
 
-function writeTimeToUrl(index) {
+function writeTimeToUrl(index, atOnce = false) {
   const write = () => {
     urlWritten_ms = performance.now();
     const url = new URL(location.href);
@@ -156,7 +171,7 @@ function writeTimeToUrl(index) {
   };
   clearTimeout(urlTimer);
   const wait = URL_INTERVAL_MS - (performance.now() - urlWritten_ms);
-  if (wait <= 0) write();
+  if (wait <= 0 || atOnce) write();
   else urlTimer = setTimeout(write, wait);
 }
 
@@ -202,8 +217,9 @@ function step(frames) {
 for (const [name, action] of Object.entries(actions))
   player.querySelector(`[data-do=${name}]`).addEventListener("click", () => scene && action());
 slider.addEventListener("input", () => {
+  const target = Number(slider.value); // pausing writes the present frame into it
   if (playing) play(false);
-  seek(Number(slider.value));
+  seek(target);
 });
 
 for (const strip of player.querySelectorAll("[data-seek]")) {
@@ -245,11 +261,59 @@ function lookFrom(from) {
   view.value = from;
   if (scene?.nodes.viser) camera.lookFrom(from);
 }
-followBox.addEventListener("change", () => scene?.nodes.viser && camera.follow(followBox.checked, position));
+followBox.addEventListener("change", () => {
+  address.writeFollow();
+  if (scene?.nodes.viser) camera.follow(followBox.checked, position);
+});
 const pictures = new PictureDialog(document.querySelector("[data-picture]"), {
   viser: () => scene?.nodes.viser,
   name: () => `${player.dataset.name} ${time_s[Math.round(position)].toFixed(3)} s`,
 });
+const filmSource = {
+  viser: () => scene?.nodes.viser,
+  name: () => player.dataset.name,
+  range_s: () => [time_s[range.from], time_s[range.to]],
+  speed: () => Number(speed.value),
+  seek: (t_s) => {
+    filming = true;
+    position = framePosition(t_s);
+    scene.show(position);
+    camera.onFrame(position);
+  },
+  redraw: () => scene.nodes.redraw(),
+  settled: () => scene.nodes.isPlaced(),
+  restore: () => {
+    filming = false;
+    seek(Math.round(position));
+  },
+};
+/** @type {import("../film/film_dialog.js").FilmDialog | undefined} */
+let films;
+// The modules of films are loaded when the first one is wanted.
+async function openFilm() {
+  if (playing) play(false);
+  const { FilmDialog } = await import("../film/film_dialog.js");
+  films ??= new FilmDialog(document.querySelector("[data-film]"), filmSource);
+  films.open();
+}
+player.querySelector("[data-do=film]").addEventListener("click", () => scene?.nodes.viser && openFilm());
+const linkStatus = player.querySelector("[data-said-link]");
+player.querySelector("[data-do=link]").addEventListener("click", copyLink);
+
+// Copies the address of this view; where the browser does not allow it, says where it is.
+async function copyLink() {
+  if (scene?.nodes.viser) address.update();
+  writeTimeToUrl(Math.round(position), true);
+  try {
+    await navigator.clipboard.writeText(location.href);
+    linkStatus.textContent = "Copied.";
+  } catch {
+    linkStatus.textContent = "The address of this page is the link.";
+  }
+  setTimeout(() => {
+    linkStatus.textContent = "";
+  }, 4000);
+}
 player.querySelector("[data-do=picture]").addEventListener("click", () => scene?.nodes.viser && pictures.open());
 
 function applyLayers() {
@@ -298,6 +362,8 @@ const shortcuts = new Shortcuts(
     { keys: ["3"], text: "View from above", run: () => lookFrom("above") },
     { keys: ["4"], text: "View follows the motion", run: follow },
     { keys: ["p"], text: "Picture of the scene", run: () => pictures.open() },
+    { keys: ["f"], text: "Film of the played range", run: openFilm },
+    { keys: ["l"], text: "Copy a link to this view", run: copyLink },
     ...CAMERA_KEYS,
   ],
   () => Boolean(scene?.nodes.viser),

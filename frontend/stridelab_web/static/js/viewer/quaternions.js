@@ -22,3 +22,39 @@ export function rotateAboutZ([w, x, y, z], angle_rad) {
 export function yawDegrees([w, x, y, z]) {
   return (Math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z) * 180) / Math.PI;
 }
+
+/** @param {number[]} a @param {number[]} b */
+export function multiply([a, b, c, d], [w, x, y, z]) {
+  return [
+    a * w - b * x - c * y - d * z,
+    a * x + b * w + c * z - d * y,
+    a * y - b * z + c * w + d * x,
+    a * z + b * y - c * x + d * w,
+  ];
+}
+
+/** @param {number[]} wxyz */
+export const conjugate = ([w, x, y, z]) => [w, -x, -y, -z];
+
+// A vector rotated by a quaternion.
+/** @param {number[]} wxyz @param {number[]} vector */
+export const rotate = (wxyz, vector) => multiply(multiply(wxyz, [0, ...vector]), conjugate(wxyz)).slice(1);
+
+// The orientation of angles in radians: lean about x, then slope (upwards along x), then turn about z.
+/** @param {number} turn @param {number} slope @param {number} lean */
+export function fromAngles(turn, slope, lean) {
+  const about = (/** @type {number} */ angle, /** @type {number} */ axis) => {
+    const wxyz = [Math.cos(angle / 2), 0, 0, 0];
+    wxyz[axis] = Math.sin(angle / 2);
+    return wxyz;
+  };
+  return multiply(multiply(about(turn, 3), about(-slope, 2)), about(lean, 1));
+}
+
+// The angles of an orientation, [turn, slope, lean].
+/** @param {number[]} wxyz */
+export function toAngles([w, x, y, z]) {
+  const slope = Math.asin(Math.min(Math.max(2 * (x * z - w * y), -1), 1));
+  const lean = Math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y));
+  return [Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)), slope, lean];
+}

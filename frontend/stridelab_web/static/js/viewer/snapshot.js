@@ -17,14 +17,21 @@ export async function snapshot(viser, scale, transparent) {
     target = document.createElement("canvas");
   Object.assign(target, { width, height });
   const context = /** @type {CanvasRenderingContext2D} */ (target.getContext("2d"));
+  drawPicture(viser, context, width, height, transparent);
+  const blob = await new Promise((done) => target.toBlob(done, "image/png"));
+  if (!blob) throw new Error("The browser cannot make a picture of this size. Choose a smaller one.");
+  return blob;
+}
+
+// Draws the scene into a canvas of any size, over the background of the page or, if `transparent`, over nothing.
+/** @param {ViserClient} viser @param {CanvasRenderingContext2D} context */
+export function drawPicture(viser, context, width, height, transparent) {
+  context.clearRect(0, 0, width, height);
   if (!transparent) {
     context.fillStyle = pageBackground(viser.canvas);
     context.fillRect(0, 0, width, height);
   }
   drawTiles(viser, context, width, height);
-  const blob = await new Promise((done) => target.toBlob(done, "image/png"));
-  if (!blob) throw new Error("The browser cannot make a picture of this size. Choose a smaller one.");
-  return blob;
 }
 
 function drawTiles(viser, context, width, height) {

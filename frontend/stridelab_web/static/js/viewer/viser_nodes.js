@@ -95,9 +95,9 @@ export class ViserNodes {
     return this.viser.scene.__r3f.root.getState();
   }
 
-  // Requests one frame; viser's own request draws frames for a quarter of a second.
+  // Requests one frame; viser's own request draws frames for a quarter of a second. A scene that is loading draws itself.
   redraw() {
-    this.root.invalidate();
+    if (this.viser.scene) this.root.invalidate();
   }
 
   // Lets viser's own requests draw one frame, too, until its scene is shown: further ones would be equal.
@@ -130,6 +130,11 @@ export class ViserNodes {
       this.names.every((name) => viser.nodeRefFromName[name]) &&
       this.names.some((name) => viser.nodeRefFromName[name] !== this.drawnObjects.get(name))
     );
+  }
+
+  // Whether viser has placed everything that was moved.
+  isPlaced() {
+    return this.names.every((name) => this.viser.nodePoseData[name]?.poseUpdateState !== "needsUpdate");
   }
 
   positionOf(name) {

@@ -1,0 +1,78 @@
+// The list of a scenario's surfaces, one row each, which expands to its numbers, and buttons that add and remove them.
+import { createElement, smallButton } from "../shared/elements.js";
+import {
+  addSurface,
+  removeSurface,
+  replaceSurface,
+  SURFACE_FIELDS,
+  setSurfaceNumber,
+  surfaceNumbers,
+} from "./terrain_edits.js";
+
+export class TerrainList {
+  // `onCommit(edit, message)` stores an edit.
+  constructor(root, { onCommit }) {
+    this.list = root.querySelector("[data-surfaces]");
+    this.title = root.querySelector("[data-scenario-name]");
+    this.head = root.querySelector("[data-scenario-fields]");
+    this.onCommit = onCommit;
+    this.expanded = -1;
+    this.shown = "";
+    for (const button of root.querySelectorAll("[data-add-surface]")) {
+      const kind = button.dataset.addSurface;
+      button.addEventListener("click", () => {
+        this.expanded = this.scenario.terrain.length;
+        onCommit((scenario) => addSurface(scenario, kind), `Added a ${kind}.`);
+      });
+    }
+    this.head.addEventListener("submit", (event) => event.preventDefault());
+    this.head.addEventListener("change", () => {
+      if (!this.head.reportValidity()) return;
+      const name = this.head.elements.name.value.trim(),
+        friction = this.head.elements.friction.valueAsNumber;
+      onCommit((scenario) => ({ ...scenario, name, friction }), "Stored.");
+    });
+  }
+
+  show(scenario) {
+    this.scenario = scenario;
+    const key = JSON.stringify([scenario.terrain, scenario.name, scenario.friction, this.expanded]);
+    if (key === this.shown) return; // the input that is being typed in stays
+    this.shown = key;
+    this.title.textContent = this.head.elements.name.value = scenario.name;
+    this.head.elements.friction.value = String(scenario.friction);
+    this.list.replaceChildren(...scenario.terrain.map((surface, k) => this.createRow(surface, k)));
+  }
+
+  createRow(surface, k) {
+    const isOpen = k === this.expanded;
+    const button = createElement("button", { type: "button", className: "touch" }, surface.name);
+    button.setAttribute("aria-expanded", String(isOpen));
+    button.addEventListener("click", () => {
+      this.expanded = isOpen ? -1 : k;
+      this.show(this.scenario);
+      this.list.children[k].querySelector("button").focus();
+    });
+    if (!isOpen) return createElement("li", {}, button);
+    const numbers = surfaceNumbers(surface);
+    const inputs = SURFACE_FIELDS[surface.kind].map(({ name, label, unit, step }) => {
+      const value = String(Number(numbers[name].toFixed(4)));
+      const input = createElement("input", { type: "number", step, value, name, required: true });
+      input.addEventListener("change", () => {
+        const typed = input.valueAsNumber;
+        if (!Number.isFinite(typed)) return;
+        const edit = (scenario) => replaceSurface(scenario, k, setSurfaceNumber(scenario.terrain[k], name, typed));
+        this.onCommit(edit, `${surface.name} stored.`);
+      });
+      return createElement("label", {}, `${label} `, input, ` ${unit}`);
+    });
+    const remove = smallButton("Remove", `Remove: ${surface.name}`);
+    remove.classList.add("danger");
+    remove.addEventListener("click", () => {
+      this.expanded = -1;
+      this.onCommit((scenario) => removeSurface(scenario, k), `${surface.name} removed.`);
+    });
+    const hint = createElement("p", { className: "hint" }, "Contacts on it move with it.");
+    return createElement("li", {}, button, createElement("div", { className: "numbers" }, ...inputs, hint, remove));
+  }
+}

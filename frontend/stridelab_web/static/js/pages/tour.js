@@ -1,0 +1,92 @@
+// A tour of four steps on the home page, shown at the first visit and with `?tour=1`; it can be left at any step.
+import { createElement } from "../shared/elements.js";
+
+const KEY = "stridelab-tour",
+  DONE = "done";
+
+const STEPS = [
+  {
+    target: "[data-tour=sample]",
+    title: "See a result",
+    text: "A simulated walk opens in 3D with its centre of mass and the 95 % band. Nothing has to be uploaded.",
+  },
+  {
+    target: "[data-tour=upload]",
+    title: "Give a recording",
+    text: "Drop a C3D, TRC, TSV or CSV here. It is checked at once; its page says what is measured, and estimates with one button.",
+  },
+  {
+    target: "[data-tour=robots]",
+    title: "Let a robot climb",
+    text: "Plan computes a motion over given contacts and checks it. New scenario makes stairs, ramps and rails of your own.",
+  },
+  {
+    target: "[data-tour=help]",
+    title: "Read on",
+    text: "Help leads from every page to its chapter of the book; ? in a 3D view lists the keys.",
+  },
+];
+
+const storage = {
+  read: () => {
+    try {
+      return localStorage.getItem(KEY);
+    } catch {
+      return DONE; // without storage the tour would come at every visit
+    }
+  },
+  write: () => {
+    try {
+      localStorage.setItem(KEY, DONE);
+    } catch {
+      // the tour is only shown once anyway
+    }
+  },
+};
+
+if (new URLSearchParams(location.search).has("tour") || storage.read() !== DONE) start();
+
+function start() {
+  let step = 0;
+  const title = createElement("h2", {}),
+    text = createElement("p", {}),
+    place = createElement("span", { className: "hint" });
+  const next = createElement("button", { type: "button", className: "primary" });
+  const back = createElement("button", { type: "button" }, "Back");
+  const leave = createElement("button", { type: "button" }, "Leave the tour");
+  const card = createElement(
+    "section",
+    { className: "card tour", ariaLabel: "Tour" },
+    title,
+    text,
+    createElement("div", { className: "actions" }, next, back, leave, place),
+  );
+  next.addEventListener("click", () => (step + 1 < STEPS.length ? show(step + 1) : end()));
+  back.addEventListener("click", () => show(step - 1));
+  leave.addEventListener("click", end);
+  card.addEventListener("keydown", (event) => event.key === "Escape" && end());
+  document.querySelector("main")?.prepend(card);
+  show(0);
+
+  function show(k) {
+    step = k;
+    title.textContent = STEPS[k].title;
+    text.textContent = STEPS[k].text;
+    place.textContent = `${k + 1} of ${STEPS.length}`;
+    next.textContent = k + 1 < STEPS.length ? "Next" : "Done";
+    back.disabled = k === 0;
+    mark(document.querySelector(STEPS[k].target));
+  }
+
+  function mark(target) {
+    for (const node of document.querySelectorAll(".shown-by-tour")) node.classList.remove("shown-by-tour");
+    target?.classList.add("shown-by-tour");
+    target?.scrollIntoView({ block: "nearest" });
+  }
+
+  function end() {
+    storage.write();
+    mark(null);
+    card.remove();
+  }
+}
