@@ -81,10 +81,10 @@ def test_what_is_stated_for_the_smoother_reaches_the_job() -> None:
 
 
 def test_belt_speeds_are_settings_of_their_plates() -> None:
-    stated = Preparation(belt_speed=["1=1.2", "2=0.8"], without_plate=[2, 3])
+    stated = Preparation(belt_speed=["1=1.2", "2=0.8"], without_plate=[2, 3], moment_offset=["1=0.005,0,-0.06"])
     switches = EstimateRequest(WALK, preparation=stated).plate_switches()
     assert {index: one.model_dump(exclude_none=True) for index, one in switches.items()} == {
-        1: {"belt_speed_m_s": 1.2},
+        1: {"belt_speed_m_s": 1.2, "moment_offset_m": (0.005, 0.0, -0.06)},
         2: {"use": False, "belt_speed_m_s": 0.8},
         3: {"use": False},
     }
@@ -95,6 +95,13 @@ def test_a_belt_speed_that_cannot_be_is_refused_by_its_option(text: str) -> None
     with pytest.raises(InvalidInput) as refused:
         EstimateRequest(WALK, preparation=Preparation(belt_speed=[text])).plate_switches()
     assert refused.value.faults[0].where == "--belt-speed"
+
+
+@pytest.mark.parametrize("text", ["1=0.005", "left=0,0,0", "1=0,0,-60"])
+def test_an_offset_of_moments_that_cannot_be_is_refused_by_its_option(text: str) -> None:
+    with pytest.raises(InvalidInput) as refused:
+        EstimateRequest(WALK, preparation=Preparation(moment_offset=[text])).plate_switches()
+    assert refused.value.faults[0].where == "--moment-offset"
 
 
 def test_a_belt_under_a_walk_over_the_floor_is_refused(tmp_path: Path) -> None:

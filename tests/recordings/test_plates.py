@@ -8,7 +8,7 @@ import pytest
 
 from stridelab.recordings.force_plates import find_tare, plate_axes, with_session_zeros
 from stridelab.recordings.reader import read_recording
-from stridelab.recordings.recording import Recording
+from stridelab.recordings.recording import PlateSwitches, Recording
 from stridelab.service.kinds.parse_upload import plate_info
 from support.recordings.c3d_files import FLAT_CORNERS_MM, PlateChannels, write_file
 
@@ -62,6 +62,19 @@ def test_type_2_is_force_and_moment_about_its_origin(tmp_path: Path) -> None:
     origin = np.array([1.0, -2.0, -40.0])
     plate = PlateChannels(2, type2_channels(origin), origin_mm=tuple(origin))
     check(read_recording(write_file(tmp_path / "a.c3d", markers(), plates=[plate])))
+
+
+def test_an_offset_of_the_moments_is_corrected_by_its_switch(tmp_path: Path) -> None:
+    """The sensor is 5 mm aside and 60 mm deeper than the file states, in the axes of the recording."""
+    deeper = np.array([0.005, 0.0, -0.06])
+    sensor = R.T @ -deeper
+    plate = PlateChannels(2, type2_channels(1000.0 * sensor), origin_mm=(0.0, 0.0, 0.0))
+    path = write_file(tmp_path / "a.c3d", markers(), plates=[plate])
+    offset_m = (deeper[0], deeper[1], deeper[2])
+    check(read_recording(path, plate_switches={1: PlateSwitches(moment_offset_m=offset_m)}))
+    (plain,) = read_recording(path).plates
+    (corrected,) = read_recording(path, plate_switches={1: PlateSwitches(moment_offset_m=offset_m)}).plates
+    assert np.abs(plain.moment_nm - corrected.moment_nm).max() > 1.0
 
 
 def test_type_1_is_force_centre_of_pressure_and_free_moment(tmp_path: Path) -> None:

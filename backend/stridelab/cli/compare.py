@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli.estimate import deliver_estimate
-from stridelab.cli.options import Delivery, EstimateRequest, with_groups
+from stridelab.cli.options import Delivery, EstimateRequest, MomentOffsets, with_groups, with_plate_values
 from stridelab.cli.results import deliver_result, out, run_kind, show_files, show_quality, show_remarks
 from stridelab.cli.study_population import StudyFiles, collect_files, repeated_files, upload_and_run
 from stridelab.errors import Fault, InvalidInput, StridelabError
@@ -30,6 +30,7 @@ from stridelab.schemas.comparison import (
 from stridelab.schemas.jobs import EstimateComInput, JobResult
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.population import LeftOut
+from stridelab.schemas.recordings import PlateSwitch
 from stridelab.schemas.tasks import BenchMember, ComBenchTask, CompareEstimatorsTask, EstimateComTask, RecordingSource
 from stridelab.service.local_runs import validate_options, write_result
 from stridelab.service.subject_table import MatchedFile
@@ -131,18 +132,24 @@ def bench_methods(
         typer.Option("--rows", help="File of finished recordings, from which a later run continues (JSON lines)."),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the bootstrap intervals.")] = 0,
+    moment_offset: MomentOffsets = None,
     delivery: Delivery,
 ) -> None:
     """Score all estimators on many recordings by what none of them was given; an interrupted run continues."""
     target = delivery.result_path(BENCH)
     finished = rows or target.with_name(f"{target.name}.rows.jsonl")
+    plates = with_plate_values({}, moment_offset, "--moment-offset", "moment_offset_m", 3)
 
     def compute_result(folder: Path) -> JobResult:
         with tempfile.TemporaryDirectory(prefix="stridelab-") as work:
             given = collect_files(files, subjects, Path(work))
             if delivery.server is not None:
+                if plates:
+                    fault = Fault("--moment-offset", "the service takes it with a recording, by PATCH")
+                    message = "--moment-offset is an option of runs without --server."
+                    raise InvalidInput("option-invalid", message, [fault])
                 return _bench_there(given, seed, folder, delivery)
-            return _bench_here(given, repeated_files(given.files), seed, finished, Path(work), folder)
+            return _bench_here(given, repeated_files(given.files), seed, plates, finished, Path(work), folder)
 
     deliver_result(BENCH, delivery, compute_result, show_bench)
     if rows is None:
@@ -150,7 +157,13 @@ def bench_methods(
 
 
 def _bench_here(
-    given: StudyFiles, repeated: dict[str, str], seed: int, finished: Path, work: Path, folder: Path
+    given: StudyFiles,
+    repeated: dict[str, str],
+    seed: int,
+    plates: Mapping[int, PlateSwitch],
+    finished: Path,
+    work: Path,
+    folder: Path,
 ) -> JobResult:
     """Run the job's own function in this process; files that repeat another one are listed as left out."""
     from stridelab.service.kinds.com_bench import run as com_bench
@@ -170,7 +183,8 @@ def _bench_here(
         (own / "trial").symlink_to(path.resolve())
         person = None if one.row is None else one.row.person
         stated = {} if person is None else person.model_dump(include={"height_m", "mass_kg", "sex", "age_years"})
-        source = RecordingSource.model_validate({"file": "trial", "filename": filename, "subject": stated})
+        fields = {"file": "trial", "filename": filename, "subject": stated, "plates": plates}
+        source = RecordingSource.model_validate(fields)
         static = None
         if one.static_index is not None:
             static_name, static_path = given.files[one.static_index]

@@ -84,6 +84,10 @@ BeltSpeeds = Annotated[
     list[str] | None,
     typer.Option("--belt-speed", help="PLATE=M_S: speed of the treadmill belt on a plate; repeatable."),
 ]
+MomentOffsets = Annotated[
+    list[str] | None,
+    typer.Option("--moment-offset", help="PLATE=X,Y,Z: metres from where a plate's moments refer to; repeatable."),
+]
 
 OutFolder = Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the result; must not exist yet.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
@@ -151,6 +155,7 @@ class Preparation:
     without_plate: WithoutPlates = None
     marker_set: MarkerSetFile = None
     belt_speed: BeltSpeeds = None
+    moment_offset: MomentOffsets = None
     model: BodyModelFile = None
     forces: ForceFiles = None
 
@@ -323,20 +328,32 @@ class EstimateRequest:
         )
 
     def plate_switches(self) -> dict[int, PlateSwitch]:
-        """Switches of the excluded plates and the stated belt speeds, by plate index.
+        """Switches of the excluded plates, the stated belt speeds and the offsets of moments, by plate index.
 
         Raises ``InvalidInput`` naming the option.
         """
         switches = {index: PlateSwitch(use=False) for index in self.preparation.without_plate or ()}
-        for text in self.preparation.belt_speed or ():
-            plate, value = parse_named_value("--belt-speed", text)
-            if not plate.isdecimal():
-                fault = Fault("--belt-speed", f"got {text!r}")
-                raise InvalidInput("option-invalid", "--belt-speed takes the index of a plate: 1=1.2.", [fault])
-            before = switches.get(int(plate), PlateSwitch()).model_dump(exclude_none=True)
-            (speed_m_s,) = parse_numbers("--belt-speed", value, 1)
-            switches[int(plate)] = validate_options(PlateSwitch, before | {"belt_speed_m_s": speed_m_s})
-        return switches
+        switches = with_plate_values(switches, self.preparation.belt_speed, "--belt-speed", "belt_speed_m_s", 1)
+        return with_plate_values(switches, self.preparation.moment_offset, "--moment-offset", "moment_offset_m", 3)
+
+
+def with_plate_values(
+    switches: Mapping[int, PlateSwitch], texts: Sequence[str] | None, option: str, field: str, count: int
+) -> dict[int, PlateSwitch]:
+    """``switches`` with a field set by PLATE=VALUE of an option. Raises ``InvalidInput`` naming the option."""
+    changed = dict(switches)
+    for text in texts or ():
+        plate, value = parse_named_value(option, text)
+        if not plate.isdecimal():
+            fault = Fault(option, f"got {text!r}")
+            example = ",".join(["0.01"] * count)
+            raise InvalidInput("option-invalid", f"{option} takes the index of a plate: 1={example}.", [fault])
+        before = changed.get(int(plate), PlateSwitch()).model_dump(exclude_none=True)
+        numbers = parse_numbers(option, value, count)
+        changed[int(plate)] = validate_options(
+            PlateSwitch, before | {field: numbers[0] if count == 1 else tuple(numbers)}
+        )
+    return changed
 
 
 def parse_numbers(option: str, text: str, count: int) -> list[float]:

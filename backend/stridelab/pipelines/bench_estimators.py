@@ -5,15 +5,18 @@
 Recordings that cannot be scored are listed and left out.
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+from jaxtyping import Int
 
 from stridelab.errors import Fault, NotEstimable, StridelabError
 from stridelab.estimation.evaluation.force_path import PlateErrors
+from stridelab.estimation.evaluation.plate_references import PlateEvidence, plate_evidence, plate_references
 from stridelab.estimation.evaluation.unseen_scores import (
     FEWEST_PEOPLE,
     SCORES,
@@ -112,31 +115,47 @@ def score_recording(item: Json) -> Json:
                 scores.setdefault(name, {})[method] = value
     masses = {known.source: known.mass_kg for known in prepared.mass.compared}
     measured = next((masses[source] for source in _FORCE_MASSES if source in masses), None)
+    evidence = _evidence_of_plates(prepared)
     return {
         "movement": movement_of(inputs),
         "scores": scores,
         "refused": refused,
         "quality": quality.model_dump(mode="json"),
         "masses_kg": [prepared.mass.stated_kg, measured],
+        "plates": evidence,
     }
 
 
 def scored_inputs(prepared: ComInputs) -> ScoredInputs:
     """Inputs of the scores: plates are read at the instants of the corrected wrench."""
-    recording, wrench = prepared.trial.recording, prepared.wrench
-    loads = []
-    for plate in recording.plates:
-        if plate.use:
-            at = np.rint((wrench.time_s + prepared.latency.applied_s) * recording.force_rate_hz).astype(int)
-            loads.append(plate.loaded[np.clip(at, 0, len(plate.loaded) - 1)])
+    recording = prepared.trial.recording
     return ScoredInputs(
         geometric=prepared.geometric,
-        wrench=wrench,
+        wrench=prepared.wrench,
         mass_kg=prepared.mass.mass_kg,
-        plate_loaded=np.array(loads),
+        plate_loaded=np.array([plate.loaded[_force_samples(prepared)] for plate in recording.plates if plate.use]),
         clock_s=prepared.latency.sd_s or PlateErrors().clock_s,
         floor_height_m=floor_height_m(recording),
     )
+
+
+def _force_samples(prepared: ComInputs) -> Int[np.ndarray, "n"]:
+    """Samples of the plates at the instants of the corrected wrench."""
+    recording = prepared.trial.recording
+    at = np.rint((prepared.wrench.time_s + prepared.latency.applied_s) * recording.force_rate_hz).astype(int)
+    return np.asarray(np.clip(at, 0, len(recording.plates[0].force_n) - 1))
+
+
+def _evidence_of_plates(prepared: ComInputs) -> Json | None:
+    """Evidence for where the plates' moments refer to, with their indices and centres; None if the walk has none."""
+    used = [plate for plate in prepared.trial.recording.plates if plate.use]
+    forces_n = np.array([plate.force_n[_force_samples(prepared)] for plate in used])
+    found = plate_evidence(prepared.geometric, prepared.wrench, forces_n, prepared.mass.mass_kg)
+    if found is None:
+        return None
+    centres_cm = np.rint(100.0 * np.array([plate.corners_m.mean(axis=0) for plate in used])).astype(int)
+    laboratory = [[plate.index, *centre] for plate, centre in zip(used, centres_cm.tolist(), strict=True)]
+    return {"laboratory": laboratory, "gram": found.gram.tolist(), "right": found.right.tolist()}
 
 
 def _reason_to_leave_out(answer: Json | StridelabError) -> tuple[str, str] | None:
@@ -231,4 +250,39 @@ def _remarks(
     if left_out:
         message = f"{len(left_out)} recordings could not be scored: {', '.join(one.filename for one in left_out)}."
         remarks.append(base.Remark(code="recordings-left-out", message=message))
+    return remarks + _plate_remarks(task, scored)
+
+
+def _plate_remarks(task: ComBenchTask, scored: Mapping[int, Json]) -> list[base.Remark]:
+    """Remark for every laboratory whose plates, by the people who walked there, are not where the files state."""
+    laboratories: dict[str, dict[str, list[PlateEvidence]]] = {}
+    for index, answer in scored.items():
+        if found := answer.get("plates"):
+            member = task.members[index]
+            person = member.subject or member.task.recording.filename
+            evidence = PlateEvidence(np.array(found["gram"]), np.array(found["right"]))
+            laboratories.setdefault(json.dumps(found["laboratory"]), {}).setdefault(person, []).append(evidence)
+    remarks = []
+    for laboratory, people in laboratories.items():
+        known = plate_references(people)
+        if known is None or not (known.displaced or known.is_high):
+            continue
+        indices = [int(row[0]) for row in json.loads(laboratory)]
+        parts = []
+        for position in known.displaced:
+            offset_mm, sd_mm = 1e3 * known.horizontal_m[position], 1e3 * known.horizontal_sd_m[position]
+            parts.append(
+                f"plate {indices[position]} by {offset_mm[0]:+.1f} mm along x and {offset_mm[1]:+.1f} mm along y (SD "
+                f"{sd_mm[0]:.1f} and {sd_mm[1]:.1f}; relative to the mean of the plates)"
+            )
+        if known.is_high:
+            parts.append(
+                f"all plates by {1e3 * known.height_m:+.0f} mm vertically (SD {1e3 * known.height_sd_m:.0f}; the "
+                "segment table accounts for 20)"
+            )
+        message = (
+            f"By {known.people} people who walked over them, the moments of the plates do not refer to where the files "
+            f"state: {', '.join(parts)}. Corners or origins are wrong; state moment_offset_m of the plates."
+        )
+        remarks.append(base.Remark(code="plates-misplaced", message=message))
     return remarks

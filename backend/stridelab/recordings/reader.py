@@ -210,15 +210,17 @@ def _world_plates(
     plates = []
     for plate in file_plates:
         switch = switches.get(plate.index, PlateSwitches())
+        offset_m = np.asarray(switch.moment_offset_m or (0.0, 0.0, 0.0))
+        force_n, zero_n = plate.force_n @ R.T, R @ plate.tare_force_n
         plates.append(
             Plate(
                 index=plate.index,
                 type=plate.type,
                 corners_m=plate.corners_m @ R.T,
-                force_n=plate.force_n @ R.T,
-                moment_nm=plate.moment_nm @ R.T,
-                tare_force_n=R @ plate.tare_force_n,
-                tare_moment_nm=R @ plate.tare_moment_nm,
+                force_n=force_n,
+                moment_nm=plate.moment_nm @ R.T + np.cross(offset_m, force_n),
+                tare_force_n=zero_n,
+                tare_moment_nm=R @ plate.tare_moment_nm + np.cross(offset_m, zero_n),
                 zero_is_known=plate.zero_is_known,
                 use=plate.usable and switch.use is not False,
                 threshold_n=20.0 if switch.threshold_n is None else switch.threshold_n,

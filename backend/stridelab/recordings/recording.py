@@ -72,11 +72,16 @@ class Plate:
 
 @dataclass(frozen=True)
 class PlateSwitches:
-    """User settings of a plate: exclude it, change its loading threshold, state its belt's speed; None: default."""
+    """User settings of a plate: exclude it, change its loading threshold, state its belt's speed; None: default.
+
+    ``moment_offset_m`` leads from the point that the plate's moments refer to by the file to the one they refer to
+    indeed, in the axes of the recording.
+    """
 
     use: bool | None = None
     threshold_n: float | None = None
     belt_speed_m_s: float | None = None
+    moment_offset_m: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)

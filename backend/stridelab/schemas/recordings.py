@@ -16,6 +16,14 @@ Sex = Literal["female", "male"]
 
 
 BeltSpeed = Annotated[float, Field(gt=0.0, le=12.0, description="speed of the treadmill belt on this plate")]
+OffsetAlongAxis = Annotated[float, Field(ge=-0.5, le=0.5)]
+MomentOffset = Annotated[
+    tuple[OffsetAlongAxis, OffsetAlongAxis, OffsetAlongAxis],
+    Field(
+        description="from the point that the plate's moments refer to by the file to the one they refer to indeed, m, "
+        "axes of the recording"
+    ),
+]
 
 
 class SubjectFields(Contract):
@@ -74,6 +82,7 @@ class PlateSwitch(Contract):
     use: bool | None = None
     threshold_n: Annotated[float, Field(ge=1.0, le=500.0)] | None = None
     belt_speed_m_s: BeltSpeed | None = None
+    moment_offset_m: MomentOffset | None = None
 
 
 class RecordingPatch(Contract):

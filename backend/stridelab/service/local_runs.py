@@ -23,6 +23,7 @@ RESULT_FILE = "result.json"
 REFERENCES_FILE = "references.bib"
 OPTIONS = {
     "belt_speed_m_s": "--belt-speed",
+    "moment_offset_m": "--moment-offset",
     "height_m": "--height",
     "mass_kg": "--mass",
     "sex": "--sex",
