@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 from experiments.reproduction_page import render_markdown, replace_sections
-from stridelab.parallel import PROCESSES_MAX, available_processes
+from stridelab.machine.parallel import PROCESSES_MAX, available_processes
 from stridelab.reproduction.registry import ITEMS
 from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import PEOPLE, QUICK_SEEDS, Section, collect_sections, recipes_of

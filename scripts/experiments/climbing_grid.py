@@ -26,7 +26,7 @@ from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.contacts.scenarios.parts import Timing
 from stridelab.contacts.scenarios.stairs import Footing, HandRail, Stairs, climb, stairs_with_rail
 from stridelab.errors import StridelabError
-from stridelab.parallel import map_isolated
+from stridelab.machine.parallel import map_isolated
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate.certificate import Check

@@ -22,7 +22,7 @@ from support.docs.book import (
     room_of,
 )
 
-ALLOWED: dict[str, set[str]] = {room: set() for room in GROUND} | {"parallel": GROUND, "machine": {"machine"}}
+ALLOWED: dict[str, set[str]] = {room: set() for room in GROUND} | {"machine": {"machine", "errors"}}
 for wing in (WINGS, ROBOT_WING):
     for floor, room in enumerate(wing):
         ALLOWED[room] = GROUND | set(wing[: floor + 1])

@@ -1,4 +1,4 @@
-"""Processes of ``stridelab.parallel``, and work that misbehaves in them; as a program, work that never ends."""
+"""Processes of ``stridelab.machine.parallel``, and work that misbehaves in them; as a program, work that never ends."""
 
 import os
 import socket
@@ -15,7 +15,7 @@ import psutil
 from threadpoolctl import threadpool_info
 
 from stridelab.errors import Fault, NotEstimable
-from stridelab.parallel import map_in_order
+from stridelab.machine.parallel import map_in_order
 from stridelab.service.kinds.base import Json
 
 

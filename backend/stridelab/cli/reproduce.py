@@ -15,7 +15,7 @@ from stridelab.cli.estimate import run_job
 from stridelab.cli.options import Delivery
 from stridelab.cli.results import deliver_result, err, out, progress_bar, show_files
 from stridelab.errors import Fault, InvalidInput
-from stridelab.parallel import PROCESSES_MAX, available_processes
+from stridelab.machine.parallel import PROCESSES_MAX, available_processes
 from stridelab.reproduction.claims import OUTCOMES, WORDS, Claim
 from stridelab.reproduction.registry import ITEMS, MAX_SEEDS
 from stridelab.reproduction.report.formatting import basis_text, count_outcomes, format_quantity

@@ -9,7 +9,7 @@ from typing import Final
 
 from stridelab.conventions import Progress
 from stridelab.errors import StridelabError
-from stridelab.parallel import map_isolated
+from stridelab.machine.parallel import map_isolated
 from stridelab.reproduction.chapter2 import fig_2_8_people, table_real_walks
 from stridelab.reproduction.chapter3 import wheel_people
 from stridelab.reproduction.claims import Reproduction, sampling_text

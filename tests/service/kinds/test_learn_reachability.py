@@ -18,7 +18,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from stridelab.errors import NotFound
-from stridelab.parallel import worthwhile_processes
+from stridelab.machine.parallel import worthwhile_processes
 from stridelab.reachability import store
 from stridelab.reachability.learning.fit import learn_densities
 from stridelab.robots.loader import load_robot

@@ -195,7 +195,7 @@ def each_of(paths: Iterable[Path]) -> Callable[[Callable[[Path], None]], Callabl
 BACKEND = ROOT / "backend" / "stridelab"
 FRONTEND = ROOT / "frontend" / "stridelab_web"
 
-GROUND = {"conventions", "machine", "errors", "parallel"}
+GROUND = {"conventions", "machine", "errors"}
 WINGS = ["dynamics", "recordings", "body", "estimation", "walking", "measures"]
 ROBOT_WING = ["dynamics", "robots", "contacts", "reachability", "centroidal", "wholebody"]
 SCIENCE = GROUND | set(WINGS) | set(ROBOT_WING)

@@ -17,7 +17,7 @@ from scipy.stats import binomtest
 
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.errors import InvalidInput, NotEstimable
-from stridelab.parallel import map_in_order, worthwhile_processes
+from stridelab.machine.parallel import map_in_order, worthwhile_processes
 from stridelab.pipelines.plan_motion import EXPORT, plan_motion, stage_shares
 from stridelab.pipelines.progress import ProgressCallback, Stages
 from stridelab.reachability.proxy.effector_proxy import Proxy

@@ -22,7 +22,7 @@ from jaxtyping import Float
 
 from stridelab.conventions import Points, Progress
 from stridelab.errors import Fault, NotFound
-from stridelab.parallel import map_in_order, worthwhile_processes
+from stridelab.machine.parallel import map_in_order, worthwhile_processes
 from stridelab.reachability.card import Measure
 from stridelab.reachability.learning.standing_sampler import StandingConfigurations
 from stridelab.reachability.proxy.effector_proxy import Frame

@@ -32,7 +32,7 @@ from sklearn.mixture import GaussianMixture
 
 from stridelab.conventions import Points, Progress, Series, Vector3
 from stridelab.errors import Fault, InvalidInput
-from stridelab.parallel import map_in_order, worthwhile_processes
+from stridelab.machine.parallel import map_in_order, worthwhile_processes
 from stridelab.reachability.card import (
     EffectorCard,
     Measure,

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.estimation.evaluation.unseen_scores import SCORES
-from stridelab.parallel import map_isolated
+from stridelab.machine.parallel import map_isolated
 from stridelab.pipelines.bench_estimators import REFERENCES, ComBenchResult, bench_estimators
 from stridelab.pipelines.progress import ItemMap, ProgressCallback
 from stridelab.schemas.tasks import ComBenchTask

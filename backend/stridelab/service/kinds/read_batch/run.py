@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from stridelab.errors import Fault, InvalidInput, StridelabError, TooLarge
-from stridelab.parallel import map_isolated
+from stridelab.machine.parallel import map_isolated
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.recordings.files.batch_zip import BatchLimits, is_batch, unpack_batch
 from stridelab.schemas.population import MAX_RECORDINGS

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from stridelab.parallel import map_isolated
+from stridelab.machine.parallel import map_isolated
 from stridelab.pipelines.population.study import study_population
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import StudyPopulationTask

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.contacts.scenarios.variations import UNITS
-from stridelab.parallel import available_processes, map_isolated
+from stridelab.machine.parallel import available_processes, map_isolated
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.sweep_scenarios import Point, SweepRow, sweep_scenarios
 from stridelab.schemas.sweeps import SweepTask

@@ -8,7 +8,7 @@ from contextlib import nullcontext
 import pytest
 
 from stridelab.errors import NotEstimable, StridelabError
-from stridelab.parallel import map_isolated
+from stridelab.machine.parallel import map_isolated
 from support.parallel_work import another_thread, behave, workers
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from stridelab.errors import NotEstimable
 from stridelab.machine.cores import usable_cores
-from stridelab.parallel import PROCESSES_MAX, map_in_order, worthwhile_processes
+from stridelab.machine.parallel import PROCESSES_MAX, map_in_order, worthwhile_processes
 from support import parallel_work
 from support.parallel_work import another_thread, workers
 
