@@ -91,7 +91,7 @@ def test_they_end_with_a_parent_that_is_killed(tmp_path: Path, threads: str) -> 
         **os.environ,
         "NOTED": str(tmp_path),
         "THREADS": threads,
-        "PYTHONPATH": str(Path(__file__).parents[0]),
+        "PYTHONPATH": str(Path(__file__).parents[1]),
     }
     parent = subprocess.Popen([sys.executable, "-m", "support.parallel_work"], env=environment)
     try:

@@ -51,16 +51,20 @@ def section_page(section: str) -> str:
 
 def page_file(name: str) -> Path | None:
     """File of a page by its name without ``.md``; None if there is none."""
-    folder = book_dir().resolve()
-    path = (folder / f"{name}.md").resolve()
-    return path if path.is_relative_to(folder) and path.is_file() else None
+    return _files_of_book().get(f"{name}.md")
 
 
 def picture_file(name: str) -> Path | None:
     """A picture of the book; None if there is none."""
-    folder = (book_dir() / "pictures").resolve()
-    path = (folder / name).resolve()
-    return path if path.is_relative_to(folder) and path.is_file() else None
+    return _files_of_book().get(f"pictures/{name}")
+
+
+@cache
+def _files_of_book() -> dict[str, Path]:
+    """Pages and pictures by their paths: an address is looked up, never joined to a folder."""
+    folder = book_dir()
+    found = [*folder.rglob("*.md"), *(folder / "pictures").iterdir()]
+    return {path.relative_to(folder).as_posix(): path for path in found}
 
 
 @cache

@@ -165,6 +165,7 @@ async def scenario_page(request: Request, scenario_id: str) -> Response:
         section="Viewer",
         scenario=stored,
         own=right.key is not None and not stored.bundled,
+        refusal="" if stored.bundled else right.refusal,
         scene=Document("scenario", stored.id).address,
         duration_s=sum(phase.duration_s for phase in stored.phases),
         used=used,
