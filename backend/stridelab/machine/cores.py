@@ -11,6 +11,11 @@ import os
 from pathlib import Path
 from typing import Final
 
+SINGLE_THREADED: Final = {
+    f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB", "BLIS")
+} | {"JE_ARROW_MALLOC_CONF": "background_thread:false"}
+"""Environment in which libraries start no thread at import: a process with threads is neither forked safely nor
+confined. The last is Arrow's allocator."""
 _GROUPS: Final = Path("/sys/fs/cgroup")
 _OWN: Final = Path("/proc/self/cgroup")
 _V1_FOLDERS: Final = ("cpu", "cpu,cpuacct")

@@ -37,7 +37,7 @@ from stridelab.machine.cluster import (
     has_cluster,
     leave_cluster,
 )
-from stridelab.machine.cores import limit_cores, usable_cores
+from stridelab.machine.cores import SINGLE_THREADED, limit_cores, usable_cores
 
 PROCESSES_MAX: Final = 6
 """Each process uses about 220 MB with a robot and scikit-learn; this number stays below 2 GB with the parent."""
@@ -152,6 +152,7 @@ def _run_groups(
 def _run_on_node(settings: _Settings, items: list[Any], files: Mapping[str, bytes] | None) -> list[_Message]:
     """Entry point on a node of the cluster: run one group in a process of this machine."""
     multiprocessing.current_process().daemon = False  # set by Dask, and forbids children
+    os.environ.update(SINGLE_THREADED)  # for the server process, whose children are confined
     with tempfile.TemporaryDirectory(prefix="stridelab-") as folder:
         for name, content in (files or {}).items():
             (Path(folder) / name).parent.mkdir(parents=True, exist_ok=True)

@@ -29,7 +29,7 @@ from stridelab.service.api import __main__ as api_main
 from stridelab.service.api import app as api_app
 from stridelab.service.api.app import create_app
 from stridelab.service.api.dependencies import Parts
-from stridelab.service.processes.fork_server_client import _SINGLE_THREADED, ForkServerClient, child_environment
+from stridelab.service.processes.fork_server_client import ForkServerClient, child_environment
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.settings import Settings
 
@@ -81,7 +81,7 @@ class Lent(ForkServerClient):
     @staticmethod
     def start_lent(preload: Sequence[str]) -> "Lent":
         """One that another client has returned, or else a new one."""
-        environment = child_environment() | _SINGLE_THREADED
+        environment = child_environment()
         environment.pop("PYTEST_CURRENT_TEST", None)
         key = tuple(preload), frozenset(environment.items())
         found = _idle.pop(key, None)

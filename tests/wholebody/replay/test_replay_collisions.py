@@ -10,7 +10,7 @@ import pytest
 from experiments.execution import replay_motion, whole_body_problem
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.solver import solve
-from stridelab.contacts import swing
+from stridelab.contacts import sequence_swings
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.parts import (
@@ -172,7 +172,7 @@ def test_legs_that_cross_on_a_beam_meet_and_the_robot_falls(monkeypatch: pytest.
 
     A replay in which legs could not touch each other came to its end with a CoM error of 0.9 mm.
     """
-    monkeypatch.setattr(swing, "passing_shift_m", lambda *_: np.zeros(3))
+    monkeypatch.setattr(sequence_swings, "passing_shift_m", lambda *_: np.zeros(3))
     careless = WholeBodyController(settings=replace(WholeBodyController().settings, avoid=None))
     found = carried_out("beam", careless)
     check = next(check for check in found.certificate.checks if check.name == "self_collision_pairs")

@@ -18,6 +18,7 @@ from typing import Final
 import structlog
 
 from stridelab.machine.cluster import VARIABLE as CLUSTER_VARIABLE
+from stridelab.machine.cores import SINGLE_THREADED
 from stridelab.service.processes.fork_server import ANSWER, FORK, PING, RELEASE, REQUEST
 from stridelab.service.processes.sandbox import MODE_VARIABLE, USER_VARIABLE
 from stridelab.service.processes.watchdog import ResponseWatchdog
@@ -25,12 +26,9 @@ from stridelab.service.processes.watchdog import ResponseWatchdog
 _PING_S: Final = 0.5
 _MAX_LINE_BYTES: Final = 64 * 1024 * 1024
 _log = structlog.get_logger(__name__)
-_THREAD_LIBRARIES: Final = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB", "BLIS")
 _SECRET_PREFIXES: Final = ("STRIDELAB_", "AWS_", "PG", "AZURE_", "GOOGLE_")
 _PASSED_VARIABLES: Final = frozenset({"STRIDELAB_NATIVE_PATH", CLUSTER_VARIABLE, MODE_VARIABLE, USER_VARIABLE})
 """Non-secret variables that children need: the folder of the C++ solver, the cluster and the sandbox settings."""
-_SINGLE_THREADED: Final = {"JE_ARROW_MALLOC_CONF": "background_thread:false"}
-"""Arrow's allocator would start a thread at import, and a process with threads is not safely forked."""
 
 
 @dataclass
@@ -73,7 +71,7 @@ class ForkServerClient:
                 ",".join(preload),
                 stdin=theirs.fileno(),
                 stdout=asyncio.subprocess.DEVNULL,
-                env=child_environment() | _SINGLE_THREADED,
+                env=child_environment(),
                 start_new_session=True,
             )
         ours.setblocking(False)
@@ -186,7 +184,7 @@ def child_environment() -> dict[str, str]:
     # Arrow's default allocator reserves 1 GiB of address space at once, the entire limit of a parser of uploads.
     return (
         environment
-        | {f"{library}_NUM_THREADS": "1" for library in _THREAD_LIBRARIES}
+        | SINGLE_THREADED
         | {"ARROW_DEFAULT_MEMORY_POOL": "system"}
         | {"MUJOCO_GL": "disabled"}  # else MuJoCo starts a process to look for a display, which a sandbox forbids
     )
