@@ -3,11 +3,11 @@
 import asyncio
 import os
 import socket
-import threading
+import subprocess
+import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -103,28 +103,19 @@ def test_a_killed_node_costs_its_item_alone(tmp_path: Path, monkeypatch: pytest.
     assert list(again.values()) == [2]
 
 
-def test_whoever_stops_listening_leaves_no_process_on_a_node(nodes: DaskCluster, tmp_path: Path) -> None:
-    done = map_isolated(parallel_work.note_run, noting(tmp_path, 6, 600.0), preload=PRELOAD)
-
-    def listen() -> None:
-        with suppress(Unavailable):  # its client is dropped below
-            next(done, None)
-
-    threading.Thread(target=listen, daemon=True).start()
-    assert wait_until(lambda: len(nodes.pieces()) == 2)
-    # As when a job is cancelled: the process with the client is gone, and nobody says goodbye.
-    os.environ.pop(cluster.VARIABLE)
-    from distributed import Client
-
-    with Client(nodes.url, set_as_default=False) as other:
-        other.run_on_scheduler(_drop_clients)
+def test_a_client_that_is_killed_leaves_no_process_on_a_node(nodes: DaskCluster, tmp_path: Path) -> None:
+    items = noting(tmp_path, 6, 600.0)
+    program = "from stridelab.machine.parallel import map_isolated; from support.parallel_work import note_run; "
+    program += f"list(map_isolated(note_run, {items!r}, preload={PRELOAD!r}))"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    client = subprocess.Popen([sys.executable, "-c", program], env=environment)
+    try:
+        assert wait_until(lambda: len(nodes.pieces()) == 2)
+    finally:
+        client.kill()
+        client.wait()
     assert wait_until(lambda: not nodes.pieces())
     assert sum(runs_of(tmp_path).values()) == 2
-
-
-def _drop_clients(dask_scheduler: Any) -> None:
-    for client in [name for name in dask_scheduler.clients if dask_scheduler.clients[name].wants_what]:
-        dask_scheduler.remove_client(client, stimulus_id="test")
 
 
 def test_a_scheduler_that_goes_away_costs_what_was_not_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
