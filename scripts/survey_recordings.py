@@ -78,7 +78,7 @@ Causes of contradicted results that were looked into, none of which is in the pr
   unloaded, have another zero or another place there.
 - `S1_FlywheelSquat.c3d`: the rope of a flywheel pulls as much as the person weighs.
 - `right_hip.c3d` of biobuddy: a person stands on one plate that is never unloaded and measures 26 N sideways for four
-  seconds, which nobody needs who stands: a hand on a support, or the zero of the plate.
+  seconds, which standing does not need: a hand on a support, or the zero of the plate.
 - `IK_gait.mot` of MuscleRedundancySolver: its model weighs 17 % more than the person on the plates.
 - `Leg39_swing_IK_results.sto`: a model of one leg.
 - `Res16bits.c3d`: the centre of pressure of one of six plates lies 0.2 m from the feet.

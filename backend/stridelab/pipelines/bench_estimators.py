@@ -265,11 +265,11 @@ def _plate_remarks(task: ComBenchTask, scored: Mapping[int, Json]) -> list[base.
     remarks = []
     for laboratory, people in laboratories.items():
         known = plate_references(people)
-        if known is None or not (known.displaced or known.is_high):
+        if known is None or not (known.displaced_plates or known.is_high):
             continue
         indices = [int(row[0]) for row in json.loads(laboratory)]
         parts = []
-        for position in known.displaced:
+        for position in known.displaced_plates:
             offset_mm, sd_mm = 1e3 * known.horizontal_m[position], 1e3 * known.horizontal_sd_m[position]
             parts.append(
                 f"plate {indices[position]} by {offset_mm[0]:+.1f} mm along x and {offset_mm[1]:+.1f} mm along y (SD "

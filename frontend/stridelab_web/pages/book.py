@@ -11,7 +11,7 @@ from stridelab_web.pages.render import render_page
 
 async def help_page(request: Request) -> Response:
     """``GET /help/{name}``: a page of the book; ``/help/`` is its first one."""
-    # imported lazily: a service whose book nobody reads does not need the parsers
+    # imported lazily: a service whose book is not read does not need the parsers
     from stridelab_web.book.markdown import read_page
 
     name = request.path_params["name"].removesuffix(".md") or INDEX

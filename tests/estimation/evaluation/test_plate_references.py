@@ -57,14 +57,14 @@ def test_offsets_are_found_and_named() -> None:
     np.testing.assert_allclose(moved.horizontal_m - plain.horizontal_m, relative, atol=1e-6)
     assert moved.height_m - plain.height_m == pytest.approx(-0.06, abs=1e-6)
     assert np.abs(plain.horizontal_m).max() < 0.004
-    assert moved.displaced == (0, 1)
+    assert moved.displaced_plates == (0, 1)
     assert moved.people == PEOPLE
 
 
 def test_plates_that_are_where_they_are_stated_are_not_named() -> None:
     plain = identified(np.zeros((2, 3)))
     assert plain is not None
-    assert plain.displaced == ()
+    assert plain.displaced_plates == ()
     assert not plain.is_high
 
 

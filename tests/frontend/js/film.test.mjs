@@ -51,7 +51,7 @@ test("a WebM file has its size, its duration, and blocks at their times", () => 
 
 const pixels = (...colours) => new Uint8ClampedArray(colours.flatMap((colour) => [...colour, 255]));
 
-test("few colours are kept, many become at most 255", () => {
+test("few colours stay as they are, many become at most 255", () => {
   const palette = choosePalette([pixels([0, 0, 0], [255, 255, 255], [255, 0, 0])]);
   assert.deepEqual(palette.map(String).sort(), ["0,0,0", "255,0,0", "255,255,255"]);
   const many = Array.from({ length: 4096 }, (_, i) => [(i % 16) * 17, ((i >> 4) % 16) * 17, (i >> 8) * 17]);

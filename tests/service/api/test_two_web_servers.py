@@ -1,4 +1,4 @@
-"""Two web servers on one database and one store, as behind a proxy: what one of them is told, the other knows."""
+"""Two web servers on one database and one store, as behind a proxy: changes through one are visible in the other."""
 
 import json
 import threading

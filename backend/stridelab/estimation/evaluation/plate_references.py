@@ -64,7 +64,7 @@ class PlateReferences:
     people: int
 
     @property
-    def displaced(self) -> tuple[int, ...]:
+    def displaced_plates(self) -> tuple[int, ...]:
         """Positions of the plates whose horizontal offset is certain."""
         size = np.abs(self.horizontal_m)
         certain = (size > LEAST_M[0]) & (size > CERTAIN_SDS * self.horizontal_sd_m)
@@ -93,17 +93,17 @@ def plate_evidence(
     total = Wrench(wrench.force_n[inside], wrench.moment_nm[inside])
     weight = mass_kg * GRAVITY_M_S2
 
-    def impulse(x: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
+    def integrate_once(x: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
         return np.asarray(cumulative_trapezoid(x, dx=1 / rate_hz, axis=0, initial=0.0) / weight)
 
     size = 2 * len(forces) + 1
     gram, right = np.zeros((size, size)), np.zeros(size)
     rate = momentum_rate(geometric.com_m[inside], total)
     for about in (0, 1):
-        own = np.column_stack([np.ones(len(known)), impulse(total.force_n[:, 2:]), known[:, about] / weight])
+        own = np.column_stack([np.ones(len(known)), integrate_once(total.force_n[:, 2:]), known[:, about] / weight])
         basis = np.linalg.qr(own)[0]
-        design = impulse(_moment_per_metre(forces, about))
-        target = impulse(rate[:, about : about + 1])[:, 0]
+        design = integrate_once(_moment_per_metre(forces, about))
+        target = integrate_once(rate[:, about : about + 1])[:, 0]
         design, target = design - basis @ (basis.T @ design), target - basis @ (basis.T @ target)
         gram += design.T @ design / len(known)
         right += design.T @ target / len(known)
@@ -118,7 +118,7 @@ def plate_references(people: Mapping[str, Sequence[PlateEvidence]], seed: int = 
     grams, rights = (np.array([pair[k] for pair in own]) for k in (0, 1))
     free = np.arange(2, grams.shape[1])  # relative to the first plate, until the mean is subtracted
 
-    def solve(chosen: np.ndarray) -> np.ndarray:
+    def solve_recordings(chosen: np.ndarray) -> np.ndarray:
         gram, right = grams[chosen].sum(axis=0), rights[chosen].sum(axis=0)
         offsets = np.zeros(len(right))
         offsets[free] = np.linalg.lstsq(gram[np.ix_(free, free)], right[free], rcond=1e-9)[0]
@@ -126,9 +126,9 @@ def plate_references(people: Mapping[str, Sequence[PlateEvidence]], seed: int = 
         horizontal -= horizontal.mean(axis=0)
         return offsets
 
-    best = solve(np.arange(len(own)))
+    best = solve_recordings(np.arange(len(own)))
     drawn = np.random.default_rng(seed).integers(0, len(own), (RESAMPLES, len(own)))
-    sd = np.std([solve(chosen) for chosen in drawn], axis=0)
+    sd = np.std([solve_recordings(chosen) for chosen in drawn], axis=0)
     return PlateReferences(
         horizontal_m=best[:-1].reshape(-1, 2),
         horizontal_sd_m=sd[:-1].reshape(-1, 2),

@@ -102,13 +102,13 @@ def exchange_ratio(balance: ForceBalance | None) -> float:
     least_n = MIN_VARIATION[_VERTICAL] * balance.weight_n
     loaded = [k for k, track in enumerate(balance.banded_n) if track[:, _VERTICAL].std() > least_n]
     choices = [loaded, *([k] for k in loaded if len(loaded) > 1)]
-    best = min(_unexplained(balance, exchanged) for exchanged in choices)
+    best = min(_unexplained_share(balance, exchanged) for exchanged in choices)
     if best > EXPLAINED_SHARE * float(np.sqrt(needed_n.var(axis=0).sum())):
         return 0.0
-    return _unexplained(balance, ()) / best if best > 0.0 else math.inf
+    return _unexplained_share(balance, ()) / best if best > 0.0 else math.inf
 
 
-def _unexplained(balance: ForceBalance, exchanged: list[int] | tuple[()]) -> float:
+def _unexplained_share(balance: ForceBalance, exchanged: list[int] | tuple[()]) -> float:
     """Standard deviation of the needed horizontal force minus the measured one, best sign of the exchanged channels."""
     assert balance.moment_needed_n is not None
     kept = [k for k in range(len(balance.plates)) if k not in exchanged]
@@ -139,10 +139,10 @@ def _gains_on_axis(balance: ForceBalance, axis: int, *, together: bool) -> Itera
             yield ChannelGain(_AXES[axis], _ALL, math.inf, 0.0)
     if not judged.any():
         return
-    b, sd = _slopes(needed_n, banded_n, judged, balance.n_free)
+    b, sd = _fit_gains(needed_n, banded_n, judged, balance.n_free)
     if moment_n is not None:
-        h, h_sd = _slopes(moment_n, levered_n, judged, balance.n_free)
-        gain, sd = _combined((b, h), (sd, h_sd))
+        h, h_sd = _fit_gains(moment_n, levered_n, judged, balance.n_free)
+        gain, sd = _combine_gains((b, h), (sd, h_sd))
     elif horizontal:
         k = _position_gains(balance.position_m[:, axis], balance, tracks_n, judged)
         gain = np.array([min(pair, key=_distance_from_one) for pair in zip(b, k, strict=True)])
@@ -153,7 +153,7 @@ def _gains_on_axis(balance: ForceBalance, axis: int, *, together: bool) -> Itera
             yield ChannelGain(_AXES[axis], names[here], float(gain[n]), float(sd[n]))
 
 
-def _combined(gains: tuple[Gains, Gains], sds: tuple[Gains, Gains]) -> tuple[Gains, Gains]:
+def _combine_gains(gains: tuple[Gains, Gains], sds: tuple[Gains, Gains]) -> tuple[Gains, Gains]:
     """Mean of two gains by their variances; its standard error, larger where they differ by more than that."""
     variances = [sd**2 + (model * gain) ** 2 for gain, sd, model in zip(gains, sds, MODEL_SD, strict=True)]
     weights = [1.0 / np.maximum(variance, 1e-12) for variance in variances]
@@ -182,7 +182,7 @@ def _root_mean_square(x: Needed) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
-def _slopes(needed_n: Needed, tracks_n: Tracks, judged: Judged, n_free: float) -> tuple[Gains, Gains]:
+def _fit_gains(needed_n: Needed, tracks_n: Tracks, judged: Judged, n_free: float) -> tuple[Gains, Gains]:
     """Slopes of the needed force on each judged track, and their standard errors for ``n_free`` independent samples.
 
     The tracks that vary too little are taken as they are.

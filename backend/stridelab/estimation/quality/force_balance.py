@@ -98,20 +98,20 @@ def force_balance(
     def at_frames(tracks: list[Points]) -> Forces:
         return np.asarray(np.array([_at(read_at_s, track, recording.force_rate_hz) for track in tracks]) @ frame.T)
 
-    def banded(track: Points) -> Positions:
+    def keep_band(track: Points) -> Positions:
         return np.asarray(low_pass(track, rate_hz, MOMENTUM_BAND_HZ)[inner])
 
     force_n = at_frames([plate.force_n for plate in plates])
     levers_m, moment_n = _moment_side(
         geometric.com_m[i:j] @ frame.T, force_n, at_frames([plate.moment_nm for plate in plates]), _heights_m(plates)
     )
-    crossed_n = at_frames([plate.force_n @ _exchange(plate) for plate in plates])
+    crossed_n = at_frames([plate.force_n @ _exchange_axes(plate) for plate in plates])
     rate_nm = segment_momentum_rate(geometric, mass_kg)
     needed = None
     if rate_nm is not None and np.isfinite(rate_nm[i:j]).all():
         turning_nm = rate_nm[i:j] @ frame.T
         turning_n = np.cross([0.0, 0.0, 1.0], turning_nm) / levers_m[:, None]
-        needed = banded(moment_n + turning_n)[:, :2]
+        needed = keep_band(moment_n + turning_n)[:, :2]
     share = _lever_shares(geometric.com_m[i:j, 2], levers_m, _heights_m(plates))
     return ForceBalance(
         plates=plates,
@@ -121,10 +121,10 @@ def force_balance(
         position_m=geometric.com_m[i:j] @ frame.T,
         force_n=force_n,
         needed_n=(contact_force(acceleration, mass_kg) @ frame.T)[inner],
-        banded_n=np.array([banded(track) for track in force_n]),
+        banded_n=np.array([keep_band(track) for track in force_n]),
         moment_needed_n=needed,
-        levered_n=np.array([banded(track * s[:, None])[:, :2] for track, s in zip(force_n, share, strict=True)]),
-        crossed_n=np.array([banded(track * s[:, None])[:, :2] for track, s in zip(crossed_n, share, strict=True)]),
+        levered_n=np.array([keep_band(track * s[:, None])[:, :2] for track, s in zip(force_n, share, strict=True)]),
+        crossed_n=np.array([keep_band(track * s[:, None])[:, :2] for track, s in zip(crossed_n, share, strict=True)]),
     )
 
 
@@ -153,7 +153,7 @@ def _heights_m(plates: Sequence[Plate]) -> Heights:
     return np.array([0.0 if plate.type == CONTACT_TYPE else float(plate.corners_m[:, 2].mean()) for plate in plates])
 
 
-def _exchange(plate: Plate) -> Rotation:
+def _exchange_axes(plate: Plate) -> Rotation:
     """Matrix that exchanges the two horizontal channels of a plate; it is its own transpose."""
     axes = np.eye(3) if plate.type == CONTACT_TYPE else plate_axes(plate.corners_m)
     return np.asarray(axes @ np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) @ axes.T)

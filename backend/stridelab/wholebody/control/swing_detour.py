@@ -14,11 +14,6 @@ The translation is pushed by the collision avoidance, the rotation by the ankle:
 a joint from the end of its range, ``p = k_a max(0, d_a - d - T d') a`` turns the sole away from that end, as a heel
 that leaves the ground first does. A joint that meets its bound while the sole keeps its orientation would take torques,
 arms and CoM with it, since the sole is a task above them.
-
-A leg that is about to be straight pulls the sole towards the hip: with the distance l of hip and ankle, its rate l'
-and the length ``l_b`` at which the knee is ``KNEE_ACTS_RAD`` from the end of its range,
-``p = k_l max(0, l + T l' - l_b) n``, n from the ankle to the hip. Otherwise the knee meets its bound, and the base
-tilts to reach the sole.
 """
 
 import math
@@ -31,7 +26,6 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.contacts.swing import SwingCurve, SwingPoint, quintic_scaling
-from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.joint_limits import JointLimits
@@ -49,11 +43,6 @@ ANKLE_ACTS_RAD: Final = 0.2
 ANKLE_AHEAD_S: Final = 0.1
 """Time by which the distance is predicted."""
 ANKLE_STIFFNESS_S2: Final = 200.0
-KNEE_ACTS_RAD: Final = 0.35
-"""Distance of a knee from the end of its range at which a straightening leg begins to pull its sole."""
-LEG_STIFFNESS_S2: Final = 600.0
-LEG_JOINTS: Final = 4
-"""Joints of a leg from the hip's last on: hip, knee, two at the ankle."""
 SHOE_SHARE: Final = 1.25
 """Length of a shoe before and behind the middle of its sole, as a share of half the contact rectangle."""
 
@@ -126,47 +115,6 @@ class AnkleRelief:
                 push[2] += self.lever_m * abs(pushed)
                 push[3:] += pushed * body.frame_state(effector).J[3:, column]
         return push
-
-
-@dataclass(frozen=True, eq=False)
-class LegRelief:
-    """The push of one sole towards its hip while the leg is about to be straight.
-
-    ``hip``, ``knee`` and ``ankle`` are joints of the model, ``length_m`` is that of the leg at which the push begins.
-    """
-
-    hip: int
-    ankle: int
-    length_m: float
-
-    @staticmethod
-    def of_sole(robot: Robot, effector: str, limits: JointLimits) -> "LegRelief | None":
-        """The leg of a sole; None for a leg without hip, knee and two ankle joints."""
-        model, data = robot.model, robot.model.createData()
-        chain = list(model.supports[model.frames[model.getFrameId(robot.effectors[effector].frame)].parentJoint])
-        if len(chain) < LEG_JOINTS + 2:
-            return None
-        hip, knee, ankle = chain[-LEG_JOINTS], chain[-LEG_JOINTS + 1], chain[-LEG_JOINTS + 2]
-        at, column = model.joints[knee].idx_q, model.joints[knee].idx_v - 6
-        lengths = []
-        for end in (limits.lower_rad[column] + KNEE_ACTS_RAD, limits.upper_rad[column] - KNEE_ACTS_RAD):
-            q = robot.q_reference.copy()
-            q[at] = end
-            pin.forwardKinematics(model, data, q)
-            lengths.append(float(np.linalg.norm(data.oMi[hip].translation - data.oMi[ankle].translation)))
-        return LegRelief(hip, ankle, max(lengths))
-
-    def push(self, body: RigidBody) -> Vector3:
-        """Acceleration of the offset towards the hip."""
-        to_hip = body.data.oMi[self.hip].translation - body.data.oMi[self.ankle].translation
-        length_m = float(np.linalg.norm(to_hip))
-        n = to_hip / length_m
-        velocities = [
-            pin.getVelocity(body.model, body.data, joint, pin.LOCAL_WORLD_ALIGNED).linear
-            for joint in (self.hip, self.ankle)
-        ]
-        excess_m = length_m + ANKLE_AHEAD_S * float(n @ (velocities[0] - velocities[1])) - self.length_m
-        return np.asarray(LEG_STIFFNESS_S2 * max(0.0, excess_m) * n)
 
 
 def _window(t_s: float, duration_s: float) -> tuple[float, float, float]:

@@ -28,7 +28,7 @@ from stridelab.wholebody.control.collision_avoidance import AvoidanceSettings, C
 from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows
 from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.rigid_body import RigidBody
-from stridelab.wholebody.control.swing_detour import AnkleRelief, LegRelief, Offset, SwingDetour
+from stridelab.wholebody.control.swing_detour import AnkleRelief, Offset, SwingDetour
 from stridelab.wholebody.control.tasks import Gain, force_jacobian, friction_pyramid
 
 FIRM, MIDDLE, GENTLE = (Gain.critically_damped(kp) for kp in (400.0, 60.0, 30.0))
@@ -114,7 +114,6 @@ class PhaseHierarchy:
             settings.range_share, settings.joint_margin_rad, settings.velocity_share, settings.torque_share
         )
         self._reliefs = {name: AnkleRelief.of_sole(robot, name, self._limits) for name in swings if self._surface[name]}
-        self._legs = {name: LegRelief.of_sole(robot, name, self._limits) for name in self._reliefs}
         self._rest = robot.q_reference[7:]
         self._posture_weights = settings.posture_weights(robot, self._surface)
         nv, na = body.model.nv, body.model.nv - 6
@@ -198,13 +197,11 @@ class PhaseHierarchy:
         avoidance = self._avoidance
         if avoidance is None or not self._surface[name]:
             return curve.state_at(time_s - curve.starts_s)
-        relief, leg = self._reliefs[name], self._legs[name]
+        relief = self._reliefs[name]
 
         def push() -> Offset:
             pushed = relief.push(self._body, name)
             pushed[:3] += avoidance.push_m_s2(name)
-            if leg is not None:
-                pushed[:3] += leg.push(self._body)
             return pushed
 
         return self._detours[name].next_state(time_s, push)
