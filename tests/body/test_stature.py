@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from stridelab.body.stature import without_foreign_subject
+from stridelab.body.segment_model import without_foreign_subject
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.recording import Recording, Subject
 from stridelab.simulation.human.walker import HumanWalker

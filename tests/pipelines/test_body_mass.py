@@ -3,7 +3,7 @@
 import pytest
 
 from stridelab.errors import InvalidInput, NotEstimable
-from stridelab.pipelines.body_mass import BodyMass, body_mass
+from stridelab.pipelines.mass_and_latency import BodyMass, body_mass
 from stridelab.recordings.body_mass import MassEstimate
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stridelab.errors import InvalidInput
-from stridelab.pipelines.latency_policy import LatencyChoice, choose_latency
+from stridelab.pipelines.mass_and_latency import LatencyChoice, choose_latency
 from stridelab.recordings.recording import Window, WrenchTrack
 from support.recordings.analytic_motions import uniform, walk
 

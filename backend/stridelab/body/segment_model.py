@@ -22,7 +22,15 @@ import numpy as np
 
 from stridelab.body import segment_tables
 from stridelab.body.geometric_com import GeometricCom, SegmentTrack
-from stridelab.body.joint_centres import Joints, Tracks, has_landmarks, joint_centres, pelvis_axes, with_pelvis
+from stridelab.body.joint_centres import (
+    Joints,
+    Tracks,
+    has_landmarks,
+    joint_centres,
+    pelvis_axes,
+    shank_length_m,
+    with_pelvis,
+)
 from stridelab.body.segment_tables import Anthropometry, SegmentTable, load_anthropometry
 from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, NotEstimable
@@ -39,6 +47,10 @@ SEX_UNKNOWN: Final = Substitute(
     horizontal_mm=2.0,
     vertical_mm=5.0,
 )
+SHANK_SHARE: Final = 0.246
+"""Shank over stature (Drillis and Contini 1966; Winter 2009)."""
+POSSIBLE_STATURE: Final = (0.7, 1.4)
+"""Stated stature over that of the legs: 1.4 is a shank of 0.34 of the stature, 0.7 one of 0.17."""
 
 
 def applied_substitutes(codes: Iterable[str]) -> tuple[Substitute, ...]:
@@ -230,6 +242,23 @@ class SegmentModel:
         if carried is not None and self.table in ("auto", "carried"):
             return replace(segment_tables.from_json(carried), name=CARRIED)
         return segment_tables.load_table("dumas2007" if self.table == "auto" else self.table, sex)
+
+
+def without_foreign_subject(recording: Recording, landmarks: Mapping[str, str]) -> Recording:
+    """``recording`` without height, mass, sex and age of its file if its legs cannot be those of that height."""
+    stated_m = recording.subject.height_m
+    tracks = {name: recording.markers_m[label] for name, label in landmarks.items() if label in recording.markers_m}
+    legs_m = shank_length_m(tracks) / SHANK_SHARE
+    if stated_m is None or not legs_m > 0.0 or POSSIBLE_STATURE[0] < stated_m / legs_m < POSSIBLE_STATURE[1]:
+        return recording
+    mass = "" if recording.subject.mass_kg is None else f" and {recording.subject.mass_kg:g} kg"
+    message = (
+        f"The file states a subject of {stated_m:.2f} m{mass}, and its markers show the legs of a person of about "
+        f"{legs_m:.2f} m: height, mass, sex and age in the file are those of somebody else, or in another unit, and "
+        "are not used."
+    )
+    remarks = (*recording.remarks, Remark("subject-of-another-body", message))
+    return replace(recording, subject=Subject(), remarks=remarks)
 
 
 def _model_segments(recording: Recording) -> dict[str, SegmentTrack]:

@@ -18,8 +18,15 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.estimation.differentiation import SHORTEST_WINDOW_S
-from stridelab.pipelines.body_mass import BodyMass, body_mass, session_mass_remarks, session_masses, standing_masses
-from stridelab.pipelines.latency_policy import LatencyChoice, choose_latency
+from stridelab.pipelines.mass_and_latency import (
+    BodyMass,
+    LatencyChoice,
+    body_mass,
+    choose_latency,
+    session_mass_remarks,
+    session_masses,
+    standing_masses,
+)
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import Trial, assign_static_landmarks, examine_trial, read_static
 from stridelab.recordings import force_windows as measured

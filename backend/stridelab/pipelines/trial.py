@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from stridelab.body.segment_model import SegmentModel
-from stridelab.body.stature import without_foreign_subject
+from stridelab.body.segment_model import SegmentModel, without_foreign_subject
 from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.estimation.latency import estimate_latency

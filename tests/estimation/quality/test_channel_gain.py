@@ -11,7 +11,7 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel
 from stridelab.estimation.quality import Quality, Recorded, assess_quality
 from stridelab.estimation.quality.channel_gain import ChannelGain, channel_gains, exchange_ratio
-from stridelab.estimation.quality.force_balance import force_balance
+from stridelab.estimation.quality.plate_checks import force_balance
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.plate_contacts import wrench_track

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from stridelab.errors import InvalidInput
-from stridelab.recordings.files.c3d_writer import add_points_to_c3d, split_text, write_c3d
+from stridelab.recordings.files.c3d import add_points_to_c3d
+from stridelab.recordings.files.c3d_writer import split_text, write_c3d
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Event, Plate, Recording, Subject
 from support.recordings.c3d_files import (
@@ -124,7 +125,7 @@ def test_points_are_added_in_the_files_own_axes_and_all_else_is_kept(tmp_path: P
     source, target = upload(tmp_path), tmp_path / "com.c3d"
     com = np.column_stack([np.linspace(0, 1, 40), np.full(40, 0.2), np.full(40, 0.9)])
     com[3] = np.nan
-    add_points_to_c3d(source, target, {"CentreOfMass": com})
+    add_points_to_c3d(source, target, {"CentreOfMass": com}, "+y")
     before, after = ezc3d.c3d(str(source)), ezc3d.c3d(str(target))
     n = before["data"]["points"].shape[1]
     np.testing.assert_array_equal(after["data"]["points"][:3, :n], before["data"]["points"][:3])
@@ -155,7 +156,7 @@ def test_header_and_parameters_agree_and_nothing_is_lost(as_integer_file: bool, 
         struct.pack_into("<f", content, at, -0.01)
     before = read_plain(source)
     source.write_bytes(as_integers(bytes(content), 0.1) if as_integer_file else bytes(content))
-    add_points_to_c3d(source, target, {"CentreOfMass": np.full((40, 3), 0.9)})
+    add_points_to_c3d(source, target, {"CentreOfMass": np.full((40, 3), 0.9)}, "+y")
     after = read_plain(target)
     assert after.scale == after.numbers("POINT", "SCALE")[0] == np.float32(-0.1 if as_integer_file else -0.01)
     assert after.n_points == after.numbers("POINT", "USED")[0] % 65536 == before.n_points + 1
@@ -174,14 +175,14 @@ def test_header_and_parameters_agree_and_nothing_is_lost(as_integer_file: bool, 
 
 def test_a_label_that_is_taken_is_not_overwritten(tmp_path: Path) -> None:
     source, target = upload(tmp_path), tmp_path / "com.c3d"
-    add_points_to_c3d(source, target, {"M3": np.ones((40, 3))})
+    add_points_to_c3d(source, target, {"M3": np.ones((40, 3))}, "+y")
     markers = read_recording(target).markers_m
     assert {"M3", "M3_stridelab"} <= set(markers)
 
 
 def test_points_of_another_length_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput) as refused:
-        add_points_to_c3d(upload(tmp_path), tmp_path / "com.c3d", {"CentreOfMass": np.ones((39, 3))})
+        add_points_to_c3d(upload(tmp_path), tmp_path / "com.c3d", {"CentreOfMass": np.ones((39, 3))}, "+y")
     assert refused.value.code == "wrong-frame-count"
     assert not (tmp_path / "com.c3d").exists()
 
@@ -223,7 +224,7 @@ def test_points_are_added_to_more_frames_than_the_header_counts(
 ) -> None:
     path, recording = long_file
     com = np.column_stack([np.linspace(0.0, 1.0, N_LONG), np.full(N_LONG, 0.2), np.full(N_LONG, 0.9)])
-    add_points_to_c3d(path, tmp_path / "com.c3d", {"COM": com})
+    add_points_to_c3d(path, tmp_path / "com.c3d", {"COM": com}, "+z")
     back = read_recording(tmp_path / "com.c3d")
     assert back.n_frames == N_LONG
     np.testing.assert_allclose(back.markers_m["COM"], com, atol=1e-6)
@@ -239,7 +240,7 @@ def test_offsets_of_a_float_type_become_integers_where_they_are(value: float, ki
     as_floats = bytes([4, 1, 6]) + struct.pack("<6f", *[value] * 6)
     source.write_bytes(with_parameter(source.read_bytes(), "ANALOG", "OFFSET", as_floats))
     target = tmp_path / "com.c3d"
-    add_points_to_c3d(source, target, {"CentreOfMass": np.full((40, 3), 0.9)})
+    add_points_to_c3d(source, target, {"CentreOfMass": np.full((40, 3), 0.9)}, "+y")
     before, after = read_plain(source), read_plain(target)
     assert before.parameters["ANALOG", "OFFSET"] == (4, (6,), [value] * 6)
     assert after.parameters["ANALOG", "OFFSET"] == (kind, (6,), [value] * 6)
@@ -252,5 +253,5 @@ def test_scales_of_an_integer_type_become_floats(tmp_path: Path) -> None:
     source, target = upload(tmp_path), tmp_path / "com.c3d"
     as_words = bytes([2, 1, 6]) + struct.pack("<6h", *[3] * 6)
     source.write_bytes(with_parameter(source.read_bytes(), "ANALOG", "SCALE", as_words))
-    add_points_to_c3d(source, target, {"CentreOfMass": np.full((40, 3), 0.9)})
+    add_points_to_c3d(source, target, {"CentreOfMass": np.full((40, 3), 0.9)}, "+y")
     assert read_plain(target).parameters["ANALOG", "SCALE"] == (4, (6,), [3.0] * 6)

@@ -24,7 +24,7 @@ from stridelab.estimation.quality.measures import (
     Recorded,
     compute_measures,
 )
-from stridelab.estimation.quality.plate_pressure import PlatePressure
+from stridelab.estimation.quality.plate_checks import PlatePressure
 from stridelab.recordings.recording import Remark
 
 Verdict = Literal["good", "doubtful", "contradicted"]

@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from stridelab.conventions import GRAVITY_M_S2
-from stridelab.estimation.quality.force_balance import ForceBalance
+from stridelab.estimation.quality.plate_checks import ForceBalance
 
 MIN_VARIATION: Final = (0.015, 0.015, 0.05)
 """Standard deviation of a channel over the weight, along, across and vertically, below which it is not judged."""

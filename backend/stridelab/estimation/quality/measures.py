@@ -41,8 +41,7 @@ from stridelab.estimation.differentiation import low_pass, smoothed_derivatives,
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ, assess_flight, force_residual_track_n
 from stridelab.estimation.quality.channel_gain import ChannelGain, channel_gains, exchange_ratio
-from stridelab.estimation.quality.force_balance import force_balance
-from stridelab.estimation.quality.plate_pressure import PlatePressure, plate_pressures
+from stridelab.estimation.quality.plate_checks import PlatePressure, force_balance, plate_pressures
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Recording, SegmentMotion, WrenchTrack
 

@@ -1,6 +1,8 @@
-"""Reads C3D files with ezc3d and assembles the plate signals from their channels."""
+"""Reads C3D files with ezc3d, assembles the plate signals from their channels, and adds points to a copy."""
 
 import math
+import shutil
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -8,10 +10,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.conventions import Corners
-from stridelab.errors import Fault, UnreadableFile
+from stridelab.conventions import Corners, Points
+from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings.files import metadata as names
+from stridelab.recordings.files.c3d_byte_orders import check_c3d, read_content, with_points, write_content
 from stridelab.recordings.files.c3d_ezc3d import EZC3D_ERRORS, open_c3d
+from stridelab.recordings.files.c3d_records import find_continued
 from stridelab.recordings.files.metadata import (
     LENGTH_SCALE,
     length_scale,
@@ -24,6 +28,7 @@ from stridelab.recordings.files.metadata import (
 from stridelab.recordings.files.raw import LARGEST_PLAUSIBLE, Cloud, PlateSignals, RawTrial
 from stridelab.recordings.force_plates import CHANNELS, corners_fault, sensor_wrench
 from stridelab.recordings.gap_filling import mark_missing
+from stridelab.recordings.orientation import rotation_to_z_up
 from stridelab.recordings.recording import Event, Remark
 
 CARRIED_GROUP = "STRIDELAB"
@@ -127,6 +132,32 @@ def read_c3d(path: Path) -> RawTrial:
         carried=_embedded_texts(P),
         recorded_on=recorded_on(P.texts, lambda group, name: P.numbers(group, name).ravel().tolist()),
     )
+
+
+def add_points_to_c3d(source: Path, target: Path, points: Mapping[str, Points], up_axis: str) -> None:
+    """Copy a C3D file with points added; its points, analog samples and parameters are preserved.
+
+    The copy uses Intel floats, and the scale of its header is that of POINT:SCALE. ``points`` are in metres in the
+    world frame, one row per frame of the file; they are converted to the file's unit and axes, of which ``up_axis``
+    points up. A label that the file already has is replaced by ``<label>_stridelab``. Raises ``InvalidInput``
+    (``wrong-frame-count``), and ``UnreadableFile`` as ``read_c3d``.
+    """
+    R = rotation_to_z_up(up_axis)
+    file = read_content(source, check_c3d(source))
+    n_frames = file.layout.n_frames
+    taken = {label for record in find_continued(file.records, "POINT", "LABELS") for label in record.texts()}
+    labels: list[str] = []
+    for label, track in points.items():
+        if len(track) != n_frames:
+            message = f"The file has {n_frames} frames, the point {label} has {len(track)}."
+            raise InvalidInput("wrong-frame-count", message, [Fault(label, "frames")])
+        labels.append(f"{label}_stridelab" if label in taken else label)
+    cloud = np.stack([track @ R for track in points.values()], axis=1) / read_c3d(source).metres_per_unit
+    content = write_content(with_points(file, labels, cloud))
+    with tempfile.TemporaryDirectory(dir=target.parent, prefix=".c3d-") as folder:
+        written = Path(folder) / "out.c3d"
+        written.write_bytes(content)
+        shutil.move(written, target)
 
 
 def _no_markers_error(file_name: str, P: Parameters, n_points: int, n_channels: int) -> UnreadableFile:

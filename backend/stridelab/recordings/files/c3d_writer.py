@@ -1,4 +1,4 @@
-"""Writes C3D files: a whole recording, or a copy of an uploaded file with points added."""
+"""Writes a whole recording as a C3D file."""
 
 import shutil
 import tempfile
@@ -11,13 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Points
-from stridelab.errors import Fault, InvalidInput
-from stridelab.recordings.files.c3d import CARRIED_GROUP, read_c3d
-from stridelab.recordings.files.c3d_byte_orders import check_c3d, read_content, with_points, write_content
-from stridelab.recordings.files.c3d_records import find_continued
+from stridelab.recordings.files.c3d import CARRIED_GROUP
 from stridelab.recordings.force_plates import plate_axes
-from stridelab.recordings.orientation import rotation_to_z_up
-from stridelab.recordings.reader import up_axis_of
 from stridelab.recordings.recording import Plate, Recording
 
 _TEXT_CHUNK = 100
@@ -63,33 +58,6 @@ def write_c3d(path: Path, recording: Recording, *, extra_points: Mapping[str, Po
     for key, text in recording.carried.items():
         content.add_parameter(CARRIED_GROUP, key.upper(), split_text(text))
     _write_atomically(content, path)
-
-
-def add_points_to_c3d(source: Path, target: Path, points: Mapping[str, Points]) -> None:
-    """Copy a C3D file with points added; its points, analog samples and parameters are preserved.
-
-    The copy uses Intel floats, and the scale of its header is that of POINT:SCALE. ``points`` are in metres in the
-    world frame, one row per frame of the file; they are converted to the file's axes and unit. A label that the file
-    already has is replaced by ``<label>_stridelab``. Raises ``InvalidInput`` (``wrong-frame-count``), and
-    ``UnreadableFile`` as ``read_c3d``.
-    """
-    raw = read_c3d(source)
-    R = rotation_to_z_up(up_axis_of(raw))
-    file = read_content(source, check_c3d(source))
-    n_frames = file.layout.n_frames
-    taken = {label for record in find_continued(file.records, "POINT", "LABELS") for label in record.texts()}
-    labels: list[str] = []
-    for label, track in points.items():
-        if len(track) != n_frames:
-            message = f"The file has {n_frames} frames, the point {label} has {len(track)}."
-            raise InvalidInput("wrong-frame-count", message, [Fault(label, "frames")])
-        labels.append(f"{label}_stridelab" if label in taken else label)
-    cloud = np.stack([track @ R for track in points.values()], axis=1) / raw.metres_per_unit
-    content = write_content(with_points(file, labels, cloud))
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix=".c3d-") as folder:
-        written = Path(folder) / "out.c3d"
-        written.write_bytes(content)
-        shutil.move(written, target)
 
 
 def homogeneous_points(cloud: Float[np.ndarray, "frames points 3"]) -> Float[np.ndarray, "4 points frames"]:

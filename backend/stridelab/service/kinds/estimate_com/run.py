@@ -21,7 +21,8 @@ from stridelab.estimation.observability import observability_track
 from stridelab.pipelines.estimate_com import ComResult, estimate_com
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import Trial
-from stridelab.recordings.files.c3d_writer import add_points_to_c3d, write_c3d
+from stridelab.recordings.files.c3d import add_points_to_c3d
+from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.reader import is_c3d
 from stridelab.recordings.recording import WrenchTrack
 from stridelab.schemas.jobs import EstimateComSummary
@@ -116,7 +117,7 @@ def write_com_c3d(target: Path, upload: Path, trial: Trial, points: dict[str, Po
     millimetres and world axes, and its contacts, if any, as plates.
     """
     if is_c3d(upload):
-        write_atomically(target, lambda path: add_points_to_c3d(upload, path, points))
+        write_atomically(target, lambda path: add_points_to_c3d(upload, path, points, trial.recording.up_axis))
     else:
         write_atomically(target, lambda path: write_c3d(path, trial.recording, extra_points=points))
 
