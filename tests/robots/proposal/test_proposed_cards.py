@@ -114,6 +114,15 @@ def test_soles_of_meshes_in_the_archive(tmp_path: Path) -> None:
     size = proposal.card.effectors["left_foot"].contact_half_size_m
     assert size == pytest.approx(HALF_SOLE_M, abs=0.003)
     assert sorted(path.name for path in (tmp_path / "robots").rglob("*.stl")) == ["mesh-0000.stl"]
+    assert "wider than long" not in proposal.assumed["effectors.left_foot"]
+
+
+def test_feet_across_are_remarked_on(tmp_path: Path) -> None:
+    """As of meshes that are turned about the vertical."""
+    x_m, y_m = HALF_SOLE_M
+    files = {"small/meshes/sole.stl": box_stl((y_m, x_m, 0.02))}
+    proposal = proposal_of(Humanoid(mesh_feet="package://any/small/meshes/sole.stl"), tmp_path, files)
+    assert "wider than long" in proposal.assumed["effectors.left_foot"]
 
 
 @pytest.mark.parametrize(

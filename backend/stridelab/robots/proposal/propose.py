@@ -154,8 +154,10 @@ def _card(
     limits = _limits(model, groups, mass_kg, leg_m, assumed)
     rotors = _rotors(root, model, moving, mass_kg, leg_m, assumed)
     assumed["reference.joints_rad"] = "by optimisation: level soles, bent knees, CoM above the soles"
-    for key in effectors:
-        assumed[f"effectors.{key}"] = "from the collision shapes"
+    for key, effector in effectors.items():
+        half_m = effector.contact_half_size_m
+        across = "; it is wider than long: check the axes of its mesh" if half_m and half_m[0] < half_m[1] else ""
+        assumed[f"effectors.{key}"] = f"from the collision shapes{across}"
     locked = [joint for joint in range(2, model.njoints) if joint not in groups]
     if locked:
         assumed["locked_joints"] = ", ".join(model.names[joint] for joint in locked[:30])
