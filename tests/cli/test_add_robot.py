@@ -6,8 +6,10 @@ import pytest
 from typer.testing import CliRunner
 
 from stridelab.cli.app import app
+from stridelab.errors import NotEstimable
 from stridelab.machine.models_folder import ROBOTS_VARIABLE
 from stridelab.robots.card import card_bytes, parse_card, robot_names
+from stridelab.schemas.robots import CommissionRobotInput
 from support.robots.humanoid import Humanoid, archive
 
 
@@ -49,3 +51,23 @@ def test_a_refused_robot_leaves_nothing(tmp_path: Path, content: bytes, words: s
     assert code not in (0, 1)
     assert words in output
     assert list((tmp_path / "own" / "robots").iterdir()) == []
+
+
+def test_a_robot_is_commissioned_again_with_its_corrected_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The learning itself has its own tests; here, what it is given."""
+    assert add(tmp_path, archive({"small.urdf": Humanoid().urdf()}))[0] == 0
+    card = tmp_path / "own" / "robots" / "small.toml"
+    card.write_text(card.read_text(encoding="utf-8").replace('"small"', '"Corrected"', 1), encoding="utf-8")
+    titles: list[str] = []
+
+    def commission(request: CommissionRobotInput, robots: Path, _progress: object) -> None:
+        titles.append(parse_card(request.robot, (robots / "robots" / f"{request.robot}.toml").read_bytes()).title)
+        raise NotEstimable("no-free-configuration", "Stopped here.")
+
+    monkeypatch.setattr("stridelab.pipelines.commission_robot.commission_robot", commission)
+    arguments = ["add-robot", "--robots", str(tmp_path / "own"), "--name"]
+    again = CliRunner().invoke(app, [*arguments, "small"])
+    assert (again.exit_code, titles) == (4, ["Corrected"])
+    missing = CliRunner().invoke(app, [*arguments, "other"])
+    assert missing.exit_code != 0
+    assert "There is no robot other" in missing.output

@@ -33,8 +33,9 @@ def test_modules_stay_readable(path: Path) -> None:
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
 
 
-def test_no_folder_of_the_product_holds_more_than_24_modules() -> None:
-    modules = [path for path in SOURCES if path.suffix in {".py", ".js"} and path.relative_to(ROOT).parts[0] in PRODUCT]
+def test_no_folder_of_the_product_holds_more_than_24_modules_or_templates() -> None:
+    kinds = {".py", ".js", ".html"}
+    modules = [path for path in SOURCES if path.suffix in kinds and path.relative_to(ROOT).parts[0] in PRODUCT]
     counts = Counter(str(path.parent.relative_to(ROOT)) for path in modules)
     assert {folder: number for folder, number in counts.items() if number > MOST_MODULES} == {}
 

@@ -82,8 +82,12 @@ def show_learned(result: JobResult, target: Path) -> None:
 def add_robot(
     *,
     file: Annotated[
-        Path, typer.Argument(help="A zip of one URDF or MJCF file and its meshes, or such a file without meshes.")
-    ],
+        Path | None,
+        typer.Argument(
+            help="A zip of one URDF or MJCF file and its meshes, or such a file without meshes. Without it, the robot "
+            "of this name is commissioned again, with its card as it is now."
+        ),
+    ] = None,
     name: Annotated[str, typer.Option("--name", help="Name of the robot: small letters, digits and hyphens.")],
     robots: Annotated[
         Path, typer.Option("--robots", help="Folder of robots of your own.", envvar=ROBOTS_VARIABLE)
@@ -101,9 +105,14 @@ def add_robot(
     request = validate_options(CommissionRobotInput, {"robot": name, "samples": samples})
     if not re.fullmatch(NAME_PATTERN, name):
         raise InvalidInput("invalid-request", "The robot's name is invalid.", [Fault("name", "invalid")])
+    own = robots / "robots"
+    if file is None:
+        if not (own / f"{name}.toml").is_file():
+            raise NotFound("robot-not-found", f"There is no robot {name} in {robots}; name its file.")
+        _commission(request, robots)
+        return
     if not file.is_file():
         raise NotFound("file-not-found", f"There is no file {file}.", [Fault(str(file), "missing")])
-    own = robots / "robots"
     if (own / f"{name}.toml").exists() and force:
         _remove_robot(robots, name)
     if name in robot_names() or (own / f"{name}.toml").exists() or (own / name).exists():
@@ -117,17 +126,22 @@ def add_robot(
     (own / f"{name}.toml").write_text(card_toml(proposal.card), encoding="utf-8")
     show_proposal(proposal, own / f"{name}.toml")
     if commission:
-        from stridelab.pipelines.commission_robot import commission_robot
+        _commission(request, robots)
 
-        add_models_folder(robots)
-        with progress_bar(name) as bar:
-            result = commission_robot(request, robots, bar)
-        scenario = own / name / "walk.json"
-        scenario.write_text(json.dumps(result.scenario, indent=1) + "\n", encoding="utf-8")
-        show_commission(result.summary)
-        out.print(f"The walk is {escape(str(scenario))}; set {ROBOTS_VARIABLE}={escape(str(robots))} to plan with it.")
-        if not (result.summary.first_walk.certified and result.summary.first_walk.completed):
-            raise typer.Exit(FAILURE)
+
+def _commission(request: CommissionRobotInput, robots: Path) -> None:
+    """Commission a robot of the folder ``robots``; raises ``typer.Exit`` if it does not walk."""
+    from stridelab.pipelines.commission_robot import commission_robot
+
+    add_models_folder(robots)
+    with progress_bar(request.robot) as bar:
+        result = commission_robot(request, robots, bar)
+    scenario = robots / "robots" / request.robot / "walk.json"
+    scenario.write_text(json.dumps(result.scenario, indent=1) + "\n", encoding="utf-8")
+    show_commission(result.summary)
+    out.print(f"The walk is {escape(str(scenario))}; set {ROBOTS_VARIABLE}={escape(str(robots))} to plan with it.")
+    if not (result.summary.first_walk.certified and result.summary.first_walk.completed):
+        raise typer.Exit(FAILURE)
 
 
 def _remove_robot(robots: Path, name: str) -> None:

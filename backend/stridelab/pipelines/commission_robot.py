@@ -180,8 +180,11 @@ def _try_walk(
     if certificate is None or motion is None:
         raise AssertionError("a plan with a whole body that did not stop has a certificate")
     reasons = [f"certificate: {check.name} is {check.value:.4g}" for check in certificate.checks if not check.passed]
-    with stages.run_stage(REPLAY, "simulating") as tell:
-        replay = replay_motion(result, motion, tell)
+    try:
+        with stages.run_stage(REPLAY, "simulating") as tell:
+            replay = replay_motion(result, motion, tell)
+    except InvalidInput as error:
+        return result, failed("; ".join([*reasons, error.message]))
     replayed: ReplaySummary | None = result.summary(replay, stages).replay
     if replayed is None:
         raise AssertionError("a replay has a summary")

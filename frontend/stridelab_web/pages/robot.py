@@ -21,7 +21,7 @@ NOT_LOADABLE: Final = frozenset({"robot-data-missing", "robot-data-unreadable", 
 async def robots_page(request: Request) -> Response:
     """``GET /robots``; the page itself requests the facts that need a loaded robot."""
     listed = await client_of(request).robots()
-    return render_page(request, "pages/robots.html", section="Robots", robots=listed.items)
+    return render_page(request, "pages/robots/robots.html", section="Robots", robots=listed.items)
 
 
 async def robot_page(request: Request) -> Response:
@@ -34,14 +34,14 @@ async def robot_page(request: Request) -> Response:
             raise
         robot_card = next(item for item in (await client.robots()).items if item.name == name)
         return render_page(
-            request, "pages/robot_missing.html", 503, section="Robots", robot=robot_card, reason=refusal.detail
+            request, "pages/robots/robot_missing.html", 503, section="Robots", robot=robot_card, reason=refusal.detail
         )
     own = await none_if_missing(client.robot_card(name)) if robot.own else None
     measure = _shown_measure(robot, request.query_params.get("measure"))
     cards = [card for card in robot.proxies if card.measure == measure]
     return render_page(
         request,
-        "pages/robot.html",
+        "pages/robots/robot.html",
         section="Robots",
         robot=robot,
         own=own,

@@ -1,5 +1,6 @@
 """Proposed cards: effectors, axes, limits and posture of humanoids made here, and what is not a humanoid."""
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
@@ -113,6 +114,15 @@ def test_soles_of_meshes_in_the_archive(tmp_path: Path) -> None:
     size = proposal.card.effectors["left_foot"].contact_half_size_m
     assert size == pytest.approx(HALF_SOLE_M, abs=0.003)
     assert sorted(path.name for path in (tmp_path / "robots").rglob("*.stl")) == ["mesh-0000.stl"]
+    assert "wider than long" not in proposal.assumed["effectors.left_foot"]
+
+
+def test_feet_across_are_remarked_on(tmp_path: Path) -> None:
+    """As of meshes that are turned about the vertical."""
+    x_m, y_m = HALF_SOLE_M
+    files = {"small/meshes/sole.stl": box_stl((y_m, x_m, 0.02))}
+    proposal = proposal_of(Humanoid(mesh_feet="package://any/small/meshes/sole.stl"), tmp_path, files)
+    assert "wider than long" in proposal.assumed["effectors.left_foot"]
 
 
 @pytest.mark.parametrize(
@@ -153,3 +163,79 @@ def test_a_joint_between_the_root_and_the_legs_is_locked(tmp_path: Path) -> None
     proposal = proposal_of_text(urdf.replace(waist, '<parent link="torso" /><child link="pelvis" />'), tmp_path)
     assert proposal.card.locked_joints == ("waist",)
     assert set(proposal.card.effectors) == {"left_foot", "right_foot", "left_hand", "right_hand"}
+
+
+def rebuilt(urdf: str, folder: Path) -> tuple[ET.Element, dict[str, str]]:
+    """The rebuilt description of ``urdf``, and what was assumed."""
+    (folder / "upload").write_bytes(archive({"small.urdf": urdf}))
+    assumed = rebuild_description(folder / "upload", "small.zip", "small", folder / "robots")
+    return ET.parse(folder / "robots" / "small" / "robot.urdf"), assumed
+
+
+def with_inertia(name: str, mass_kg: float, moments_kg_m2: tuple[float, ...]) -> str:
+    """The usual robot with the mass and the moments of inertia of one link replaced."""
+    root = ET.fromstring(Humanoid().urdf())
+    values = dict(zip(("ixx", "iyy", "izz"), moments_kg_m2, strict=True))
+    for tag, numbers in (("mass", {"value": mass_kg}), ("inertia", values)):
+        element = root.find(f"link[@name='{name}']/inertial/{tag}")
+        assert element is not None
+        element.attrib.update({key: repr(value) for key, value in numbers.items()})
+    return ET.tostring(root, encoding="unicode")
+
+
+def test_a_limit_that_is_none_is_missing(tmp_path: Path) -> None:
+    """Descriptions give a joint without a limit a large number, or infinity; missing limits are 0 and estimated."""
+    plain, _ = rebuilt(Humanoid(effort=1e9, velocity=float("inf")).urdf(), tmp_path)
+    limits = [joint.attrib for joint in plain.iter("limit")]
+    assert limits
+    assert {(limit["effort"], limit["velocity"]) for limit in limits} == {("0.0", "0.0")}
+
+
+def test_weak_legs_are_remarked_on(tmp_path: Path, usual: Proposal) -> None:
+    assert "limits.torque_nm" not in usual.assumed
+    weak = proposal_of(Humanoid(effort=40.0), tmp_path)
+    assert "40 N m at most" in weak.assumed["limits.torque_nm"]
+    knee = weak.robot.joint_names.index("left_knee")
+    assert weak.robot.model.effortLimit[6 + knee] == 40.0
+
+
+@pytest.mark.parametrize(
+    ("stated", "expected"),
+    [
+        ((0.0, 0.0, 0.0), (2.57e-3, 2.57e-3, 2.57e-3)),
+        ((4e-3, 4e-3, -1e-17), (6.57e-3, 6.57e-3, 2.57e-3)),
+        ((0.0, 0.0, 5e-3), (2.57e-3, 2.57e-3, 2.57e-3)),
+        ((4e-3, 5e-3, 6e-3), (4e-3, 5e-3, 6e-3)),
+    ],
+    ids=["a point", "a line", "contradictory", "a body"],
+)
+def test_missing_moments_of_inertia_are_those_of_a_sphere(
+    stated: tuple[float, ...], expected: tuple[float, ...], tmp_path: Path
+) -> None:
+    """A sphere of water of 1.36 kg has a radius of 68.7 mm and 2/5 m r^2 = 2.57e-3 kg m2."""
+    plain, assumed = rebuilt(with_inertia("left_elbow_link", 1.36, stated), tmp_path)
+    inertia = plain.find("link[@name='left_elbow_link']/inertial/inertia")
+    assert inertia is not None
+    assert [float(inertia.attrib[key]) for key in ("ixx", "iyy", "izz")] == pytest.approx(expected, rel=2e-3)
+    assert assumed.keys() == (set() if expected == stated else {"link left_elbow_link: inertia"})
+
+
+def test_a_negative_moment_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput, match="link left_elbow_link: its smallest principal moment") as refusal:
+        proposal_of_text(with_inertia("left_elbow_link", 0.8, (-1e-3, 1e-3, 1e-3)), tmp_path)
+    assert refusal.value.code == "robot-description-invalid"
+
+
+def test_joints_that_move_no_mass_are_fixed(tmp_path: Path) -> None:
+    root = ET.fromstring(Humanoid().urdf())
+    for parent, child in (("left_wrist_link", "finger_1"), ("finger_1", "finger_2")):
+        ET.SubElement(root, "link", name=child)
+        joint = ET.SubElement(root, "joint", name=f"{child}_joint", type="revolute")
+        ET.SubElement(joint, "parent", link=parent)
+        ET.SubElement(joint, "child", link=child)
+        ET.SubElement(joint, "axis", xyz="0 1 0")
+        ET.SubElement(joint, "limit", lower="0", upper="1", effort="1", velocity="1")
+    plain, assumed = rebuilt(ET.tostring(root, encoding="unicode"), tmp_path)
+    fixed = {joint.attrib["name"] for joint in plain.iter("joint") if joint.attrib["type"] == "fixed"}
+    assert fixed == {"finger_1_joint", "finger_2_joint"}
+    assert assumed.keys() == {f"joint {name}: type" for name in fixed}

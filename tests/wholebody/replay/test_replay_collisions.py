@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -31,6 +32,7 @@ from stridelab.contacts.terrain import Box, Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
+from stridelab.robots.proposal.propose import propose_card, rebuild_description
 from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
 from stridelab.wholebody.certificate.certificate import Certificate
@@ -42,6 +44,7 @@ from stridelab.wholebody.replay.log import Collision, MissedCondition, Replay, m
 from stridelab.wholebody.replay.mujoco_model import build_simulation
 from stridelab.wholebody.replay.replay import PhysicsReplay
 from stridelab.wholebody.replay.simulation import Simulation
+from support.robots.humanoid import HALF_SOLE_M, Humanoid, archive, box_stl
 
 BEAM_M = 0.20
 BEAM_TOP_M = 0.10
@@ -277,3 +280,16 @@ def test_an_effector_is_near_its_own_surfaces_in_the_first_and_last_eighth_of_a_
     for time_s, expected in ((1.09, {"here"}), (1.11, set()), (1.69, set()), (1.71, {"there"})):
         assert own.nearby_surfaces("left_foot", 1, time_s) == expected
     assert own.nearby_surfaces("left_foot", 0, 0.5) == set()
+
+
+@pytest.mark.parametrize(("thickness_m", "meets_risers"), [(0.003, False), (0.02, True)], ids=["plate", "shoe"])
+def test_feet_that_are_thin_plates_are_simulated(thickness_m: float, meets_risers: bool, tmp_path: Path) -> None:
+    """Above the guard of its sole nothing is left of a plate, and coplanar points have no hull."""
+    mesh = box_stl((*HALF_SOLE_M, 0.5 * thickness_m))
+    urdf = Humanoid(arms=False, mesh_feet="package://thin/sole.stl").urdf()
+    (tmp_path / "upload").write_bytes(archive({"thin.urdf": urdf, "sole.stl": mesh}))
+    assumed = rebuild_description(tmp_path / "upload", "thin.zip", "thin", tmp_path / "robots")
+    robot = propose_card("thin", "thin", tmp_path / "robots", assumed).robot
+    built = build_simulation(robot, FAR_BELOW, 0.3, ("left_foot", "right_foot"))
+    names = [built.model.geom(k).name for k in range(built.model.ngeom)]
+    assert any(name.endswith(" above") for name in names) == meets_risers

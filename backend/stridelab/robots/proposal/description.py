@@ -8,13 +8,16 @@ import itertools
 import math
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 from xml.parsers import expat
 
+import numpy as np
+
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
+from stridelab.robots.inertias import MIN_GYRATION_M
 
 MAX_BYTES: Final = 8_000_000
 MAX_ELEMENTS: Final = 60_000
@@ -26,6 +29,12 @@ MAX_OFFSET_M: Final = 20.0
 MAX_EFFORT_NM: Final = 1e5
 MAX_ROTOR_KG_M2: Final = 10.0
 """Largest reflected rotor inertia (``armature``, from MJCF) that is taken over."""
+UNLIMITED: Final = 1e6
+"""Limits of torque (N m) or speed (rad/s) from this size on are those of a joint without a limit; infinity is one."""
+LONGEST_BODY_M: Final = 5.0
+"""Largest radius of gyration; beyond it a moment of inertia has another unit."""
+SMALLEST_SPHERE_M: Final = 0.005
+WATER_KG_M3: Final = 1000.0
 DEFAULT_RANGE_RAD: Final = math.pi
 TURNING: Final = ("revolute", "continuous")
 _SAFE: Final = frozenset(" _-.:+")
@@ -94,11 +103,12 @@ def plain_description(root: ET.Element, filename: str, mesh: Mesh) -> PlainDescr
     assumed = _rename_joints(joints, {link.attrib["name"] for link in links})
     plain = ET.Element("robot", name="robot")
     for link in links:
-        plain.append(reader.link(link))
+        plain.append(reader.link(link, assumed))
     for joint in joints:
         plain.append(reader.joint(joint, assumed))
     if reader.faults:
         raise invalid(reader.faults)
+    _fix_massless_joints(plain, assumed)
     return PlainDescription(_without_world(plain), assumed)
 
 
@@ -179,7 +189,7 @@ class _Reader:
         self.faults: list[Fault] = []
         self._mesh = mesh
 
-    def link(self, element: ET.Element) -> ET.Element:
+    def link(self, element: ET.Element, assumed: dict[str, str]) -> ET.Element:
         name = element.attrib["name"]
         where = f"link {name}"
         link = ET.Element("link", name=name)
@@ -190,8 +200,10 @@ class _Reader:
             ET.SubElement(plain, "mass", value=repr(mass))
             keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
             inertia = inertial.find("inertia")
-            values = {key: repr(self._numbers(inertia, key, 1, where, key, None)[0]) for key in keys}
-            ET.SubElement(plain, "inertia", values)
+            values = {key: self._numbers(inertia, key, 1, where, key, None)[0] for key in keys}
+            if (completed := completed_inertia(mass, values)) is not None:
+                values, assumed[f"{where}: inertia"] = completed
+            ET.SubElement(plain, "inertia", {key: repr(value) for key, value in values.items()})
         for kind in ("visual", "collision"):
             for shape in element.findall(kind):
                 self._shape(link, shape, kind, where)
@@ -233,9 +245,8 @@ class _Reader:
         """Range, torque and speed; those that are missing are 0, a missing range is half a turn to either side."""
         stated = element.find("limit")
         values = {
-            key: self._numbers(stated, key, 1, where, f"limit {key}", (0.0,))[0]
-            for key in ("lower", "upper", "effort", "velocity")
-        }
+            key: self._numbers(stated, key, 1, where, f"limit {key}", (0.0,))[0] for key in ("lower", "upper")
+        } | {key: self._maximum(stated, key, where) for key in ("effort", "velocity")}
         if plain.get("type") == "continuous" or (values["lower"] == 0.0 and values["upper"] == 0.0):
             values |= {"lower": -DEFAULT_RANGE_RAD, "upper": DEFAULT_RANGE_RAD}
             assumed[f"{where}: range"] = "half a turn to either side"
@@ -248,6 +259,15 @@ class _Reader:
         if values["effort"] < 0.0 or values["velocity"] < 0.0:
             self.faults.append(Fault(where, "its effort and velocity limits must not be negative"))
         ET.SubElement(plain, "limit", {key: repr(value) for key, value in values.items()})
+
+    def _maximum(self, stated: ET.Element | None, key: str, where: str) -> float:
+        """A limit of torque or speed; 0 if it is missing or so large that it states none."""
+        try:
+            if stated is not None and float(stated.get(key, "0")) >= UNLIMITED:
+                return 0.0
+        except ValueError:
+            pass  # reported below
+        return self._numbers(stated, key, 1, where, f"limit {key}", (0.0,))[0]
 
     def _shape(self, link: ET.Element, shape: ET.Element, kind: str, where: str) -> None:
         geometry = shape.find("geometry")
@@ -313,6 +333,48 @@ class _Reader:
             self.faults.append(Fault(where, f"{what} is {text[:60]!r}, which is not {count} finite numbers"))
             return default or (1.0,) * count
         return values
+
+
+def completed_inertia(mass_kg: float, inertia: Mapping[str, float]) -> tuple[dict[str, float], str] | None:
+    """Inertia (kg m2, by element) of a point, a line or a plate with a volume, and how; None where nothing is missing.
+
+    A principal moment that is zero but for rounding is missing. A sphere of water of the same mass is added; it
+    replaces moments that contradict each other (the largest exceeds the sum of the others).
+    """
+    xx, xy, xz, yy, yz, zz = (inertia[key] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    I = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    least = mass_kg * MIN_GYRATION_M**2
+    if not (mass_kg > 0.0 and -least < I[0] < least and I[2] < mass_kg * LONGEST_BODY_M**2):
+        return None
+    radius_m = max((0.75 * mass_kg / (math.pi * WATER_KG_M3)) ** (1.0 / 3.0), SMALLEST_SPHERE_M)
+    sphere = 0.4 * mass_kg * radius_m**2
+    diagonal = ("ixx", "iyy", "izz")
+    if I[2] > I[0] + I[1] + least:
+        return {key: sphere if key in diagonal else 0.0 for key in inertia}, f"that of a sphere, {sphere:.2g} kg m2"
+    completed = {key: value + (sphere if key in diagonal else 0.0) for key, value in inertia.items()}
+    return completed, f"{sphere:.2g} kg m2 added about every axis, since a moment is 0"
+
+
+def _fix_massless_joints(root: ET.Element, assumed: dict[str, str]) -> None:
+    """Fix turning joints with no mass at all behind them, such as those of fingers that are only drawn."""
+    mass_kg = {
+        link.attrib["name"]: float(mass.attrib["value"]) if (mass := link.find("inertial/mass")) is not None else 0.0
+        for link in root.findall("link")
+    }
+    above = {_end(joint, "child"): _end(joint, "parent") for joint in root.findall("joint")}
+    moved_kg = dict.fromkeys(mass_kg, 0.0)
+    for link, own_kg in mass_kg.items():
+        at: str | None = link
+        while at is not None:
+            moved_kg[at] += abs(own_kg)
+            at = above.get(at)
+    for joint in root.findall("joint"):
+        if joint.attrib["type"] != "fixed" and moved_kg[_end(joint, "child")] == 0.0:
+            joint.set("type", "fixed")
+            for tag in ("axis", "limit", "dynamics"):
+                for element in joint.findall(tag):
+                    joint.remove(element)
+            assumed[f"joint {joint.attrib['name']}: type"] = "fixed here, since nothing with a mass is behind it"
 
 
 def _text(values: Sequence[float]) -> str:

@@ -47,6 +47,8 @@ MASS_KG: Final = (1.0, 500.0)
 LEG_M: Final = (0.15, 2.0)
 TORQUE_SHARE: Final = {"leg": 0.5, "torso": 0.4, "arm": 0.1}
 """Estimated torque over weight times leg length; the bundled robots have 0.3 to 0.7 in their knees."""
+WEAK_LEGS: Final = 0.25
+"""Largest torque of the legs over weight times leg length below which the stated limits are remarked on."""
 SPEED_RAD_S: Final = {"leg": 8.0, "torso": 5.0, "arm": 6.0}
 MAX_SPEED_RAD_S: Final = 100.0
 ROTOR_SHARE: Final = 4e-4
@@ -152,8 +154,10 @@ def _card(
     limits = _limits(model, groups, mass_kg, leg_m, assumed)
     rotors = _rotors(root, model, moving, mass_kg, leg_m, assumed)
     assumed["reference.joints_rad"] = "by optimisation: level soles, bent knees, CoM above the soles"
-    for key in effectors:
-        assumed[f"effectors.{key}"] = "from the collision shapes"
+    for key, effector in effectors.items():
+        half_m = effector.contact_half_size_m
+        across = "; it is wider than long: check the axes of its mesh" if half_m and half_m[0] < half_m[1] else ""
+        assumed[f"effectors.{key}"] = f"from the collision shapes{across}"
     locked = [joint for joint in range(2, model.njoints) if joint not in groups]
     if locked:
         assumed["locked_joints"] = ", ".join(model.names[joint] for joint in locked[:30])
@@ -193,6 +197,12 @@ def _limits(
         if not 0.0 < torque[key] < 20.0 * mass_kg * GRAVITY * leg_m:
             torque[key] = float(f"{TORQUE_SHARE[group] * mass_kg * GRAVITY * leg_m:.2g}")
             assumed[f"limits.torque_nm.{name}"] = f"{torque[key]:g} N m"
+    strongest_nm = max(torque[re.escape(model.names[joint])] for joint, group in groups.items() if group == "leg")
+    if (share := strongest_nm / (mass_kg * GRAVITY * leg_m)) < WEAK_LEGS:
+        assumed["limits.torque_nm"] = (
+            f"as stated, but the legs have {strongest_nm:g} N m at most, {share:.2f} of weight times leg length, and "
+            f"the knees of robots that walk 0.3 to 0.7: correct it if it is a placeholder"
+        )
     return LimitsCard(position, velocity, torque)
 
 

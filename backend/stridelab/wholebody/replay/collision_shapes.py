@@ -24,6 +24,8 @@ from stridelab.robots.robot import Effector, Robot
 
 SOLE_GUARD_M: Final = 0.003
 """Larger than the penetration and tilt of a landing sole."""
+THINNEST_M: Final = 5e-4
+"""Thinnest part of a foot above the guard that is a shape; MuJoCo refuses the hull of coplanar points."""
 # collision bits of MuJoCo: two geometries collide if a bit of one's type is in the other's affinity
 GROUND, BODY, RAIL, HAND = 1, 2, 4, 8
 
@@ -54,8 +56,7 @@ def add_shapes(spec: mujoco.MjSpec, robot: Robot, body_of: Mapping[str, str], fr
         at = {"pos": part.placement.translation.tolist(), "quat": quat.tolist()}
         _add_geom(body, name, _geom_arguments(spec, part, name) | at, 0 if sole else meets)
         parts.append(Part(name, link))
-        if sole is not None:
-            points = _points_above_sole(robot, sole, part)
+        if sole is not None and (points := _points_above_sole(robot, sole, part)) is not None:
             spec.add_mesh(name=f"{name} above", uservert=points.flatten().tolist())
             mesh = {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": f"{name} above"}
             _add_geom(body, f"{name} above", mesh, meets)
@@ -78,14 +79,19 @@ def _add_geom(body: mujoco.MjsBody, name: str, shape: Mapping[str, Any], meets: 
     body.add_geom(name=name, mass=0.0, friction=[0.0, 0.0, 0.0], contype=0, conaffinity=meets, **shape)
 
 
-def _points_above_sole(robot: Robot, sole: Effector, part: pin.GeometryObject) -> Points:
-    """Points of a foot's shape in the frame of its joint, raised to at least ``SOLE_GUARD_M`` above the sole."""
+def _points_above_sole(robot: Robot, sole: Effector, part: pin.GeometryObject) -> Points | None:
+    """Points of a foot's shape in the frame of its joint, raised to at least ``SOLE_GUARD_M`` above the sole.
+
+    None for a plate that is hardly thicker than that: nothing of it meets a riser but the sole's own box.
+    """
     frame: pin.SE3 = robot.model.frames[robot.model.getFrameId(sole.frame)].placement
     T = pin.SE3(sole.T_frame_contact.rotation, sole.T_frame_contact.position_m)
     T_joint_contact = frame * T
     points = np.array([part.placement.act(p) for p in _hull_points(part)])
     points = (points - T_joint_contact.translation) @ T_joint_contact.rotation
     points[:, 2] = np.maximum(points[:, 2], SOLE_GUARD_M)
+    if points[:, 2].max() < SOLE_GUARD_M + THINNEST_M:
+        return None
     return np.asarray(points @ T_joint_contact.rotation.T + T_joint_contact.translation)
 
 

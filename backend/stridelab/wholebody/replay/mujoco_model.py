@@ -77,7 +77,8 @@ def build_simulation(
 ) -> SimulationModel:
     """Model of ``robot`` on ``terrain``, with contacts at ``effectors``; ``friction`` for surfaces without their own.
 
-    Of ``disturbed`` only the soles' size and the trunk's mass apply here.
+    Of ``disturbed`` only the soles' size and the trunk's mass apply here. Raises ``InvalidInput``
+    (``robot-not-simulable``) with MuJoCo's reason.
     """
     spec = mujoco.MjSpec.from_string(_without_shapes(robot))
     spec.option.timestep = TIMESTEP_S
@@ -104,7 +105,11 @@ def build_simulation(
     placed = {name: _body_contact(robot, robot.effectors[name]) for name in effectors}
     for name, (joint, T_body_contact) in placed.items():
         _add_effector(spec.body(body_of[joint]), robot.effectors[name], T_body_contact, disturbed.sole_half_size_m)
-    model = spec.compile()
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        message = f"MuJoCo cannot simulate the robot {robot.name}: {' '.join(str(error).split())[:300]}"
+        raise InvalidInput("robot-not-simulable", message, [Fault(robot.name, "cannot be simulated")]) from error
     trunk = _trunk_body(robot, model, body_of)
     _add_mass(model, trunk, disturbed.trunk_mass_kg)
 
