@@ -221,13 +221,17 @@ def test_forms_change_the_recording(tab: Tab, service: Service, trial: Path) -> 
     with page.expect_navigation():
         page.locator("[data-static] button").click()
     page.get_by_label("Use plate 1").uncheck()
+    page.get_by_label("Offset of the moments of plate 2 along y").fill("-5.5")
     with page.expect_navigation():
         page.get_by_role("button", name="Save plates").click()
     expect(page.get_by_text("Plate 1 loaded (not used)")).to_be_visible()
+    expect(page.get_by_label("Offset of the moments of plate 2 along y")).to_have_value("-5.5")
+    expect(page.get_by_label("Offset of the moments of plate 1 along y")).to_have_value("")
     changed = service.client.recording(recording.id)
     assert (changed.subject.name, changed.subject.height_m) == ("P07", 1.83)
     assert changed.static_recording_id == other.id
     assert next(plate.use for plate in changed.plates) is False
+    assert [plate.moment_offset_m for plate in changed.plates[:2]] == [None, (0.0, -0.0055, 0.0)]
 
 
 def test_cancel_a_waiting_and_a_running_job(tab: Tab, service: Service) -> None:

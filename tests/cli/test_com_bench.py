@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from stridelab.cli.compare import continued_map
@@ -13,7 +14,9 @@ from stridelab.errors import NotEstimable, StridelabError
 from stridelab.pipelines import bench_estimators
 from stridelab.pipelines.progress import Json
 from stridelab.schemas.comparison import ComBenchSummary
+from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.methods import METHODS
+from stridelab.schemas.tasks import BenchMember, ComBenchTask, EstimateComTask, RecordingSource
 from stridelab.service.kinds.com_bench import run as com_bench
 from support.command_line import SAMPLE, Run
 
@@ -108,3 +111,30 @@ def test_an_interrupted_run_keeps_its_results_and_computes_the_others(tmp_path: 
 
 def test_the_job_and_the_command_share_their_map() -> None:
     assert com_bench.map_recordings.keywords["preload"] == ("stridelab.pipelines.bench_estimators",)
+
+
+def walk_over_plates(person: int, offset_m: list[float], laboratory: list[list[int]]) -> tuple[BenchMember, Json]:
+    """A member, and an answer with exact evidence of offsets (x and y of two plates, height) that differ by 0.1 mm."""
+    source = RecordingSource(file="trial", filename=f"walk {person}.c3d")
+    task = EstimateComTask(recording=source, input=EstimateComInput(recording_id=f"r{person}"))
+    member = BenchMember(recording_id=f"r{person}", folder=".", task=task, subject=f"person {person}")
+    gram = np.diag([1.0, 2.0, 3.0, 2.0, 0.5])
+    right = gram @ (np.array(offset_m) + 1e-4 * (-1) ** person)
+    return member, {"plates": {"laboratory": laboratory, "gram": gram.tolist(), "right": right.tolist()}}
+
+
+def test_plates_that_are_misplaced_are_named_with_their_offsets() -> None:
+    """The plates of one laboratory, by their indices in the files; those of another one are where they should be."""
+    walks = [walk_over_plates(k, [0.0, 0.0, -0.012, 0.001, -0.06], [[3, 0, 0], [5, 60, 0]]) for k in range(6)]
+    walks += [walk_over_plates(k, [0.0, 0.0, 0.002, 0.0, -0.01], [[3, 100, 0], [5, 160, 0]]) for k in range(6, 12)]
+    task = ComBenchTask(members=[member for member, _ in walks], seed=0)
+    remarks = bench_estimators._plate_remarks(task, {k: answer for k, (_, answer) in enumerate(walks)})
+    assert [remark.code for remark in remarks] == ["plates-misplaced"]
+    assert remarks[0].message == (
+        "By 6 people who walked over them, the moments of the plates do not refer to where the files state: "
+        "plate 3 by +6.0 mm along x and -0.5 mm along y (SD 0.0 and 0.0; relative to the mean of the plates), "
+        "plate 5 by -6.0 mm along x and +0.5 mm along y (SD 0.0 and 0.0; relative to the mean of the plates), "
+        "all plates by -60 mm vertically (SD 0; the segment table accounts for 20). "
+        "Corners or origins are wrong; state moment_offset_m of the plates."
+    )
+    assert bench_estimators._plate_remarks(task, {k: walks[k][1] for k in range(4)}) == []

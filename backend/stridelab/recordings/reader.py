@@ -225,6 +225,7 @@ def _world_plates(
                 use=plate.usable and switch.use is not False,
                 threshold_n=20.0 if switch.threshold_n is None else switch.threshold_n,
                 belt_speed_m_s=switch.belt_speed_m_s,
+                moment_offset_m=switch.moment_offset_m,
             )
         )
     return tuple(plates), remarks

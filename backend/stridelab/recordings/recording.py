@@ -48,7 +48,7 @@ class Plate:
     the force rate's samples, tare removed. ``use``, ``threshold_n`` and ``belt_speed_m_s`` are the switches a user can
     set; the last is the speed of the treadmill belt on the plate, None if it is not stated. ``tare_moment_nm`` (at the
     world origin) was removed with ``tare_force_n``; ``zero_is_known`` if the plate was seen unloaded, in this trial or
-    in another one of its session.
+    in another one of its session. ``moment_offset_m`` is the switch of that name; the moments have it already.
     """
 
     index: int
@@ -62,6 +62,7 @@ class Plate:
     belt_speed_m_s: float | None = None
     tare_moment_nm: Vector3 = field(default_factory=lambda: np.zeros(3))
     zero_is_known: bool = False
+    moment_offset_m: tuple[float, float, float] | None = None
 
     @property
     def loaded(self) -> Mask:

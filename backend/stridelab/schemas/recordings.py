@@ -74,6 +74,7 @@ class PlateInfo(Contract):
         description="force (N) and moment (Nm, about the origin) of the unloaded plate, which were subtracted; null if "
         "it is never unloaded",
     )
+    moment_offset_m: MomentOffset | None = None
 
 
 class PlateSwitch(Contract):

@@ -80,6 +80,7 @@ def test_a_name_inside_a_file_is_never_shown(http: httpx.Client, service: Served
         ({"plates": {"1": {"threshold_n": 0}}}, "plates.1.threshold_n"),
         ({"plates": {"1": {"threshold_n": 1e999}}}, "plates.1.threshold_n"),
         ({"plates": {"1": {"belt_speed_m_s": 0}}}, "plates.1.belt_speed_m_s"),
+        ({"plates": {"1": {"moment_offset_m": [0, 0, 0.6]}}}, "plates.1.moment_offset_m.2"),
         ({"subject": {"height_m": 17.1}}, "subject.height_m"),
         ({"filename": "x"}, "filename"),
     ],
@@ -114,6 +115,15 @@ def test_a_plate_switch_makes_the_file_be_read_again(http: httpx.Client, service
     assert len(service.stored_files()) == len(files)
     assert http.get(f"{path}/tracks.parquet").status_code == 200
     assert http.patch(path, json={"plates": None}).json() == before
+
+
+def test_an_offset_of_the_moments_is_returned_and_reset(http: httpx.Client, uploaded: str) -> None:
+    path = f"{RECORDINGS}/{uploaded}"
+    before = http.get(path).json()
+    assert before["plates"][0]["moment_offset_m"] is None
+    changed = http.patch(path, json={"plates": {"1": {"moment_offset_m": [0.005, 0.0, -0.06]}}}).json()
+    assert changed["plates"][0]["moment_offset_m"] == [0.005, 0.0, -0.06]
+    assert http.patch(path, json={"plates": {"1": {"moment_offset_m": None}}}).json() == before
 
 
 def test_a_belt_speed_is_held_against_the_feet(http: httpx.Client, service: Served, uploaded: str) -> None:

@@ -22,6 +22,10 @@ The second term is the same for all estimators; the third is the optimism of tes
 estimated by the covariance penalty (Efron 2004): wrench, clock and mass are moved by plus and minus a draw of their
 stated errors, and d c^ d p is averaged over draws and window. Nothing is withheld, so that the estimator that is judged
 is the one that is used.
+
+The momentum that the segments do not explain is drawn with their own frequencies. In a window T an oscillation
+A sin(w t) of L has the slope 12 A / (w T^2) against t, to which the lever of a shift c_0 integrates: it moves path and
+estimates in proportion to 1/w, so that a draw slower than the body makes all pay that use moments.
 """
 
 from dataclasses import dataclass, replace
@@ -29,6 +33,7 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
+from scipy import signal
 from scipy.integrate import cumulative_trapezoid
 
 from stridelab.body.geometric_com import GeometricCom
@@ -139,7 +144,7 @@ def path_error(
     momentum = _unexplained_nms(known, wrench.force_n[inside], mass_kg, height_m, sizes.momentum_share)
     changes = []
     for _ in range(draws):
-        pair = _moved_wrenches(geometric, wrench, span, mass_kg, momentum, sizes, rng)
+        pair = _moved_wrenches(geometric, wrench, span, mass_kg, known, momentum, sizes, rng)
         more, less = (judged(track, mass) for track, mass in pair)
         changes.append([(more[k] - less[k]) / 2 @ turn.T for k in (0, 1)])
     d_com, d_minus_path = np.swapaxes(np.array(changes), 0, 1)
@@ -159,11 +164,15 @@ def _moved_wrenches(
     wrench: WrenchTrack,
     span: Span,
     mass_kg: float,
+    known_nms: Points | None,
     momentum_nms: Float[np.ndarray, "2"],
     sizes: PlateErrors,
     rng: np.random.Generator,
 ) -> list[tuple[WrenchTrack, float]]:
-    """Wrench and mass moved by plus and minus one draw; constants have the size itself, of random sign."""
+    """Wrench and mass moved by plus and minus one draw; constants have the size itself, of random sign.
+
+    The moment of the unexplained momentum acts in flight, too: there the segments' momentum is no less wrong.
+    """
     t, n = wrench.time_s, len(wrench.time_s)
     step = ((t - t[0]) / STEP_S).astype(int)
 
@@ -173,15 +182,13 @@ def _moved_wrenches(
 
     force = sizes.force_n * constants() + sizes.noise_n * rng.normal(size=(n, 3))
     moment = sizes.moment_nm * constants() + sizes.noise_nm * rng.normal(size=(n, 3))
-    height_m = float(np.mean(geometric.com_m[span.inside, 2]))
-    walks = np.std(wrench.force_n[span.inside, 2]) > STANDS_SHARE * mass_kg * GRAVITY_M_S2
-    size = np.append(momentum_nms, 0.0) * walks
-    for times in (1, 2, 3):
-        w = 2 * np.pi * times * STRIDE_HZ * np.sqrt(0.93 / height_m)
-        phase, sign = rng.uniform(0, 2 * np.pi, 3), rng.choice([-1.0, 1.0], 3)
-        moment -= w * size / times * sign * np.sin(w * t[:, None] + phase)
     loaded = np.nan_to_num(wrench.force_n[:, 2:]) > LOADED_N
     force, moment = force * loaded, moment * loaded
+    if np.std(wrench.force_n[span.inside, 2]) > STANDS_SHARE * mass_kg * GRAVITY_M_S2:
+        height_m = float(np.mean(geometric.com_m[span.inside, 2]))
+        size = np.append(momentum_nms, 0.0)
+        drawn = _strides_nms(t[span.inside], height_m, rng) if known_nms is None else _out_of_phase(known_nms, rng)
+        moment[span.inside] += np.gradient(size * drawn, 1 / span.rate_hz, axis=0)
     moment = moment + np.cross(geometric.com_m * [1.0, 1.0, 0.0], force)
     late = sizes.clock_s * rng.choice([-1.0, 1.0]) * span.rate_hz
     force = force + late * np.gradient(wrench.force_n, axis=0)
@@ -194,6 +201,24 @@ def _moved_wrenches(
         )
         for sign in (1.0, -1.0)
     ]
+
+
+def _strides_nms(time_s: Float[np.ndarray, "n"], height_m: float, rng: np.random.Generator) -> Points:
+    """Momentum of an unknown body in units of its size: three harmonics of a stride of usual length."""
+    track = np.zeros((len(time_s), 3))
+    for times in (1, 2, 3):
+        w = 2 * np.pi * times * STRIDE_HZ * np.sqrt(0.93 / height_m)
+        phase, sign = rng.uniform(0, 2 * np.pi, 3), rng.choice([-1.0, 1.0], 3)
+        track += sign * np.cos(w * time_s[:, None] + phase) / times
+    return track
+
+
+def _out_of_phase(momentum_nms: Points, rng: np.random.Generator) -> Points:
+    """The given momentum without its line, of RMS 1, all frequencies of an axis turned by one random phase."""
+    track = signal.detrend(momentum_nms, axis=0)
+    turned = np.fft.rfft(track, axis=0) * np.exp(1j * rng.uniform(0, 2 * np.pi, 3))
+    turned[0] = 0.0
+    return np.asarray(np.fft.irfft(turned, len(track), axis=0) / np.maximum(track.std(axis=0), 1e-9))
 
 
 def _momentum_size(mass_kg: float, height_m: float) -> float:

@@ -43,10 +43,12 @@ if (find("[data-plates]")) {
   onSubmit(find("[data-plates]"), () => {
     const plates = {};
     for (const row of root.querySelectorAll("[data-plate]")) {
+      const offset_mm = [...row.querySelectorAll("[name=moment_offset_mm]")].map((field) => parseNumber(field.value));
       plates[row.dataset.plate] = {
         use: row.querySelector("[name=use]").checked,
         threshold_n: parseNumber(row.querySelector("[name=threshold_n]").value),
         belt_speed_m_s: parseNumber(row.querySelector("[name=belt_speed_m_s]").value),
+        moment_offset_m: offset_mm.every((mm) => mm === null) ? null : offset_mm.map((mm) => (mm ?? 0) / 1000),
       };
     }
     return save({ plates });
