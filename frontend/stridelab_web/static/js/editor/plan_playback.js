@@ -5,7 +5,8 @@ import { comAt } from "./live_preview.js";
 import { PartialPlan, PartialReader, posesAt } from "./partial_plan.js";
 import { phaseEndTimes } from "./phase_edits.js";
 
-const SHARE = 1 / 3; // of the time that drawing may take: without a graphics card it slows the plan down
+const SHARE = 1 / 4; // of the time that drawing may take where it is slow: without a graphics card it slows the plan down
+const QUICK_MS = 50; // two pictures that are drawn within this time are followed by the next one at once
 const PAUSE_MS = 1000; // at the end of the motion, before it is played again
 
 export class PlanPlayback {
@@ -80,7 +81,13 @@ export class PlanPlayback {
         this.isPlaying = false;
         return;
       }
-      requestAnimationFrame(() => setTimeout(step, (performance.now() - drawn_ms) * (1 / SHARE - 1)));
+      // The second frame from here begins after the picture has been drawn, in another process.
+      requestAnimationFrame(() =>
+        requestAnimationFrame(() => {
+          const took_ms = performance.now() - drawn_ms;
+          setTimeout(step, took_ms < QUICK_MS ? 0 : took_ms * (1 / SHARE - 1));
+        }),
+      );
     };
     step();
   }
