@@ -94,10 +94,7 @@ async def insert_chunks(
 ) -> None:
     """Insert parts; those that a repeated call has inserted stay."""
     if chunks:
-        rows = [
-            {"job_id": job_id, "attempt": attempt, "number": number, "body": body.replace("\\u0000", "")}
-            for number, body in chunks
-        ]
+        rows = [{"job_id": job_id, "attempt": attempt, "number": n, "body": body} for n, body in chunks]
         await connection.execute(insert(job_partial).on_conflict_do_nothing(), rows)
 
 

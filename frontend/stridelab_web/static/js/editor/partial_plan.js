@@ -2,6 +2,8 @@
 import { call } from "../shared/api.js";
 import { counted } from "../shared/plurals.js";
 
+const MANY = 20; // parts in one answer
+
 /** @typedef {{ time_s: number[], poses: number[][][] }} FrameList */
 
 export class PartialPlan {
@@ -114,7 +116,7 @@ export class PartialReader {
       if (!answer.chunks.length) continue;
       this.plan.add(answer);
       this.onParts();
-      this.isRequested = true; // there may be more than one answer holds
+      if (answer.chunks.length >= MANY) this.isRequested = true; // there may be more than one answer holds
     }
     this.isBusy = false;
   }
