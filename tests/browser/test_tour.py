@@ -38,8 +38,8 @@ def test_the_tour_is_left_at_any_step(tab: Tab) -> None:
 
 
 def test_on_a_phone_the_card_hides_neither_the_heading_nor_what_it_points_to(tab: Tab) -> None:
+    tab.page.set_viewport_size({"width": 390, "height": 844})
     page = tab.go("/")
-    page.set_viewport_size({"width": 390, "height": 844})
     card = page.get_by_role("region", name="Tour")
     expect(card).to_contain_text("1 of 4")
     for k in range(4):
