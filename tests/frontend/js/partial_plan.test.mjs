@@ -34,7 +34,7 @@ test("another attempt begins anew", () => {
   assert.deepEqual([plan.motion.time_s, plan.checks, plan.links], [[], [], []]);
 });
 
-test("the certificate is told as it fills", () => {
+test("the certificate is shown as it fills", () => {
   const plan = new PartialPlan();
   assert.equal(plan.certificateText, "");
   plan.add({ attempt: 1, chunks: [{ kind: "certificate", checks: [check("com_error_max", true)], passed: null }] });
