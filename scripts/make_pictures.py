@@ -55,14 +55,11 @@ def keep(page: Page, name: str) -> None:
 
 
 def scene(browser: Browser, address: str, name: str, ready: str, phase: int | None = None) -> None:
-    """A scene at one instant, without the note on software rendering."""
+    """A scene at one instant."""
     page = browser.new_page(viewport={"width": 1200, "height": 720})
     page.goto(address)
     page.wait_for_selector(ready, timeout=120_000)
-    inside = page.frame_locator("iframe")
-    inside.locator("canvas").first.wait_for(timeout=120_000)
-    for close in inside.locator(".mantine-Notification-closeButton").all():
-        close.click()
+    page.frame_locator("iframe").locator("canvas").first.wait_for(timeout=120_000)
     if phase is not None:
         page.locator("[data-phases] button").nth(phase).click()
     page.wait_for_timeout(8_000)  # nodes fade in, and software rendering draws few images a second

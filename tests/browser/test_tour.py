@@ -35,3 +35,17 @@ def test_the_tour_is_left_at_any_step(tab: Tab) -> None:
     expect(card).to_have_count(0)
     page.reload()
     expect(card).to_have_count(0)
+
+
+def test_on_a_phone_the_card_hides_neither_the_heading_nor_what_it_points_to(tab: Tab) -> None:
+    tab.page.set_viewport_size({"width": 390, "height": 844})
+    page = tab.go("/")
+    card = page.get_by_role("region", name="Tour")
+    expect(card).to_contain_text("1 of 4")
+    for k in range(4):
+        if k:
+            card.get_by_role("button", name="Next").click()
+        boxes = [node.bounding_box() for node in (card, page.locator(".shown-by-tour"), page.locator("h1"))]
+        hiding, marked, heading = (box or {"y": -1.0, "height": 0.0} for box in boxes)
+        for part in (marked, heading):
+            assert part["y"] + part["height"] <= hiding["y"] or part["y"] >= hiding["y"] + hiding["height"]

@@ -1,6 +1,7 @@
 """The pages of figures computed anew: where they start, and what their results say."""
 
 import re
+from collections import Counter
 from collections.abc import Callable
 from typing import get_args
 
@@ -9,7 +10,9 @@ import pytest
 
 from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.reproduction import ClaimResult, Outcome, ReproduceSummary, ReproductionItem, Verdict
+from stridelab_web.book.contents import page_file
 from stridelab_web.formatting import item_name, verdict_text
+from stridelab_web.pages.reproduction import read_recorded_items, recorded_items
 from support.fakes.service import FakeService
 
 Browse = Callable[[str], httpx.Response]
@@ -75,8 +78,9 @@ def add(fake: FakeService, name: str, judged: Verdict, seeds: int = 1) -> str:
 
 
 def shown(page: str) -> dict[str, str]:
-    """The part of the page of every item that has a result, by its name."""
-    return dict(re.findall(r'<details class="item" id="([^"]+)"(.*?)</details>', page, re.DOTALL))
+    """The part of the page of every item that has a result of this service, by its name."""
+    parts = dict(re.findall(r'<details class="item" id="([^"]+)"(.*?)</details>', page, re.DOTALL))
+    return {name: part for name, part in parts.items() if "data-recorded" not in part}
 
 
 def test_every_item_of_the_interface_can_be_started(fake: FakeService, browse: Browse) -> None:
@@ -119,11 +123,13 @@ def test_an_item_is_shown_by_its_newest_result_with_claims_and_drawing(fake: Fak
     assert "Figure 2.6: Title of fig-2.6" in parts["fig-2.6"]
     counts = re.search(r"<p data-counts>(.*?)</p>", page, re.DOTALL)
     assert counts is not None
-    assert [re.sub(r"<[^>]+>", "", mark) for mark in re.findall(r'<span class="mark [^>]*>.*?</span>', counts[1])] == [
-        "1 cannot hold as printed",
-        "1 as the thesis says",
-    ]
-    assert "2 claims" in counts[1]
+    total = Counter(outcome for name, one in recorded_items().items() if name not in parts for outcome in one.outcomes)
+    total.update(["thesis_in_error", "met"])
+    marks = re.findall(r'<span class="mark [^>]*>(.*?)</span>', counts[1])
+    assert marks == [f"{total[code]} {verdict_text(code)}" for code in get_args(Outcome) if total[code]]
+    assert f"{total.total()} claims about 31 figures" in page
+    summary = parts["numbers-3"].partition("</summary>")[0]
+    assert re.findall(r'<span class="mark [^>]*>(.*?)</span>', summary) == ["1 cannot hold as printed"]
 
 
 def test_nothing_is_asked_for_twice_while_jobs_are_under_way(fake: FakeService, browse: Browse) -> None:
@@ -162,3 +168,40 @@ def test_the_form_names_the_items_that_draw(fake: FakeService, browse: Browse) -
     assert "fig-2.7" in draws.split()
     assert "fig-4.5" in samples.split()
     assert not {"fig-2.5", "table-4.1"} & {*draws.split(), *samples.split()}
+
+
+def test_items_that_are_not_computed_show_what_the_book_has_recorded(fake: FakeService, browse: Browse) -> None:
+    page = browse("/reproduction").text
+    for name in get_args(ReproductionItem):
+        part = page.partition(f'id="{name}"')[2].partition("</details>")[0]
+        assert "Recorded in the" in part, name
+        assert f'data-compute="{name}"' in part
+    assert "0 of 31 items are computed here" in page
+
+
+def test_every_claim_of_the_book_is_read() -> None:
+    path = page_file("reproduction")
+    assert path is not None
+    sections = path.read_text(encoding="utf-8").split("\n## ")[1:]
+    items = recorded_items()
+    assert list(items) == list(get_args(ReproductionItem))
+    for section in sections:
+        name = section.partition(":")[0]
+        lines = [
+            line for line in section.splitlines() if re.search(r"\| (simulated|people|replayed|external), n = ", line)
+        ]
+        if name in items:
+            assert len(items[name].rows) == len(lines) > 0, name
+            for row, line in zip(items[name].rows, lines, strict=True):
+                assert row[0] in line
+                assert row[2] in line
+
+
+def test_a_damaged_section_of_the_book_is_left_out() -> None:
+    row = "| it holds | 1 | 0.9 | met | simulated, n = 1 |"
+    table = "| claim | thesis | ours |  | evidence |\n| --- | --- | --- | --- | --- |"
+    page = f"# R\n\n## fig-2.2: One\n\nA *note*.\n\n{table}\n{row}\n{row.replace('met', 'perhaps')}\n"
+    page += "\n## fig-2.5: Two\n\n**Not computed**: why\n\n## other: Three\n\nNote\n"
+    items = read_recorded_items(page)
+    assert list(items) == ["fig-2.2"]
+    assert (items["fig-2.2"].title, items["fig-2.2"].note, len(items["fig-2.2"].rows)) == ("One", "A note.", 1)

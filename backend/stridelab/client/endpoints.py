@@ -14,7 +14,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.schemas.base import Page, Problem
-from stridelab.schemas.jobs import Job, JobResult
+from stridelab.schemas.jobs import Job, JobResult, PartialResults
 from stridelab.schemas.live.messages import LiveSession, LiveSessions
 from stridelab.schemas.plans import PlanContactsInput
 from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, Solvers
@@ -321,6 +321,12 @@ def cancel(job_id: str) -> Call[Job]:
 def delete_job(job_id: str) -> Call[Job]:
     """Delete a finished job with its result and files; an unfinished one is cancelled instead."""
     return Call("DELETE", _path_of("jobs", job_id), response_reader(Job))
+
+
+def partial_results(job_id: str, after: str = "") -> Call[PartialResults]:
+    """Parts of the result of a running job that follow the cursor ``after``; a finished job has none."""
+    params = {"after": after} if after else {}
+    return Call("GET", _path_of("jobs", job_id, "partial"), response_reader(PartialResults), params)
 
 
 def result(job_id: str) -> Call[JobResult]:

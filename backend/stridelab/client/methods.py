@@ -96,6 +96,7 @@ class Endpoints:
     job = _method(endpoints.job)
     cancel = _method(endpoints.cancel)
     delete_job = _method(endpoints.delete_job)
+    partial_results = _method(endpoints.partial_results)
     result = _method(endpoints.result)
     download_artifact = _download_method(endpoints.download_artifact)
     download_bundle = _download_method(endpoints.download_bundle)

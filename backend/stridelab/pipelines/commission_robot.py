@@ -18,7 +18,7 @@ import pinocchio as pin
 from stridelab.contacts.scenarios.parts import Timing, Walker
 from stridelab.contacts.scenarios.stairs import STROLLING, flat_walk
 from stridelab.errors import InvalidInput, StridelabError
-from stridelab.pipelines.plan_motion import MotionResult, plan_motion, replay_motion, stage_shares
+from stridelab.pipelines.plan_motion import REPLAY, MotionResult, plan_motion, replay_motion, stage_shares
 from stridelab.pipelines.progress import ProgressCallback, Stages
 from stridelab.reachability.card import Measure, ReachabilityCard
 from stridelab.reachability.learning.fit import learn_densities
@@ -26,7 +26,7 @@ from stridelab.reachability.store import save_card, save_cloud
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
-from stridelab.schemas.plans import PLAN_STAGES, PlanMotionInput, PlanMotionTask, ReplaySummary
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask, ReplaySummary
 from stridelab.schemas.robots import (
     CommissionLimits,
     CommissionRobotInput,
@@ -50,7 +50,6 @@ STEP_SHARES: Final = (1.0, 0.7, 0.45)
 """Lengths of the steps that are tried, over that of TALOS' walk, scaled."""
 MEASURES: Final[tuple[Measure, ...]] = ("uniform", "conditioned")
 LEARN_UNIFORM, LEARN_CONDITIONED, WALK = "uniform", "conditioned", "walk"
-REPLAY: Final = PLAN_STAGES[-1]
 
 
 @dataclass(frozen=True)

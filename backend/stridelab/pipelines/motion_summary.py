@@ -78,12 +78,12 @@ def _kkt_error(plan: CentroidalPlan) -> float | None:
 
 def certificate_summary(certificate: Certificate) -> CertificateSummary:
     """The certificate as a ``CertificateSummary``."""
-    names = [f.name for f in fields(Check)]
-    checks = [
-        CertificateCheck(**{name: getattr(check, name) for name in names}, passed=check.passed)
-        for check in certificate.checks
-    ]
-    return CertificateSummary(passed=certificate.passed, checks=checks)
+    return CertificateSummary(passed=certificate.passed, checks=[check_summary(check) for check in certificate.checks])
+
+
+def check_summary(check: Check) -> CertificateCheck:
+    """One check of a certificate as a ``CertificateCheck``."""
+    return CertificateCheck(**{f.name: getattr(check, f.name) for f in fields(Check)}, passed=check.passed)
 
 
 def replay_summary(replay: "Replay") -> ReplaySummary:

@@ -10,6 +10,9 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+from jaxtyping import Float
+
 from stridelab.centroidal.boundary_conditions import PathBounds
 from stridelab.centroidal.hand_force_limits import hand_bounds_n
 from stridelab.centroidal.plan import CentroidalPlan
@@ -17,8 +20,10 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.centroidal.solver import SolverChoice, solve
 from stridelab.contacts.sequence import ContactSequence
+from stridelab.conventions import Series
 from stridelab.pipelines.motion_summary import (
     certificate_summary,
+    check_summary,
     motion_remarks,
     plan_summary,
     replay_summary,
@@ -43,6 +48,7 @@ from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import (
     PLAN_STAGES,
     AgreementPass,
+    CertificateCheck,
     CertificateSummary,
     PlanMotionInput,
     PlanMotionSummary,
@@ -59,7 +65,7 @@ from stridelab.wholebody.shoe_check import require_room_for_shoes
 if TYPE_CHECKING:
     from stridelab.wholebody.replay.replay import Replay
 
-CHECK, REACHABILITY, CENTROIDAL, WHOLE_BODY, CERTIFICATE, EXPORT, REPLAY = PLAN_STAGES
+CHECK, REACHABILITY, CENTROIDAL, WHOLE_BODY, CERTIFICATE, REPLAY, EXPORT = PLAN_STAGES
 
 REFERENCES: Final = ("carpentier2017thesis", "carpentier2018multicontact", "carpentier2019pinocchio")
 SOLVER_REFERENCES: Final = {"ipopt": "wachter2006ipopt", "fatrop": "vanroye2023fatrop"}
@@ -120,10 +126,39 @@ class MotionResult:
         return premises is not None and is_loss_proved(self.robot, self.plan.sequence, premises, replay, max(ends_s))
 
 
-def plan_motion(task: PlanMotionTask, stages: Stages, change: Change | None = None) -> MotionResult:
+class PlanWatcher:
+    """Receives the parts of a plan as they are computed; this one ignores them."""
+
+    def on_plan(self, robot: Robot, sequence: ContactSequence) -> None:
+        """The centroidal plan over ``sequence`` is solved."""
+
+    def on_pass(self) -> None:
+        """A motion of the whole body begins; a later one replaces it."""
+
+    def on_samples(self, time_s: Series, q: Float[np.ndarray, "k nq"]) -> None:
+        """Samples of that motion: times (s) and postures."""
+
+    def on_check(self, check: CertificateCheck) -> None:
+        """One check of the certificate."""
+
+    def on_certificate(self, certificate: CertificateSummary) -> None:
+        """The certificate, after its last check."""
+
+    def on_replay_samples(self, time_s: Series, q: Float[np.ndarray, "k nq"]) -> None:
+        """Samples of the replay: times (s) and postures."""
+
+
+IGNORED: Final = PlanWatcher()
+"""A watcher that ignores everything."""
+
+
+def plan_motion(
+    task: PlanMotionTask, stages: Stages, change: Change | None = None, watcher: PlanWatcher = IGNORED
+) -> MotionResult:
     """Plan the motion of ``task.scenario`` and check it; ``stages`` has the shares of ``stage_shares``.
 
-    ``change`` is for cost terms that the request does not have, such as a reference of the CoM.
+    ``change`` is for cost terms that the request does not have, such as a reference of the CoM. ``watcher`` receives
+    the parts as they are computed.
 
     Raises ``NotEstimable`` for unavailable features (``...-unavailable``) before any computation. Later errors name
     their stage in the last fault: ``InvalidInput`` (``scenario-invalid``, ``replay-invalid``), ``NotFound``
@@ -156,23 +191,35 @@ def plan_motion(task: PlanMotionTask, stages: Stages, change: Change | None = No
             problem, plan = lower_for_legs(robot, problem, plan, partial(solve, solver=_solver_again(plan)))
         given, sequence = sequence, plan.sequence
 
+    watcher.on_plan(robot, sequence)
+
+    def follow(
+        robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, progress: ProgressCallback | None
+    ) -> WholeBodyMotion:
+        watcher.on_pass()
+        return WholeBodyController().run(robot, sequence, plan, progress, watcher.on_samples)
+
     motion, certificate, stopped = None, None, None
     passes: tuple[Pass, ...] = ()
     if request.whole_body:
         try:
             with stages.run_stage(WHOLE_BODY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
                 clock = _motion_progress(tell, sequence.duration_s)
-                agreed = agree(robot, problem, plan, solve, WholeBodyController().run, clock)
+                agreed = agree(robot, problem, plan, solve, follow, clock)
                 plan, motion, passes = agreed.plan, agreed.motion, agreed.passes
         except WholeBodyStopped as stop:
             motion, stopped = stop.motion, stop
     if motion is not None and stopped is None:
         with stages.run_stage(CERTIFICATE, "checking the motion"):
-            certificate = certificate_summary(certify(robot, sequence, plan, proxies, motion))
+            watch = lambda check: watcher.on_check(check_summary(check))  # noqa: E731
+            certificate = certificate_summary(certify(robot, sequence, plan, proxies, motion, watch))
+            watcher.on_certificate(certificate)
     return MotionResult(request, robot, given, problem, plan, motion, certificate, passes, stopped, noted)
 
 
-def replay_motion(result: MotionResult, motion: WholeBodyMotion, progress: ProgressCallback) -> "Replay":
+def replay_motion(
+    result: MotionResult, motion: WholeBodyMotion, progress: ProgressCallback, watcher: PlanWatcher = IGNORED
+) -> "Replay":
     """Replay ``motion`` of ``result`` in a physics simulation, with the disturbances of the request."""
     # imported lazily: the simulator is needed for a replay only
     from stridelab.wholebody.replay.replay import PhysicsReplay
@@ -181,7 +228,8 @@ def replay_motion(result: MotionResult, motion: WholeBodyMotion, progress: Progr
     options = asked if isinstance(asked, ReplayOptions) else ReplayOptions()
     clock = _motion_progress(progress, sequence.duration_s)
     observe, disturbed = observer_of(options, result.robot), disturbances_of(options)
-    return PhysicsReplay().run(result.robot, sequence, motion, clock, observe, disturbed)
+    watch = watcher.on_replay_samples
+    return PhysicsReplay().run(result.robot, sequence, motion, clock, observe, disturbed, watch)
 
 
 def stage_shares(request: PlanMotionInput) -> dict[str, float]:
@@ -189,8 +237,8 @@ def stage_shares(request: PlanMotionInput) -> dict[str, float]:
     shares = {CHECK: 0.3, REACHABILITY: 0.1, CENTROIDAL: 2.0}
     if request.whole_body:
         shares |= {WHOLE_BODY: 4.0, CERTIFICATE: 2.0}
-    shares |= {EXPORT: 4.0 if request.whole_body else 0.3}
-    return shares | ({REPLAY: 6.0} if request.replay else {})
+    shares |= {REPLAY: 6.0} if request.replay else {}
+    return shares | {EXPORT: 4.0 if request.whole_body else 0.3}
 
 
 def _solver_again(plan: CentroidalPlan) -> SolverChoice:

@@ -9,7 +9,7 @@ from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.methods import NODE_RATE_HZ, Formulation
 from stridelab.schemas.scenarios import Friction, OneLine, Scenario, ScenarioContact, ScenarioSource, TerrainSurface
 
-PLAN_STAGES: Final = ("check", "reachability", "centroidal", "whole body", "certificate", "export", "replay")
+PLAN_STAGES: Final = ("check", "reachability", "centroidal", "whole body", "certificate", "replay", "export")
 """Stages of ``plan-motion`` in order: keys of ``stage_times_s``, and prefixes of its progress messages."""
 
 Shape = Literal["constant", "cubic"]

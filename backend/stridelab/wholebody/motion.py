@@ -1,6 +1,6 @@
 """The whole-body motion of the task hierarchy, and the error for a plan that the body cannot follow to its end."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -49,6 +49,8 @@ class WholeBodyMotion:
     solve_time_s: float
 
 
+MotionWatcher = Callable[[Float[np.ndarray, "k"], Float[np.ndarray, "k nq"]], None]
+"""Receives times (s) and postures of the samples of a run, each once and in order."""
 LEVELS: Final = ("dynamics, contacts and bounds", "centre of mass and moving effectors", "momentum, posture and forces")
 """Descriptions of the hierarchy's levels, by number."""
 

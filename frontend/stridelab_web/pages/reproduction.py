@@ -1,9 +1,14 @@
-"""The page of reproduced figures and tables: every item with its newest result."""
+"""The page of reproduced figures and tables: every item with its newest result.
+
+An item that this service has not computed shows the result that the book has recorded (``docs/reproduction.md``).
+"""
 
 import asyncio
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Final, get_args
 
 from starlette.requests import Request
@@ -19,6 +24,7 @@ from stridelab.schemas.reproduction import (
     ReproductionItem,
 )
 from stridelab_web.api_client import client_of
+from stridelab_web.book.contents import page_file
 from stridelab_web.pages.render import render_page
 
 KIND: Final = "reproduce"
@@ -28,6 +34,16 @@ PAGE_SIZE: Final = 50
 MAX_SEARCHED_JOBS: Final = 100
 """Maximum number of finished jobs that are searched; items not among them count as missing."""
 SVG: Final = "image/svg+xml"
+_COLUMNS: Final = 5
+_OUTCOMES: Final[Mapping[str, Outcome]] = {
+    "met": "met",
+    "better": "beaten",
+    "not met": "not_met",
+    "thesis in error": "thesis_in_error",
+    "our aim: reached": "aim_reached",
+    "our aim: missed": "aim_missed",
+}
+"""Outcomes by their words in the book."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +60,48 @@ class ShownItem:
         return count_outcomes([self.reproduction])
 
 
+@dataclass(frozen=True)
+class RecordedItem:
+    """The recorded result of one item: ``rows`` are claim, the thesis' value, ours, verdict and evidence, as texts."""
+
+    title: str
+    note: str
+    rows: tuple[tuple[str, ...], ...]
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def outcome_counts(self) -> Mapping[Outcome, int]:
+        """How many of its claims have each outcome."""
+        return Counter(self.outcomes)
+
+
+@cache
+def recorded_items() -> Mapping[str, RecordedItem]:
+    """Results in the book by item; empty without that page."""
+    path = page_file("reproduction")
+    return {} if path is None else read_recorded_items(path.read_text(encoding="utf-8"))
+
+
+def read_recorded_items(page: str) -> dict[str, RecordedItem]:
+    """Items of the page that ``scripts/make_reproduction.py`` writes; the first table of a section has the claims."""
+    items: dict[str, RecordedItem] = {}
+    for section in page.split("\n## ")[1:]:
+        heading, _, body = section.partition("\n")
+        name, _, title = heading.partition(": ")
+        paragraphs = body.strip().split("\n\n")
+        lines = paragraphs[1].splitlines()[2:] if len(paragraphs) > 1 and paragraphs[1].startswith("| claim |") else []
+        rows = [tuple(cell.strip().strip("*") for cell in line.strip("|").split(" | ")) for line in lines]
+        judged = [(row, _OUTCOMES[row[3]]) for row in rows if len(row) == _COLUMNS and row[3] in _OUTCOMES]
+        if name in ITEMS and judged:
+            shown, outcomes = zip(*judged, strict=True)
+            items[name] = RecordedItem(title, re.sub(r"[*`]", "", paragraphs[0]), shown, outcomes)
+    return items
+
+
 async def reproduction_page(request: Request) -> Response:
     """``GET /reproduction``."""
     client = client_of(request)
+    recorded = recorded_items()
     recent, results = await asyncio.gather(client.jobs(PAGE_SIZE, kind=KIND), _newest_results(client))
     return render_page(
         request,
@@ -55,7 +110,8 @@ async def reproduction_page(request: Request) -> Response:
         items=ITEMS,
         results=results,
         missing=[name for name in ITEMS if name not in results],
-        counts=count_outcomes(shown.reproduction for shown in results.values()),
+        recorded=recorded,
+        counts=sum((Counter(of.outcome_counts) for of in {**recorded, **results}.values()), Counter[Outcome]()),
         outcomes=get_args(Outcome),
         drawn=sorted(ITEMS_WITH_DRAWS),
         sampled=sorted(ITEMS_WITH_SAMPLE),

@@ -12,7 +12,8 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab_web.scene.contacts import HalfSizes, rotation_matrix
 from stridelab_web.viewer.robot_links import add_robot
 
-ROBOT = "/robot"
+ROBOT, GHOST = "/robot", "/ghost"
+"""The robot, and the replay of a plan that is being computed: the page gives it the robot's meshes."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +50,11 @@ def initial_pose(scenario: Scenario, sizes: HalfSizes) -> StandingPose | None:
 def add_standing(scene: viser.SceneApi, posed: Posed) -> viser.FrameHandle:
     """Add the robot below one node, hidden until it is placed."""
     whole = scene.add_frame(ROBOT, show_axes=False, visible=False)
+    scene.add_frame(GHOST, show_axes=False)
     for link, handle in add_robot(scene, list(posed.poses), posed.meshes).items():
         pose = posed.poses[link]
         handle.position, handle.wxyz = pose[:3], pose[3:]
+        scene.add_frame(f"{GHOST}/{link}", show_axes=False)
     return whole
 
 

@@ -61,6 +61,22 @@ def test_everything_comes_back(postgres: TestDatabases, empty: str, put_back: Pu
     assert now["at-work"] == {**was["at-work"], **interrupted}
 
 
+def test_parts_of_running_jobs_are_not_in_a_backup_and_gone_after_a_restore(
+    postgres: TestDatabases, put_back: PutBack, tmp_path: Path
+) -> None:
+    with postgres.fresh() as url:
+        fill(url, tmp_path / "source")
+        with psycopg.connect(url) as connection:
+            for attempt in (1, 2, 3):
+                connection.execute("INSERT INTO job_partial SELECT id, %s, 1, '{}' FROM job", (attempt,))
+        taken = create_backup(url, of(tmp_path / "source"), tmp_path / "lab.backup")
+        assert "job_partial" not in taken.rows
+        put_back(tmp_path / "lab.backup", url, replace=True)
+        with psycopg.connect(url) as connection:
+            assert connection.execute("SELECT count(*) FROM job").fetchone() == (6,)
+            assert connection.execute("SELECT count(*) FROM job_partial").fetchone() == (0,)
+
+
 def test_restored_jobs_run_in_their_old_order_and_new_ones_after_them(
     backup: Path, empty: str, put_back: PutBack, tmp_path: Path
 ) -> None:

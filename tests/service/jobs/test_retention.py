@@ -6,8 +6,10 @@ from typing import Any
 
 import psycopg
 import pytest
+from sqlalchemy import text
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
+from stridelab.service.jobs.partial_results import delete_stale_chunks
 from stridelab.service.jobs.retention import remove_expired, remove_old_events, remove_old_jobs, remove_orphans
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.settings import Settings
@@ -42,6 +44,29 @@ def age(url: str, job_id: str, state: str, days: float) -> None:
             "UPDATE job SET state = %s, finished_at = now() - make_interval(secs => %s) WHERE id = %s",
             (state, days * 86400, job_id),
         )
+
+
+def test_parts_of_attempts_that_do_not_run_go(use: Any, database_url: str) -> None:
+    """Parts go with their attempt; the janitor removes those that a lost transaction has left."""
+    body = '{"kind": "certificate", "checks": [], "passed": true}'
+
+    async def act(store: JobStore, connection: AsyncConnection) -> None:
+        runs, ended = [(await store.submit("work", {"n": n})).job_id for n in range(2)]
+
+        def leave() -> None:
+            with psycopg.connect(database_url) as other:
+                for job_id, state, attempt in ((runs, "running", 2), (ended, "failed", 1)):
+                    values = [state, attempt, job_id]
+                    other.execute("UPDATE job SET state = %s, attempt = %s WHERE id = %s", values)
+                for job_id, attempt in ((runs, 1), (runs, 2), (ended, 1)):
+                    other.execute("INSERT INTO job_partial VALUES (%s, %s, 1, %s)", [job_id, attempt, body])
+
+        await asyncio.to_thread(leave)
+        await delete_stale_chunks(connection)
+        rows = (await connection.execute(text("SELECT job_id, attempt FROM job_partial"))).all()
+        assert [tuple(row) for row in rows] == [(runs, 2)]
+
+    use(act)
 
 
 def test_old_jobs_go_with_their_files(use: Any, blobs: BlobStore, database_url: str, tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from support.service.job_kinds import KINDS
 
 MAX_ATTEMPTS = 2
 QUEUE_LIMIT = 4
+PART = '{"kind":"certificate","checks":[],"passed":true}'
 OUTCOME = {"summary": {"answer": 42}, "references": [], "artifacts": []}
 
 
@@ -39,6 +40,8 @@ class Model:
     holder: int | None = None
     carried: bool = False
     """Whether a living worker runs it."""
+    parts: list[int] = field(default_factory=list)
+    """Numbers of the stored parts of its present attempt."""
 
 
 @dataclass
@@ -176,8 +179,14 @@ class JobMachine(RuleBasedStateMachine):
     def report(self, data: Any, fraction: float) -> None:
         held = self._choose(data)
         if held is not None:
-            expected = self._present(held) and not self.models[held.job_id].cancel_requested
-            assert self.do(self.attempts.report_progress(held.attempt, fraction, "text\0with NUL")) is expected
+            model = self.models[held.job_id]
+            expected = self._present(held) and not model.cancel_requested
+            number = 1 + max(model.parts, default=0)
+            chunks = [(number, PART), (1, PART)]  # the first one again, as after a lost answer
+            report = self.attempts.report_progress(held.attempt, fraction, "text\0with NUL", chunks)
+            assert self.do(report) is expected
+            if expected:
+                model.parts = sorted({*model.parts, number})
             assert self.do(self.attempts.should_stop(held.attempt)) is not expected
 
     @rule(data=st.data())
@@ -221,7 +230,7 @@ class JobMachine(RuleBasedStateMachine):
         assert self.do(self.attempts.hand_back(held.attempt)) is may
         if may:
             model = self.models[held.job_id]
-            model.state, model.holder, model.carried = "queued", None, False
+            model.state, model.holder, model.carried, model.parts = "queued", None, False, []
             model.returned += 1
         self._let_go(held)
 
@@ -265,7 +274,7 @@ class JobMachine(RuleBasedStateMachine):
             elif model.attempt - model.returned >= MAX_ATTEMPTS:
                 model.state, model.error = "failed", "worker-died"
             else:
-                model.state, model.holder = "queued", None
+                model.state, model.holder, model.parts = "queued", None, []
 
     # -- what always holds ------------------------------------------------------------------------------------------
 
@@ -280,6 +289,12 @@ class JobMachine(RuleBasedStateMachine):
             assert (state, attempt) == (model.state, model.attempt)
             assert has_result == (state == "succeeded")
             assert has_ended == (state in FINAL_STATES)
+
+    @invariant()
+    def only_running_attempts_have_parts(self) -> None:
+        rows = self.look.execute("SELECT job_id, attempt, number FROM job_partial ORDER BY 1, 2, 3").fetchall()
+        running = {job_id: m for job_id, m in sorted(self.models.items()) if m.state == "running"}
+        assert rows == [(job_id, m.attempt, number) for job_id, m in running.items() for number in m.parts]
 
     @invariant()
     def events_tell_one_story(self) -> None:

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import psutil
+import psycopg
 import pytest
 import structlog
 
 from stridelab.errors import Conflict
+from stridelab.schemas.jobs import PartialMotion, PartialResults
 from stridelab.service.api.jobs.presentation import job_of
 from stridelab.service.jobs.notifications import JobNotifications
 from stridelab.service.jobs.store import JobRecord, JobStore
@@ -192,6 +194,70 @@ def test_log_tail_shows_where_it_happened(in_shop: Open) -> None:
         stumbled = await shop.do("stumble")
         assert "in segfault" in str(crashed.log_tail)
         assert "something unforeseen" in str(stumbled.log_tail)
+
+    in_shop(act)
+
+
+async def parts_of(shop: Shop, job_id: str, n: int, after: str | None = None) -> PartialResults:
+    for _ in range(200):
+        parts = await shop.store.partial_results(job_id, after)
+        if len(parts.chunks) >= n:
+            return parts
+        await asyncio.sleep(0.05)
+    raise AssertionError(f"{len(parts.chunks)} parts after 10 s")
+
+
+def test_parts_are_there_while_a_job_runs_and_gone_with_its_end(in_shop: Open, tmp_path: Path) -> None:
+    async def act(shop: Shop) -> None:
+        task = {"release": str(tmp_path / "go"), "n": 3}
+        job_id = (await shop.store.submit("show-parts", task)).job_id
+        parts = await parts_of(shop, job_id, 3)
+        assert [chunk.run for chunk in parts.chunks if isinstance(chunk, PartialMotion)] == [1, 2, 3]
+        number = parts.attempt
+        assert (parts.job_id, parts.state, parts.next) == (job_id, "running", f"{number}.3")
+        later = await shop.store.partial_results(job_id, f"{number}.2")
+        assert [chunk.run for chunk in later.chunks if isinstance(chunk, PartialMotion)] == [3]
+        assert (await shop.store.partial_results(job_id, f"{number}.3")).chunks == []
+        assert len((await shop.store.partial_results(job_id, f"{number + 6}.3")).chunks) == 3  # of another attempt
+        with pytest.raises(Conflict, match="no result yet"):
+            await shop.store.result(job_id)
+        (tmp_path / "go").touch()
+        assert (await shop.ended(job_id)).state == "succeeded"
+        assert (await shop.store.result(job_id)).artifacts == []
+        ended = await shop.store.partial_results(job_id, "1.2")
+        assert (ended.state, ended.chunks) == ("succeeded", [])
+
+    in_shop(act)
+
+
+def test_a_cancelled_job_leaves_no_parts(in_shop: Open, tmp_path: Path, database_url: str) -> None:
+    async def act(shop: Shop) -> None:
+        job_id = (await shop.store.submit("show-parts", {"release": str(tmp_path / "never")})).job_id
+        await parts_of(shop, job_id, 2)
+        await shop.store.request_cancel(job_id)
+        assert (await shop.ended(job_id, 5.0)).state == "cancelled"
+        assert (await shop.store.partial_results(job_id, None)).chunks == []
+
+    in_shop(act)
+    with psycopg.connect(database_url) as connection:
+        assert connection.execute("SELECT count(*) FROM job_partial").fetchone() == (0,)
+
+
+@pytest.mark.parametrize("file", ["link", "pipe", "folder", "large", "other", "text", "replaced"])
+def test_a_wrong_part_ends_the_parts_and_not_the_job(in_shop: Open, tmp_path: Path, file: str) -> None:
+    """A child that was taken over can neither show other files nor stop its worker."""
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "000003.json").write_text('{"kind": "certificate", "checks": [], "passed": false}')
+
+    async def act(shop: Shop) -> None:
+        task = {"release": str(tmp_path / "go"), "file": file, "elsewhere": str(tmp_path / "elsewhere")}
+        job_id = (await shop.store.submit("show-parts", task)).job_id
+        for _ in range(10):  # also while the computation goes on
+            parts = await parts_of(shop, job_id, 2)
+            assert [chunk.kind for chunk in parts.chunks] == ["motion", "motion"]
+            await asyncio.sleep(0.05)
+        (tmp_path / "go").touch()
+        assert (await shop.ended(job_id)).state == "succeeded"
 
     in_shop(act)
 

@@ -9,6 +9,8 @@ from typing import Any
 
 from stridelab.errors import Fault, NotEstimable
 from stridelab.machine.cores import usable_cores
+from stridelab.schemas.jobs import PartialMotion
+from stridelab.service.kinds.partial_results import MAX_CHUNK_BYTES, PARTIAL_FOLDER, PartialWriter, chunk_name
 
 
 def add(task: dict[str, Any], _folder: Path, progress: Any) -> dict[str, Any]:
@@ -28,6 +30,36 @@ def write_outcome(task: dict[str, Any], folder: Path, progress: Any) -> dict[str
     _note(task, "end")
     artifacts = [{"name": "numbers.csv", "media_type": "text/csv"}]
     return {"summary": {"answer": 42}, "references": [], "artifacts": artifacts}
+
+
+def show_parts(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
+    """Writes parts, with ``task["file"]`` another file in place of the third one, and waits to be released."""
+    writer = PartialWriter(folder)
+    for k in range(task.get("n", 2)):
+        writer.write(PartialMotion(run=k + 1, time_s=[0.0], poses=[[(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)]]))
+    third = folder / PARTIAL_FOLDER / chunk_name(3)
+    match task.get("file"):
+        case "link":
+            third.symlink_to("/etc/hostname")
+        case "pipe":
+            os.mkfifo(third)
+        case "folder":
+            third.mkdir()
+        case "large":
+            third.write_bytes(b" " * (MAX_CHUNK_BYTES + 1))
+        case "other":
+            third.write_text('{"kind": "motion"}')
+        case "text":
+            third.write_bytes(b"\xff")
+        case "replaced":
+            (folder / PARTIAL_FOLDER).rename(folder / "old")
+            (folder / PARTIAL_FOLDER).symlink_to(task["elsewhere"])
+    if task.get("file"):
+        (folder / PARTIAL_FOLDER / chunk_name(4)).write_text('{"kind": "certificate", "checks": [], "passed": true}')
+    while not Path(task["release"]).exists():
+        progress(0.5, "waiting")
+        time.sleep(0.05)
+    return {"summary": {"answer": 42}, "references": [], "artifacts": []}
 
 
 def _note(task: dict[str, Any], word: str) -> None:

@@ -46,6 +46,7 @@ KINDS: Mapping[str, JobKind] = {
     for made in (
         kind("work", "write_outcome", lane="short"),
         kind("long-work", "write_outcome", lane="long"),
+        kind("show-parts", "show_parts", shows_parts=True),
         kind("refuse", "refuse"),
         kind("stop-half-way", "stop_half_way"),
         kind("stumble", "stumble"),

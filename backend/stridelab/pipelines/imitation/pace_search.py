@@ -12,10 +12,10 @@ from stridelab.errors import Fault, NotEstimable, StridelabError
 from stridelab.pipelines.imitation.recorded_walk import RecordedWalk
 from stridelab.pipelines.imitation.robot_walk import RobotScale, RobotWalk, mean_speed_m_s, scale_walk
 from stridelab.pipelines.plan_centroidal import Change
-from stridelab.pipelines.plan_motion import MotionResult, plan_motion, replay_motion, stage_shares
+from stridelab.pipelines.plan_motion import REPLAY, MotionResult, plan_motion, replay_motion, stage_shares
 from stridelab.pipelines.progress import ProgressCallback, Stages
 from stridelab.schemas.imitation.contract import ImitationAttempt
-from stridelab.schemas.plans import PLAN_STAGES, PlanMotionInput, PlanMotionTask
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
 from stridelab.schemas.scenarios import Scenario
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ FIRST_PACE: Final = 0.6
 SLOWEST_PACE: Final = 0.4
 PACE_STEP: Final = 0.05
 """Resolution of the pace."""
-REPLAY: Final = PLAN_STAGES[-1]
 
 
 @dataclass(frozen=True)

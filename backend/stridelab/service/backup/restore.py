@@ -28,7 +28,7 @@ from stridelab.service.samples.recording import SHIPPED_JOBS
 from stridelab.service.settings import Settings
 from stridelab.service.storage.migrate import all_revisions, engine_of, migrate, upgrade_on
 from stridelab.service.storage.publication import Publication
-from stridelab.service.storage.tables import token
+from stridelab.service.storage.tables import job_partial, token
 
 _STAGING_SCHEMA: Final = "stridelab_restore"
 _SPARE_BYTES: Final = 50_000_000
@@ -159,7 +159,11 @@ def _swap_rows(driver: Connection, *, with_tokens: bool) -> None:
     if not with_tokens:
         del tables[token.name]
     with rows.without_foreign_keys(list(tables)):
-        driver.execute(sql.SQL("TRUNCATE {}").format(sql.SQL(", ").join(map(sql.Identifier, tables))))
+        emptied = [
+            *tables,
+            job_partial.name,
+        ]  # parts of jobs that were running here belong to none of the restored ones
+        driver.execute(sql.SQL("TRUNCATE {}").format(sql.SQL(", ").join(map(sql.Identifier, emptied))))
         for name, columns in tables.items():
             listed = sql.SQL(", ").join(map(sql.Identifier, columns))
             driver.execute(

@@ -16,7 +16,7 @@ from stridelab.service.storage.database import CONNECTION_OPTIONS
 from stridelab.service.storage.migrate import libpq_address
 
 Connection = psycopg.Connection[tuple[Any, ...]]
-_OF_THE_INSTALLATION: Final = ("alembic_version", "worker")
+_OF_THE_INSTALLATION: Final = ("alembic_version", "worker", "job_partial")
 _NAMED_FILES: Final = {
     "recording": "SELECT unnest(ARRAY[blob_key, tracks_key]) FROM recording",
     "job": """

@@ -20,6 +20,7 @@ from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service import telemetry
 from stridelab.service.data_folder import DISK_FULL_ERRNOS
 from stridelab.service.jobs.attempts import AttemptStore, FinalState
+from stridelab.service.jobs.partial_results import NumberedChunk, PartialReader
 from stridelab.service.jobs.queue import DATABASE_UNAVAILABLE, Attempt
 from stridelab.service.kinds.base import JobKind, Json
 from stridelab.service.processes.pool import IsolatedPool
@@ -64,6 +65,8 @@ class AttemptRunner:
         self._kill_requested = asyncio.Event()
         self._interrupted = False
         self._latest_progress: tuple[float, str] | None = None
+        self._parts: PartialReader | None = None
+        self._unstored: list[NumberedChunk] = []
         self._progress_arrived = asyncio.Event()
         self._check_requested = asyncio.Event()
 
@@ -110,6 +113,9 @@ class AttemptRunner:
             folder = await self._retry_storage(lambda: _folder_below(root))
             with telemetry.start_span("stage"):
                 task = await self._stage_with_retries(engine, folder)
+            if self._kind.shows_parts:
+                with explain_full_disk():
+                    self._parts = PartialReader(folder)
             with telemetry.start_span("compute") as computing:
                 outcome = await pool.run(
                     self._kind.run,
@@ -143,6 +149,9 @@ class AttemptRunner:
             }
             return await self._end_unsuccessful("failed", problem, log_tail)
         finally:
+            parts, self._parts = self._parts, None
+            if parts is not None:
+                parts.close()
             if folder is not None:
                 await asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True)
 
@@ -248,8 +257,11 @@ class AttemptRunner:
             self._progress_arrived.clear()
             if self._latest_progress is not None:
                 with contextlib.suppress(*DATABASE_UNAVAILABLE):  # a lost progress report is replaced by the next one
-                    if not await self._attempts.report_progress(self._attempt, *self._latest_progress):
+                    if self._parts is not None:
+                        self._unstored += self._parts.read_new()
+                    if not await self._attempts.report_progress(self._attempt, *self._latest_progress, self._unstored):
                         self._kill_requested.set()
+                    self._unstored = []
             await asyncio.sleep(PROGRESS_S)
 
     async def _watch_cancellation(self) -> None:

@@ -5,13 +5,14 @@ A claim (``jobs.queue``) increments ``attempt``; every later write has the condi
 publishes nothing.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Literal
 
 from sqlalchemy import ColumnElement, Update, func, select, text, update
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
+from stridelab.service.jobs.partial_results import NumberedChunk, delete_chunks, insert_chunks
 from stridelab.service.jobs.queue import Attempt
 from stridelab.service.jobs.store import emit_event
 from stridelab.service.kinds.base import JobKind, Json
@@ -41,15 +42,20 @@ class AttemptStore:
     def __init__(self, engine: AsyncEngine, kinds: Mapping[str, JobKind], *, max_attempts: int = 3) -> None:
         self._engine, self._kinds, self._max_attempts = engine, kinds, max_attempts
 
-    async def report_progress(self, attempt: Attempt, fraction: float, message: str) -> bool:
-        """Write progress; False if the attempt should stop (cancelled, or superseded by another attempt)."""
+    async def report_progress(
+        self, attempt: Attempt, fraction: float, message: str, chunks: Sequence[NumberedChunk] = ()
+    ) -> bool:
+        """Write progress and new parts; False if the attempt should stop (cancelled, or superseded by another)."""
         async with self._engine.begin() as connection:
             change = (
                 _fenced_update(attempt)
                 .where(~job.c.cancel_requested)
                 .values(fraction=fraction, message=without_nul_characters(message))
             )
-            return await _apply_change(connection, attempt, change)
+            if not await _apply_change(connection, attempt, change):
+                return False
+            await insert_chunks(connection, attempt.job_id, attempt.number, chunks)
+            return True
 
     async def should_stop(self, attempt: Attempt) -> bool:
         """Whether the attempt is cancelled or superseded by another attempt."""
@@ -92,6 +98,7 @@ class AttemptStore:
                 blob_prefix=attempt.blob_prefix,
                 log_tail=without_nul_characters(log_tail),
             )
+            await delete_chunks(connection, attempt.job_id)
             return await _apply_change(connection, attempt, change)
 
     async def end_attempt(
@@ -126,6 +133,7 @@ class AttemptStore:
                 finished_at=func.now(),
                 log_tail=without_nul_characters(log_tail),
             )
+            await delete_chunks(connection, attempt.job_id)
             return await _apply_change(connection, attempt, change)
 
     async def hand_back(self, attempt: Attempt, *, counts: bool = False) -> bool:
@@ -139,7 +147,10 @@ class AttemptStore:
                 returned=job.c.returned + (0 if counts else 1),
                 message="its process was killed; waiting again" if counts else "waiting again",
             )
-            return await _apply_change(connection, attempt, change)
+            if not await _apply_change(connection, attempt, change):
+                return False
+            await delete_chunks(connection, attempt.job_id)
+            return True
 
     async def requeue_lost(self, silent_s: float | None) -> list[str]:
         """Queue lost jobs again; returns their ids.
@@ -156,6 +167,7 @@ class AttemptStore:
             for row in rows:
                 change = update(job).where(job.c.id == row["id"])
                 await connection.execute(change.values(**self._values_of_lost_job(row)))
+                await delete_chunks(connection, row["id"])
                 await emit_event(connection, row["id"])
         return [row["id"] for row in rows]
 

@@ -9,6 +9,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service.auth import audit
+from stridelab.service.jobs.partial_results import delete_stale_chunks
 from stridelab.service.kinds.read_batch import kind as read_batch
 from stridelab.service.samples.recording import SHIPPED_JOBS
 from stridelab.service.settings import Settings
@@ -38,6 +39,7 @@ async def remove_expired(engine: AsyncEngine, blobs: BlobStore, limits: Settings
             await remove_orphans(connection, blobs)
             await content_addressed.remove_unused(connection, blobs, ORPHAN_AGE)
             await remove_dead_workers(connection, _WORKER_AGE)
+            await delete_stale_chunks(connection)
         finally:
             await connection.rollback()
             await connection.execute(select(func.pg_advisory_unlock_all()))

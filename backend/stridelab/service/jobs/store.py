@@ -19,9 +19,10 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.errors import Busy, Conflict, Fault, InvalidInput, NotFound
-from stridelab.schemas.jobs import FINAL_STATES, Artifact, JobEvent, JobResult, JobState, Progress
+from stridelab.schemas.jobs import FINAL_STATES, Artifact, JobEvent, JobResult, JobState, PartialResults, Progress
 from stridelab.service import telemetry
 from stridelab.service.cursors import decode_cursor, encode_cursor
+from stridelab.service.jobs.partial_results import decode_partial_cursor, read_chunks
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.storage import locks
 from stridelab.service.storage.database import autocommit_engine
@@ -168,7 +169,7 @@ class JobStore:
         async with self._autocommit_engine.connect() as connection:
             row = (await connection.execute(_JOB_BY_ID, {"job_id": job_id})).mappings().one_or_none()
         if row is None:
-            raise NotFound("job-not-found", f"There is no job {job_id}; its retention time may have expired.")
+            raise _unknown_job(job_id)
         return _job_record(row)
 
     async def list_jobs(
@@ -231,6 +232,22 @@ class JobStore:
             JobEvent.from_object(row, progress=Progress(fraction=row.fraction, message=row.message)) for row in rows
         )
 
+    async def partial_results(self, job_id: str, cursor: str | None) -> PartialResults:
+        """Parts of the result of a running job that follow ``cursor``; none unless it runs.
+
+        Raises ``NotFound`` (``job-not-found``), ``InvalidInput`` (``invalid-cursor``).
+        """
+        attempt, after = decode_partial_cursor(cursor)
+        async with self._autocommit_engine.connect() as connection:
+            wanted = select(job.c.state, job.c.attempt).where(job.c.id == job_id)
+            row = (await connection.execute(wanted)).one_or_none()
+            if row is None:
+                raise _unknown_job(job_id)
+            after = after if attempt == row.attempt else 0
+            chunks, last = await read_chunks(connection, job_id, row.attempt, after)
+        cursor = f"{row.attempt}.{last}"
+        return PartialResults(job_id=job_id, state=row.state, attempt=row.attempt, chunks=chunks, next=cursor)
+
     async def result(self, job_id: str) -> JobResult:
         """The result of a succeeded job.
 
@@ -291,6 +308,10 @@ def input_hash(kind: str, input: Mapping[str, Any]) -> str:  # noqa: A002 (the c
     """SHA-256 of a job's kind and input, independent of the order of keys."""
     canonical = json.dumps([kind, input], sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def _unknown_job(job_id: str) -> NotFound:
+    return NotFound("job-not-found", f"There is no job {job_id}; its retention time may have expired.")
 
 
 def _unknown_reference(error: IntegrityError, recording_id: str | None, scenario_id: str | None) -> NotFound:

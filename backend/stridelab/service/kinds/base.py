@@ -96,7 +96,8 @@ class JobKind:
     ``folder``. Limits of ``None`` are those of the settings. A kind that is not ``offered`` has no API call of its own;
     another call submits it. ``own_files`` maps a job's input to the key prefix of files that only this job needs: they
     are removed when it has ended. ``sandbox`` restricts the child; None, for a kind that reads no uploaded files, is
-    unrestricted. A kind that ``spans_nodes`` may connect to the scheduler of ``STRIDELAB_DASK_URL``.
+    unrestricted. A kind that ``spans_nodes`` may connect to the scheduler of ``STRIDELAB_DASK_URL``; one
+    that ``shows_parts`` writes parts of its result while it is computed (``partial_results``).
     """
 
     name: str
@@ -115,6 +116,7 @@ class JobKind:
     own_files: Callable[[Mapping[str, Any]], str] | None = None
     sandbox: "Sandbox | None" = field(default_factory=_strict)
     spans_nodes: bool = False
+    shows_parts: bool = False
 
     def __post_init__(self) -> None:
         own = f"stridelab.service.kinds.{self.name.replace('-', '_')}.run:run"

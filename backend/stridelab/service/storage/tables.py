@@ -183,6 +183,16 @@ job_event = Table(
     Index("job_event_age", "at"),
 )
 
+job_partial = Table(
+    "job_partial",
+    metadata,
+    Column("job_id", Text, ForeignKey("job.id", ondelete="CASCADE"), primary_key=True),
+    Column("attempt", Integer, primary_key=True, comment="fencing token"),
+    Column("number", Integer, primary_key=True, comment="from 1 within the attempt"),
+    Column("body", Text, nullable=False, comment="PartialChunk"),
+    prefixes=["UNLOGGED"],  # parts of running jobs: a crash of the database ends their attempts, too
+)
+
 token = Table(
     "token",
     metadata,

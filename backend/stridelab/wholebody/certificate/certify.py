@@ -9,7 +9,7 @@ Two limits measure the agreement between the planning stages:
   the CoM there.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -48,30 +48,45 @@ def certify(
     plan: CentroidalPlan,
     proxies: Mapping[str, Proxy],
     motion: WholeBodyMotion,
+    watch: Callable[[Check], None] | None = None,
 ) -> Certificate:
-    """Check ``motion`` of ``robot`` over ``sequence`` against ``plan``; collisions are checked every 40 ms."""
+    """Check ``motion`` of ``robot`` over ``sequence`` against ``plan``; collisions are checked every 40 ms.
+
+    ``watch`` receives every check as soon as it is computed.
+    """
+    checks = []
+    for check in _all_checks(robot, sequence, plan, proxies, motion):
+        checks.append(check)
+        if watch is not None:
+            watch(check)
+    return Certificate(tuple(checks))
+
+
+def _all_checks(
+    robot: Robot,
+    sequence: ContactSequence,
+    plan: CentroidalPlan,
+    proxies: Mapping[str, Proxy],
+    motion: WholeBodyMotion,
+) -> Iterator[Check]:
+    """The checks of the certificate, computed one after the other."""
     recomputed = recompute_dynamics(robot, sequence, motion)
     worst = WorstValues(motion.time_s, recomputed.phase)
     samples, at_times = thin_samples(motion.time_s, recomputed.phase, max(1, round(COLLISION_STEP_S * motion.rate_hz)))
-    return Certificate(
-        (
-            _solver_failures(motion),
-            _com_error(plan, motion, recomputed, worst),
-            *touch_downs(robot, sequence, motion, recomputed, worst),
-            *_joint_limits(robot, motion, worst),
-            *hand_loads(robot, sequence, motion, samples, at_times),
-            _friction_margin(sequence, motion, recomputed, worst),
-            worst.at_most("dynamics_residual", recomputed.newton_euler[:, None], "N", DYNAMICS_RESIDUAL_N, [""]),
-            worst.at_most(
-                "torque_residual", np.abs(recomputed.torque_gap_nm), "N m", DYNAMICS_RESIDUAL_N, robot.joint_names
-            ),
-            worst.at_most("integration_gap", recomputed.integration_gap[:, None], "m", INTEGRATION_GAP, [""]),
-            self_collision(robot, motion.q[samples], at_times),
-            *terrain_distances(robot, sequence, motion.q[samples], at_times),
-            *_reachability_margin(sequence, proxies, recomputed, worst),
-            _momentum_mismatch(robot, plan, motion, recomputed, worst),
-        )
-    )
+    yield _solver_failures(motion)
+    yield _com_error(plan, motion, recomputed, worst)
+    yield from touch_downs(robot, sequence, motion, recomputed, worst)
+    yield from _joint_limits(robot, motion, worst)
+    yield from hand_loads(robot, sequence, motion, samples, at_times)
+    yield _friction_margin(sequence, motion, recomputed, worst)
+    yield worst.at_most("dynamics_residual", recomputed.newton_euler[:, None], "N", DYNAMICS_RESIDUAL_N, [""])
+    torque_gap_nm = np.abs(recomputed.torque_gap_nm)
+    yield worst.at_most("torque_residual", torque_gap_nm, "N m", DYNAMICS_RESIDUAL_N, robot.joint_names)
+    yield worst.at_most("integration_gap", recomputed.integration_gap[:, None], "m", INTEGRATION_GAP, [""])
+    yield self_collision(robot, motion.q[samples], at_times)
+    yield from terrain_distances(robot, sequence, motion.q[samples], at_times)
+    yield from _reachability_margin(sequence, proxies, recomputed, worst)
+    yield _momentum_mismatch(robot, plan, motion, recomputed, worst)
 
 
 def _solver_failures(motion: WholeBodyMotion) -> Check:

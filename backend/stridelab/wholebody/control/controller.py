@@ -18,12 +18,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from jaxtyping import Float
 
 from stridelab.centroidal.plan import CentroidalPlan, Reference
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.sequence_swings import swing_of
 from stridelab.contacts.swing import SwingCurve
-from stridelab.conventions import Points, Progress, Vector3
+from stridelab.conventions import Points, Progress, Series, Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.robots.inverse_kinematics import stand
@@ -34,11 +35,13 @@ from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.rigid_body import RigidBody
 from stridelab.wholebody.control.task_stack import PhaseHierarchy, SampleTargets, Settings
 from stridelab.wholebody.control.tasks import Heading
-from stridelab.wholebody.motion import LEVELS, SolverFailure, WholeBodyMotion, WholeBodyStopped
+from stridelab.wholebody.motion import LEVELS, MotionWatcher, SolverFailure, WholeBodyMotion, WholeBodyStopped
 
 _CENTROIDAL = ("com_m", "com_v_m_s", "l_nms", "com_reference_m", "com_v_reference_m_s", "l_reference_nms")
 _MAX_SPEED_RAD_S = 30.0
 _MAX_COM_ERROR_M = 0.3
+_REPORT_SAMPLES = 25
+"""Progress and new samples are reported after this many samples."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +54,14 @@ class WholeBodyController:
     failures_in_all: int = 20
 
     def run(
-        self, robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, progress: Progress | None = None
+        self,
+        robot: Robot,
+        sequence: ContactSequence,
+        plan: CentroidalPlan,
+        progress: Progress | None = None,
+        watch: MotionWatcher | None = None,
     ) -> WholeBodyMotion:
-        """Follow ``plan`` over ``sequence``; deterministic.
+        """Follow ``plan`` over ``sequence``; deterministic. ``watch`` receives the samples as they are solved.
 
         Raises ``InvalidInput`` (``sample-time``) if the sequence is shorter than a sample, ``NotEstimable``
         (``stance-unreachable``) if no posture stands on the first contacts, and ``WholeBodyStopped`` with time, phase,
@@ -64,8 +72,10 @@ class WholeBodyController:
         n = len(run.times)
         for i in range(n):
             run.run_sample(i)
-            if progress is not None and i % 25 == 0:
+            if progress is not None and i % _REPORT_SAMPLES == 0:
                 progress(i / n, f"whole body at {run.times[i]:.1f} s of {sequence.duration_s:.1f} s")
+            if watch is not None and (i % _REPORT_SAMPLES == 0 or i == n - 1):
+                watch(*run.samples_until(i + 1))
         return run.recorded_motion(time.process_time() - started)
 
 
@@ -104,6 +114,7 @@ class _ControllerRun:
         widths = {"q": robot.model.nq, "v": nv, "a": nv, "tau_nm": nv - 6, **dict.fromkeys(_CENTROIDAL, 3)}
         self._record = {name: np.zeros((n, width)) for name, width in widths.items()}
         self._forces = {name: np.zeros((n, len(points), 3)) for name, points in self._points.items()}
+        self._reported = 0
 
     def run_sample(self, i: int) -> None:
         """Solve sample ``i``, store it, integrate to the next one."""
@@ -141,6 +152,11 @@ class _ControllerRun:
         a = self._last.a
         self._q = pin.integrate(body.model, self._q, dt * self._v + 0.5 * dt**2 * a)
         self._v = self._v + dt * a
+
+    def samples_until(self, n: int) -> tuple[Series, Float[np.ndarray, "k nq"]]:
+        """Times and postures of the first ``n`` samples, without those that an earlier call has returned."""
+        new, self._reported = slice(self._reported, n), n
+        return self.times[new], self._record["q"][new]
 
     def recorded_motion(self, solve_time_s: float, n: int | None = None) -> WholeBodyMotion:
         """The recorded motion, or its first ``n`` samples."""

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.contacts.swing import HAND_RETREAT_M
-from stridelab.conventions import Vector3
+from stridelab.conventions import Series, Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.effector_contact import OwnSurfaces
 from stridelab.wholebody.replay.simulation import Simulation
@@ -196,6 +196,10 @@ class ReplayLog:
         for contact in simulation.body_contacts:
             first, second = (built.link.get(geom) or built.surface.get(geom, "") for geom in contact[:2])
             self._record_collision(first, second, time_s, contact.force_n)
+
+    def samples_from(self, start: int) -> tuple[Series, Float[np.ndarray, "k nq"]]:
+        """Times and postures of the samples from ``start`` on; there has to be one."""
+        return np.array(self._time_s[start:]), np.array(self._q[start:])
 
     def record_sample(
         self,

@@ -10,7 +10,7 @@ from typing import Final
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Progress
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.motion import MotionWatcher, WholeBodyMotion
 from stridelab.wholebody.replay.disturbances import UNDISTURBED, Disturbances
 from stridelab.wholebody.replay.log import Replay
 from stridelab.wholebody.replay.replay_control import ReplayControl
@@ -20,6 +20,7 @@ from stridelab.wholebody.replay.stepper import ReplayStepper
 __all__ = ["PhysicsReplay", "Replay", "replay_with_defaults"]
 
 PROGRESS_INTERVAL: Final = 100
+"""Progress and new samples are reported after this many samples."""
 
 
 class PhysicsReplay(ReplayControl):
@@ -33,18 +34,25 @@ class PhysicsReplay(ReplayControl):
         progress: Progress,
         observe: StateObserver = as_sensed,
         disturbances: Disturbances = UNDISTURBED,
+        watch: MotionWatcher | None = None,
     ) -> Replay:
         """Replay ``motion`` with the given disturbances and hold its last posture.
+
+        ``watch`` receives the samples as they are simulated.
 
         Raises ``InvalidInput``: ``replay-rate`` for a rate that the simulator's time step does not divide,
         ``link-not-found`` for a push on a link that the robot lacks.
         """
         started = time.perf_counter()
         stepper = ReplayStepper(self, robot, sequence, motion, observe, disturbances)
+        watched = 0
         while not stepper.has_ended:
             i = stepper.advance()
             if i % PROGRESS_INTERVAL == 0:
                 progress(i / len(motion.time_s), f"replay: {motion.time_s[i]:.1f} of {motion.time_s[-1]:.1f} s")
+            if watch is not None and (stepper.samples - watched >= PROGRESS_INTERVAL or stepper.has_ended):
+                watch(*stepper.log.samples_from(watched))
+                watched = stepper.samples
         return stepper.to_replay(time.perf_counter() - started)
 
 

@@ -157,13 +157,9 @@ async def sweep_of(client: AsyncClient, job_id: str, result: JobResult) -> dict[
     summary = SweepSummary.model_validate(result.summary)
     content = await client.read_artifact(job_id, TABLE)
     charts, borders = await run_in_threadpool(lambda: _draw_sweep(summary, content))
-    left = {"rejected before solving": summary.refused, "no motion found": summary.infeasible}
-    left |= {"could not be planned": summary.failed} if summary.failed else {}
     return {
         "summary": summary,
-        "counts": f"Scenarios with a motion: {summary.feasible} of {summary.points}; "
-        + ", ".join(f"{outcome}: {number}" for outcome, number in left.items())
-        + ".",
+        "headline": sweep_headline(summary),
         "present": ", ".join(
             f"{axis.field} {plain_number(axis.present)} {axis.unit}".rstrip() for axis in summary.axes
         ),
@@ -171,6 +167,20 @@ async def sweep_of(client: AsyncClient, job_id: str, result: JobResult) -> dict[
         "borders": borders,
         "legend": LEGEND,
     }
+
+
+def sweep_headline(summary: SweepSummary) -> str:
+    """In how many scenarios there is a motion, of what, and what became of the others."""
+    who = (
+        "The robot has a certified motion" if summary.scope == "whole body" else "The centre of mass alone has a motion"
+    )
+    left = {
+        "rejected before solving": summary.refused,
+        "without a motion": summary.infeasible,
+        "not planned": summary.failed,
+    }
+    others = ", ".join(f"{number} {outcome}" for outcome, number in left.items() if number)
+    return f"{who} in {summary.feasible} of {summary.points} scenarios{f'; {others}' if others else ''}."
 
 
 def _draw_sweep(summary: SweepSummary, content: bytes) -> tuple[Any, Any]:

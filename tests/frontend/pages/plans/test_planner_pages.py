@@ -248,6 +248,13 @@ def test_a_failed_plan_says_its_stage_and_a_running_one_goes_on_to_the_viewer(
     running = fake.add_job("plan-motion", "running")
     assert f'data-then="/view/?plan={running.id}&amp;play=1"' in browse(f"/plans/{running.id}?watch=1").text
     assert "data-then" not in browse(f"/plans/{running.id}").text
+    assert "Watch it being computed" not in browse(f"/plans/{running.id}").text  # of no stored scenario
+    stored = fake.add_job("plan-motion", "running", scenario_id="six-stairs")
+    assert re.search(
+        rf'href="/view/\?plan={stored.id}"[^>]*>Watch it being computed', browse(f"/plans/{stored.id}").text
+    )
+    ended = fake.add_job("plan-motion", "cancelled", scenario_id="six-stairs")
+    assert "Watch it being computed" not in browse(f"/plans/{ended.id}").text
 
 
 def test_jobs_and_plans_lead_to_each_other(fake: FakeService, browse: Browse) -> None:

@@ -7,15 +7,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from stridelab.schemas.sweeps import SweepAxis, SweepSummary
-from stridelab_web.pages.results.sweep import MAX_MAPS, SweepGrid
+from stridelab_web.pages.results.sweep import MAX_MAPS, SweepGrid, sweep_headline
 
 STRIDE = SweepAxis(field="stride", unit="m", values=[0.5, 1.0, 1.5], present=0.9)
 FRICTION = SweepAxis(field="friction", unit="", values=[0.2, 0.4], present=0.3)
 OUTCOMES = ["feasible", "feasible", "infeasible", "feasible", "refused", "refused"]
 
 
-def swept(*axes: SweepAxis, outcomes: list[str]) -> SweepGrid:
-    summary = SweepSummary(
+def summary_of(*axes: SweepAxis, outcomes: list[str]) -> SweepSummary:
+    return SweepSummary(
         scenario_name="Steps",
         robot="talos",
         axes=list(axes),
@@ -30,6 +30,10 @@ def swept(*axes: SweepAxis, outcomes: list[str]) -> SweepGrid:
         processes=2,
         warnings=[],
     )
+
+
+def swept(*axes: SweepAxis, outcomes: list[str]) -> SweepGrid:
+    summary = summary_of(*axes, outcomes=outcomes)
     costs = [1.5 if outcome == "feasible" else float("nan") for outcome in outcomes]
     why = ["" if outcome == "feasible" else f"<{outcome}>" for outcome in outcomes]
     file = io.BytesIO()
@@ -76,3 +80,13 @@ def test_one_value_alone_is_a_cell() -> None:
     alone = SweepAxis(field="friction", unit="", values=[0.3], present=0.3)
     ((_, chart),) = swept(STRIDE, alone, outcomes=["feasible", "feasible", "failed"]).draw_charts()
     assert len(chart.bands) == 3
+
+
+def test_the_headline_says_what_has_a_motion() -> None:
+    """A motion of the centre of mass is not called one of the robot."""
+    summary = summary_of(STRIDE, outcomes=["feasible", "infeasible", "refused"])
+    assert sweep_headline(summary) == (
+        "The centre of mass alone has a motion in 1 of 3 scenarios; 1 rejected before solving, 1 without a motion."
+    )
+    whole = summary.model_copy(update={"scope": "whole body", "refused": 0, "infeasible": 0, "feasible": 3})
+    assert sweep_headline(whole) == "The robot has a certified motion in 3 of 3 scenarios."

@@ -41,7 +41,7 @@ MOTION_FILES = {
 }
 REPLAY_FILES = {"replay.npz", "replay.parquet", "replay.csv", "replay_poses.f32", "replay_forces.f32"}
 ALL_FILES = CENTROIDAL_FILES | MOTION_FILES | REPLAY_FILES | {"certificate.json"}
-STAGES = ["check", "reachability", "centroidal", "whole body", "certificate", "export", "replay"]
+STAGES = ["check", "reachability", "centroidal", "whole body", "certificate", "replay", "export"]
 
 
 def test_the_files_are_those_of_the_contract(walked: Planned) -> None:

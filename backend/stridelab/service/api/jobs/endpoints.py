@@ -4,11 +4,11 @@ from typing import Annotated, Any, Final
 
 import structlog
 from fastapi import APIRouter, Header, Query
-from starlette.responses import StreamingResponse
+from starlette.responses import Response, StreamingResponse
 
 from stridelab.errors import NotFound
 from stridelab.schemas.base import Page
-from stridelab.schemas.jobs import Job, JobResult, JobState
+from stridelab.schemas.jobs import Job, JobResult, JobState, PartialResults
 from stridelab.service.api.dependencies import AppParts, CallerOf, Parts, require_id_form
 from stridelab.service.api.downloads import OCTETS, send_blob
 from stridelab.service.api.jobs import bundle, delete, events
@@ -128,6 +128,23 @@ async def job_events(
     """Server-sent events, from the first one or from the one after `Last-Event-ID`, until the job has finished."""
     await _job_record(parts, job_id)
     return events.stream_events(parts, job_id, events.resume_from(last_event_id))
+
+
+@router.get("/{job_id}/partial", summary="Parts of the result of a running job", responses=_UNKNOWN)
+async def get_partial(
+    response: Response,
+    parts: AppParts,
+    job_id: str,
+    after: Annotated[
+        str | None, Query(max_length=25, description="`next` of an earlier response; null reads from the first part")
+    ] = None,
+) -> PartialResults:
+    """What a running job has computed so far, for a first look: parts are no result and may be replaced by it.
+
+    Only `plan-motion` has parts. Progress events announce new ones. A queued or finished job has none.
+    """
+    response.headers["Cache-Control"] = "no-store"
+    return await parts.store.partial_results(require_id_form(job_id, "job"), after)
 
 
 @router.get("/{job_id}/result", summary="Result of a job", responses=_NO_RESULT)

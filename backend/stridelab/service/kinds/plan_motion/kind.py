@@ -32,4 +32,5 @@ KIND = JobKind(
     memory_mb=4096,
     lane="long",
     sandbox=FILMING,
+    shows_parts=True,
 )

@@ -1,8 +1,8 @@
 """``plan-motion``: plans, certifies and replays a whole-body motion for a scenario (chapter 4).
 
-    Scenario -> MotionResult -> artifacts -> Replay
+    Scenario -> MotionResult -> Replay -> artifacts
 
-The replay takes longest and comes last, so that the other results are available before it.
+All stages but the last write what they have computed as parts (``partial_plan``), which a page shows at once.
 """
 
 from pathlib import Path
@@ -12,7 +12,9 @@ from stridelab.pipelines.plan_problem import with_planned_durations
 from stridelab.pipelines.progress import ProgressCallback, Stages
 from stridelab.schemas.plans import PlanMotionTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
+from stridelab.service.kinds.partial_results import PartialWriter
 from stridelab.service.kinds.plan_motion.files import write_json, write_motion, write_plan, write_replay
+from stridelab.service.kinds.plan_motion.partial_plan import PartialPlanWriter
 from stridelab.service.kinds.plan_motion.video import require_film
 
 
@@ -25,9 +27,15 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     request = task.input
     require_film(request.film)
     stages = Stages(progress, stage_shares(request))
-    result = plan_motion(task, stages)
+    parts = PartialPlanWriter(PartialWriter(folder))
+    result = plan_motion(task, stages, watcher=parts)
     motion, certificate, stopped = result.motion, result.certificate, result.stopped
     artifacts: list[ArtifactFile] = []
+    replay = None
+    if request.replay and certificate is not None and motion is not None:
+        with stages.run_stage(REPLAY, f"0.0 of {result.plan.sequence.duration_s:.1f} s") as tell:
+            replay = replay_motion(result, motion, tell, parts)
+            parts.flush_replay()
     with stages.run_stage(EXPORT, "writing the plan") as tell:
         if certificate is not None:
             artifacts.append(write_json(folder, "certificate.json", certificate))
@@ -35,11 +43,8 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         artifacts += [*write_plan(folder, result.plan), write_json(folder, "scenario.json", scenario)]
         if motion is not None:
             artifacts += write_motion(folder, result.robot, motion, request.film, tell)
-    replay = None
-    if request.replay and certificate is not None and motion is not None:
-        with stages.run_stage(REPLAY, f"0.0 of {result.plan.sequence.duration_s:.1f} s") as tell:
-            replay = replay_motion(result, motion, tell)
-            artifacts += write_replay(folder, result.robot, motion, replay)
+            if replay is not None:
+                artifacts += write_replay(folder, result.robot, motion, replay)
     summary = result.summary(replay, stages).model_dump(mode="json")
     progress(1.0, "done" if stopped is None else f"stopped at {stopped.time_s:.2f} s")
     return Outcome(summary, result.citation_keys, tuple(artifacts), stopped)

@@ -28,7 +28,7 @@ const DIRECTIONS = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], Arr
 
 const root = document.querySelector("[data-editor]");
 const part = (name) => root.querySelector(`[data-${name}]`);
-const [status, undo, redo] = ["said", "undo", "redo"].map(part);
+const [status, undo, redo, certificate] = ["said", "undo", "redo", "plan-certificate"].map(part);
 const id = root.dataset.scenario,
   isReadOnly = root.dataset.own !== "true"; // the first edit is stored as a copy, which is opened
 const store = new ScenarioStore(id, isReadOnly);
@@ -72,16 +72,23 @@ const touchOf = (number) => touches.find((touch) => touch.number === number);
 start().catch((error) => showFailure(part("stage"), error));
 const playback = new PlanPlayback({
   isAvailable: () => preview.started.then(() => preview.isAvailable),
-  show: (phase, com_m) => {
+  show: (instant) => {
     if (!sceneView.isReady || validation.phases.length === 0) return;
-    root.dataset.playing = String(com_m !== null);
-    validation.showInstant(phase, com_m);
+    root.dataset.playing = !instant ? "false" : instant.ghost ? "replay" : instant.poses ? "body" : "path";
+    validation.showInstant(instant);
   },
   report: (text) => setStatus(text, false),
+  reportCertificate: (text, passed) => {
+    certificate.textContent = text;
+    certificate.className = `outcome${passed === null ? "" : ` outcome-${passed ? "passed" : "failed"}`}`;
+    certificate.hidden = !text;
+  },
 });
 const followPlan = bindPlanButton(root, id, {
   before: flushPending,
   onRun: () => playback.start(store.scenario),
+  onJob: (jobId) => playback.follow(jobId),
+  onProgress: () => playback.onEvent(),
   onEnd: () => playback.stop(),
 });
 bindContactsButton(root, id, flushPending);
@@ -126,7 +133,7 @@ function chooseContact(number, inUrl = true) {
 }
 
 function choosePhase(k) {
-  if (validation.movingCom) playback.stop();
+  if (validation.instant) playback.stop();
   validation.choosePhase(k);
   rememberInUrl("phase", k);
 }
@@ -153,7 +160,7 @@ function render() {
 
 // Shows the stored scenario with `edit` applied, without storing it.
 function propose(edit, options = {}) {
-  if (validation.movingCom) playback.stop();
+  if (validation.instant) playback.stop();
   draft = { scenario: edit(store.scenario), ...options };
   render();
 }

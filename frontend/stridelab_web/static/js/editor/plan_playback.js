@@ -1,54 +1,152 @@
-// While a plan is computed, the centre of mass moves along its path, which is solved in milliseconds, and the body takes the
-// posture of each phase. The motion of the body between the postures is what the plan computes.
+// While a plan is computed: first its centre of mass moves along its path, which is solved in milliseconds, and the body takes
+// the posture of each phase; then the body moves as far as it is solved; then its replay in physics runs beside it as a ghost.
 import { call } from "../shared/api.js";
 import { comAt } from "./live_preview.js";
+import { PartialPlan, PartialReader, posesAt } from "./partial_plan.js";
 import { phaseEndTimes } from "./phase_edits.js";
 
-const SHARE = 1 / 3; // of the time that drawing may take: without a graphics card it slows the plan down
+const SHARE = 1 / 4; // of the time that drawing may take where it is slow: without a graphics card it slows the plan down
+const QUICK_MS = 50; // two pictures that are drawn within this time are followed by the next one at once
+const PAUSE_MS = 1000; // at the end of the motion, before it is played again
 
 export class PlanPlayback {
-  // `isAvailable()` resolves to whether the service can plan at once; `show(phase, com_m)` draws an instant, with null the end
-  // of the playback; `report(text)` shows a sentence.
-  constructor({ isAvailable, show, report }) {
+  // `isAvailable()` resolves to whether the service can plan at once; `show(instant)` draws an instant ({ phase, com_m, poses,
+  // ghost }, the last two null before they are there), with null the end of the playback; `report(text)` shows a sentence,
+  // `reportCertificate(text, passed)` one about the certificate.
+  constructor({ isAvailable, show, report, reportCertificate }) {
     this.isAvailable = isAvailable;
     this.show = show;
     this.report = report;
+    this.reportCertificate = reportCertificate;
     this.turn = 0;
+    this.plan = new PartialPlan();
+    this.reader = null;
+    this.motion = null;
+    /** @type {number[]} */
+    this.ends_s = [];
+    this.isPlaying = this.isStill = false;
+    this.clock = new PlaybackClock();
   }
 
-  // Plays the scenario once, or until `stop`; with reduced motion, only the path is shown.
+  // Plays the scenario until `stop`; with reduced motion, it shows only the latest posture of the body.
   async start(scenario) {
     this.stop();
     const turn = this.turn;
+    this.ends_s = phaseEndTimes(scenario);
+    this.isStill = matchMedia("(prefers-reduced-motion: reduce)").matches;
     if (!(await this.isAvailable())) return;
     const preview = await call("POST", "/plans/preview", { scenario }).catch((error) => error);
     if (turn !== this.turn) return;
     if (preview instanceof Error || !preview.motion.converged) return; // the job says why
-    const { motion } = preview;
-    if (matchMedia("(prefers-reduced-motion: reduce)").matches) return;
+    this.motion = preview.motion;
+    if (this.plan.motion.time_s.length) return;
     this.report(
-      `The centre of mass moves as planned, solved in ${(1e3 * motion.solve_time_s).toFixed(0)} ms; the body takes the ` +
-        "posture of each phase. Its motion is being computed.",
+      `The centre of mass moves as planned, solved in ${(1e3 * preview.motion.solve_time_s).toFixed(0)} ms; the body takes ` +
+        "the posture of each phase. Its motion is being computed.",
     );
-    const ends_s = phaseEndTimes(scenario),
-      began_ms = performance.now();
-    const play = () => {
+    this.play();
+  }
+
+  // Shows the parts of a running job; `onEvent` is to be called at each of its events.
+  follow(jobId) {
+    const turn = this.turn;
+    this.plan = new PartialPlan();
+    this.reader = new PartialReader(jobId, this.plan, () => {
+      if (turn === this.turn) this.onParts();
+    });
+  }
+
+  onEvent() {
+    this.reader?.request();
+  }
+
+  onParts() {
+    const { plan } = this;
+    this.reportCertificate(plan.certificateText, plan.passed);
+    if (!plan.motion.time_s.length) return;
+    if (plan.replay.time_s.length) this.report("The replay in physics is the blue figure, beside the planned motion.");
+    else this.report("The body moves as far as it is solved.");
+    this.play();
+  }
+
+  play() {
+    if (this.isPlaying) return;
+    this.isPlaying = true;
+    const turn = this.turn;
+    const step = () => {
       if (turn !== this.turn) return;
-      const t_s = Math.min((performance.now() - began_ms) / 1000, ends_s[ends_s.length - 1] - 1e-3),
-        drawn_ms = performance.now();
-      this.show(
-        ends_s.findIndex((end_s) => t_s < end_s),
-        comAt(motion, t_s),
+      const drawn_ms = performance.now();
+      this.draw(drawn_ms);
+      if (this.isStill && !this.plan.motion.time_s.length) {
+        this.isPlaying = false;
+        return;
+      }
+      // The second frame from here begins after the picture has been drawn, in another process.
+      requestAnimationFrame(() =>
+        requestAnimationFrame(() => {
+          const took_ms = performance.now() - drawn_ms;
+          setTimeout(step, took_ms < QUICK_MS ? 0 : took_ms * (1 / SHARE - 1));
+        }),
       );
-      if (t_s < ends_s[ends_s.length - 1] - 1e-3)
-        requestAnimationFrame(() => setTimeout(play, (performance.now() - drawn_ms) * (1 / SHARE - 1)));
     };
-    play();
+    step();
+  }
+
+  draw(now_ms) {
+    const { plan, motion } = this;
+    const ends_s = plan.phaseEnds_s.length ? plan.phaseEnds_s : this.ends_s,
+      duration_s = ends_s[ends_s.length - 1];
+    const t_s = this.isStill ? (plan.motion.time_s.at(-1) ?? 0) : this.clock.advance(now_ms, plan, duration_s);
+    const phase = ends_s.findIndex((end_s) => t_s < end_s);
+    this.show({
+      phase: phase < 0 ? ends_s.length - 1 : phase,
+      com_m: motion ? comAt(motion, t_s) : null,
+      poses: posesAt(plan.motion, t_s),
+      ghost: plan.replay.time_s.length ? posesAt(plan.replay, t_s) : null,
+    });
   }
 
   stop() {
     this.turn += 1;
+    this.reader?.stop();
+    this.isPlaying = false;
+    this.motion = this.reader = null;
+    this.plan = new PartialPlan();
+    this.clock = new PlaybackClock();
     this.report("");
-    this.show(null, null);
+    this.reportCertificate("", null);
+    this.show(null);
+  }
+}
+
+// The time of a playback: it runs as the clock does, waits for what is not there yet, and begins anew when the body appears,
+// when its replay appears, and after the end of the motion.
+export class PlaybackClock {
+  constructor() {
+    this.t_s = 0;
+    this.stage = "";
+    /** @type {number | null} */
+    this.last_ms = null;
+    /** @type {number | null} */
+    this.ended_ms = null;
+  }
+
+  /** @param {number} now_ms @param {PartialPlan} plan @param {number} duration_s @returns {number} seconds */
+  advance(now_ms, plan, duration_s) {
+    const stage = plan.replay.time_s.length ? "replay" : plan.motion.time_s.length ? "body" : "path";
+    if (stage !== this.stage) Object.assign(this, { stage, t_s: 0, last_ms: now_ms, ended_ms: null });
+    const until_s = Math.min(
+      duration_s,
+      stage === "path" ? duration_s : (plan.motion.time_s.at(-1) ?? 0),
+      stage === "replay" ? (plan.replay.time_s.at(-1) ?? 0) : duration_s,
+    );
+    const passed_s = (now_ms - (this.last_ms ?? now_ms)) / 1000;
+    this.last_ms = now_ms;
+    this.t_s = Math.min(this.t_s + passed_s, until_s);
+    if (this.t_s >= duration_s - 0.05) {
+      this.ended_ms ??= now_ms;
+      if (now_ms - this.ended_ms >= PAUSE_MS) Object.assign(this, { t_s: 0, ended_ms: null });
+    }
+    return this.t_s;
   }
 }

@@ -28,9 +28,10 @@ function failureReason(job, lastMessage = "") {
 const partialResultLink = (job) =>
   createElement("a", { href: `/plans/${encodeURIComponent(job.id)}` }, "See how far it comes.");
 
-// Plans the scenario and opens the plan; `onRun()` is called when a plan begins, `onEnd()` when it has ended without success.
+// Plans the scenario and opens the plan; `onRun()` is called when a plan begins, `onJob(id)` when its job is known,
+// `onProgress()` at each of its events, and `onEnd()` when it has ended without success.
 // Returns a function that follows the job of the address, if there is one.
-export function bindPlanButton(root, scenarioId, { before, onRun, onEnd }) {
+export function bindPlanButton(root, scenarioId, { before, onRun, onJob, onProgress, onEnd }) {
   const write = (jobId) => {
     const url = new URL(location.href);
     if (jobId) url.searchParams.set(PLANNING, jobId);
@@ -49,6 +50,8 @@ export function bindPlanButton(root, scenarioId, { before, onRun, onEnd }) {
       write(null); // a step back in the history leads to the editor
       location.assign(planViewerUrl(job.id));
     },
+    onJob,
+    onProgress,
     onEnd: () => {
       write(null);
       onEnd();
@@ -104,8 +107,12 @@ function contactTask({ name, robot, terrain, friction, phases }) {
 
 // Binds `[data-NAME]` (button), `[data-NAME-cancel]` (button), `[data-NAME-live]` (shown while the job runs, with a
 // <progress> and `[data-NAME-message]`) and `[data-NAME-said]` (problems) inside `root`. `before` is awaited before `start`;
-// `onSuccess(job)` leaves the page; `onEnd()` is called after any other end. Returns a function that follows a running job.
-function bindJobButton(root, name, { start, before, onSuccess, onEnd = () => {} }) {
+// `onJob(id)` and `onProgress()` as for plans; `onSuccess(job)` leaves the page; `onEnd()` is called after any other end. Returns a function that follows a running job.
+function bindJobButton(
+  root,
+  name,
+  { start, before, onSuccess, onJob = (/** @type {string} */ _id) => {}, onProgress = () => {}, onEnd = () => {} },
+) {
   const part = (ending) => root.querySelector(`[data-${name}${ending}]`);
   const [button, cancel, live, message, problem] = ["", "-cancel", "-live", "-message", "-said"].map(part);
   const bar = live.querySelector("progress");
@@ -124,12 +131,14 @@ function bindJobButton(root, name, { start, before, onSuccess, onEnd = () => {} 
     problem.textContent = "";
     try {
       job = await begin();
+      onJob(job.id);
       show(job);
       live.hidden = cancel.disabled = false;
       let lastMessage = "";
       const finished = await followJob(job.id, (current) => {
         lastMessage = current.progress.message || lastMessage;
         show(current);
+        onProgress();
       });
       if (finished.state === "succeeded") return void (await onSuccess(finished));
       problem.textContent = failureReason(finished, lastMessage);

@@ -1,7 +1,11 @@
 // Shows the robot in a posture that the service has solved, instead of its reference posture.
 import { call } from "../shared/api.js";
+import { MeshCopies } from "../viewer/mesh_copies.js";
 
-const ROBOT = "/robot"; // the parent node of the links (viewer/initial_posture.py)
+const ROBOT = "/robot", // the parent nodes of the links (viewer/initial_posture.py)
+  GHOST = "/ghost";
+/** @type {[number[], number]} */
+const PALE = [[70, 110, 200], 0.4]; // as in scene/plan_frames.py
 const ORIGIN = [0, 0, 0],
   IDENTITY = [1, 0, 0, 0];
 
@@ -10,6 +14,7 @@ export class RobotPosture {
     this.robot = null;
     this.links = [];
     this.poses = null;
+    this.copies = new MeshCopies([]);
   }
 
   // Reads the names of the links, once per robot.
@@ -17,7 +22,9 @@ export class RobotPosture {
     if (robot === this.robot) return;
     Object.assign(this, { robot, links: [], poses: null });
     const description = await call("GET", `/robots/${encodeURIComponent(robot)}`).catch(() => null);
-    if (robot === this.robot) this.links = description?.links ?? [];
+    if (robot !== this.robot) return;
+    this.links = description?.links ?? [];
+    this.copies = new MeshCopies(this.links.map((link) => [`${GHOST}/${link}`, `${ROBOT}/${link}`, PALE]));
   }
 
   // Sets the poses of all links in the world, [px, py, pz, qw, qx, qy, qz] each; null keeps the present ones.
@@ -26,9 +33,23 @@ export class RobotPosture {
   }
 
   show(nodes) {
-    if (!this.poses || this.poses.length !== this.links.length) return;
-    nodes.setPose(ROBOT, ORIGIN, IDENTITY);
+    this.place(nodes, ROBOT, this.poses);
+  }
+
+  // Shows a second, pale robot in other poses; null hides it.
+  showGhost(nodes, poses) {
+    const isShown = poses !== null && poses.length === this.links.length;
+    if (isShown) {
+      this.copies.update(nodes.viser.nodeRefFromName);
+      this.place(nodes, GHOST, poses);
+    }
+    nodes.setVisible(GHOST, isShown);
+  }
+
+  place(nodes, group, poses) {
+    if (!poses || poses.length !== this.links.length) return;
+    nodes.setPose(group, ORIGIN, IDENTITY);
     for (const [k, link] of this.links.entries())
-      nodes.setPose(`${ROBOT}/${link}`, this.poses[k].slice(0, 3), this.poses[k].slice(3));
+      nodes.setPose(`${group}/${link}`, poses[k].slice(0, 3), poses[k].slice(3));
   }
 }

@@ -60,7 +60,7 @@ export class ValidationView {
     this.result = null;
     this.phases = [];
     this.phase = null;
-    this.movingCom = null; // where a playback has the CoM, instead of at its place with the largest margin
+    this.instant = null; // of a playback, which shows its CoM and its poses in place of those of the phase
     this.nodes = null;
     this.touches = [];
     this.chosen = null;
@@ -108,7 +108,7 @@ export class ValidationView {
 
   onBodyResult(result, scenario) {
     Object.assign(this, { wholeBody: result, wholeBodyScenario: scenario, bodyFailure: "" });
-    this.posture.setPoses(result.phases.find((one) => one.link_poses)?.link_poses);
+    if (!this.instant?.poses) this.posture.setPoses(result.phases.find((one) => one.link_poses)?.link_poses);
     if (this.reach) this.update(this.scenario);
     this.drawPosture();
     this.root.dataset.bodied = String(Number(this.root.dataset.bodied ?? 0) + 1); // what tests wait for
@@ -149,12 +149,22 @@ export class ValidationView {
     this.requestPosture();
   }
 
-  // Shows an instant of a motion: the posture of the phase, and the CoM where it is; null ends it.
-  showInstant(phase, com_m) {
-    const isNew = com_m !== null && phase !== this.phase;
-    this.movingCom = com_m;
-    if (isNew) this.choosePhase(phase);
-    else this.show();
+  // Shows an instant of a motion ({ phase, com_m, poses, ghost }; PlanPlayback); without poses, the posture of the phase. Null
+  // ends it.
+  showInstant(instant) {
+    const wasMoving = Boolean(this.instant?.poses),
+      isNew = instant !== null && instant.phase !== this.phase;
+    this.instant = instant;
+    if (this.nodes?.viser) this.posture.showGhost(this.nodes, instant?.ghost ?? null);
+    if (instant?.poses) {
+      this.phase = instant.phase;
+      this.posture.setPoses(instant.poses);
+      this.show();
+    } else if (isNew) this.choosePhase(instant.phase);
+    else {
+      this.show();
+      if (wasMoving) this.requestPosture();
+    }
   }
 
   // Requests the posture of the chosen phase; the service caches solved stances.
@@ -187,7 +197,8 @@ export class ValidationView {
     if (touch) this.contactList.showMargins(touch.number, contactMargins(this.result, touch));
     if (!this.nodes?.viser) return;
     this.posture.show(this.nodes);
-    drawSupport(this.nodes, this.movingCom ? { ...phase, com_m: this.movingCom } : phase);
+    const com_m = this.instant?.com_m;
+    drawSupport(this.nodes, com_m ? { ...phase, com_m } : phase);
     drawContactMarks(this.nodes, this.touches, this.phase, this.chosen, this.invalidTouches());
     this.nodes.draw();
   }
