@@ -98,8 +98,7 @@ class AttemptStore:
                 blob_prefix=attempt.blob_prefix,
                 log_tail=without_nul_characters(log_tail),
             )
-            await delete_chunks(connection, attempt.job_id)
-            return await _apply_change(connection, attempt, change)
+            return await _end_running(connection, attempt, change)
 
     async def end_attempt(
         self,
@@ -133,8 +132,7 @@ class AttemptStore:
                 finished_at=func.now(),
                 log_tail=without_nul_characters(log_tail),
             )
-            await delete_chunks(connection, attempt.job_id)
-            return await _apply_change(connection, attempt, change)
+            return await _end_running(connection, attempt, change)
 
     async def hand_back(self, attempt: Attempt, *, counts: bool = False) -> bool:
         """Queue the job again because its worker stops; this start does not count towards the maximum.
@@ -147,10 +145,7 @@ class AttemptStore:
                 returned=job.c.returned + (0 if counts else 1),
                 message="its process was killed; waiting again" if counts else "waiting again",
             )
-            if not await _apply_change(connection, attempt, change):
-                return False
-            await delete_chunks(connection, attempt.job_id)
-            return True
+            return await _end_running(connection, attempt, change)
 
     async def requeue_lost(self, silent_s: float | None) -> list[str]:
         """Queue lost jobs again; returns their ids.
@@ -205,6 +200,14 @@ def _fenced_update(attempt: Attempt) -> Update:
 
 def _fencing_conditions(attempt: Attempt) -> tuple[ColumnElement[bool], ...]:
     return job.c.id == attempt.job_id, job.c.attempt == attempt.number, job.c.state == "running"
+
+
+async def _end_running(connection: AsyncConnection, attempt: Attempt, change: Update) -> bool:
+    """Apply a change that ends the attempt, and remove its parts; False if it is superseded by another attempt."""
+    if not await _apply_change(connection, attempt, change):
+        return False
+    await delete_chunks(connection, attempt.job_id)
+    return True
 
 
 async def _apply_change(connection: AsyncConnection, attempt: Attempt, change: Update) -> bool:
