@@ -19,35 +19,36 @@ from stridelab.walking.steps import GaitStep
 
 MEASURED_VELOCITY_SD_M_S: Final = 0.01
 """Largest deviation of the vertical velocity of a step in which all force is measured."""
-FACTORS: Final[Mapping[str, tuple[float, float]]] = {
-    "step_length": (0.97, 0.96),
-    "step_width": (0.94, 1.00),
-    "walking_speed": (0.57, 1.26),
-    "step_time": (1.01, 1.01),
-    "cadence": (1.01, 1.01),
-    "double_support_share": (1.27, 1.00),
-    "stride_time": (1.00, 0.95),
-    "stance_share": (1.43, 0.99),
-    "swing_share": (1.43, 0.99),
-    "stride_length": (0.96, 0.96),
-    "com_vertical_excursion": (0.079, 0.31),
-    "com_lateral_excursion": (0.048, 0.23),
-    "margin_of_stability_ml_min": (0.52, 0.35),
-    "margin_of_stability_ap_contact": (0.93, 0.68),
-    "margin_of_stability_ml_contact": (0.49, 0.32),
-    "capture_point_offset_ap": (0.94, 0.69),
-    "capture_point_offset_ml": (0.46, 0.31),
-    "energy_recovery": (0.20, 0.20),
-    "external_work": (0.12, 0.12),
-    "angular_momentum_range_x": (1.34, 1.37),
-    "angular_momentum_range_y": (0.99, 1.05),
-    "angular_momentum_range_z": (0.54, 0.55),
-    "limb_work_left_positive": (0.49, 0.14),
-    "limb_work_left_negative": (0.49, 0.14),
-    "limb_work_right_positive": (0.49, 0.14),
-    "limb_work_right_negative": (0.49, 0.14),
+FACTORS: Final[Mapping[str, tuple[float, float, float]]] = {
+    "step_length": (0.97, 0.96, 0.96),
+    "step_width": (0.94, 1.00, 1.00),
+    "walking_speed": (0.57, 1.26, 1.26),
+    "step_time": (1.01, 1.01, 1.01),
+    "cadence": (1.01, 1.01, 1.01),
+    "double_support_share": (1.27, 1.00, 1.00),
+    "stride_time": (1.00, 0.95, 0.95),
+    "stance_share": (1.43, 0.99, 0.99),
+    "swing_share": (1.43, 0.99, 0.99),
+    "stride_length": (0.96, 0.96, 0.96),
+    "com_vertical_excursion": (0.079, 0.31, 0.31),
+    "com_lateral_excursion": (0.048, 0.23, 0.23),
+    "com_speed": (0.2, 0.3, 0.3),
+    "margin_of_stability_ml_min": (0.52, 0.35, 1.0),
+    "margin_of_stability_ap_contact": (0.93, 0.68, 1.0),
+    "margin_of_stability_ml_contact": (0.49, 0.32, 1.0),
+    "capture_point_offset_ap": (0.94, 0.69, 1.0),
+    "capture_point_offset_ml": (0.46, 0.31, 1.0),
+    "energy_recovery": (0.20, 0.20, 1.0),
+    "external_work": (0.12, 0.12, 1.0),
+    "angular_momentum_range_x": (1.34, 1.37, 1.37),
+    "angular_momentum_range_y": (0.99, 1.05, 1.05),
+    "angular_momentum_range_z": (0.54, 0.55, 0.55),
+    "limb_work_left_positive": (0.49, 0.14, 1.0),
+    "limb_work_left_negative": (0.49, 0.14, 1.0),
+    "limb_work_right_positive": (0.49, 0.14, 1.0),
+    "limb_work_right_negative": (0.49, 0.14, 1.0),
 }
-"""Factors of the propagated deviation with all force measured, and otherwise; 1 for measures that are not listed."""
+"""Factors of the propagated deviation with all force measured, otherwise, and by markers alone; 1 if not listed."""
 STRIDE_MEASURES: Final = ("stride_", "com_", "energy_", "external_", "angular_", "stance_", "swing_")
 """Beginnings of the names of measures that last from a strike to the next of the same foot."""
 MEASURED_WORK_SD_J_KG: Final = 0.03
@@ -59,7 +60,11 @@ def calibrate_errors(motion: WalkMotion, steps: Sequence[GaitStep], measures: It
     calibrated = []
     for measure in measures:
         if measure.sd is not None and measure.step is not None and measure.name in FACTORS:
-            factor = FACTORS[measure.name][0 if is_measured(motion, steps[measure.step], measure) else 1]
+            factors = FACTORS[measure.name]
+            if motion.by_markers:
+                factor = factors[2]
+            else:
+                factor = factors[0 if is_measured(motion, steps[measure.step], measure) else 1]
             calibrated.append(replace(measure, sd=factor * measure.sd))
         else:
             calibrated.append(measure)
