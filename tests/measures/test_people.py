@@ -169,6 +169,23 @@ def test_adults_at_their_own_speed_are_inside_the_published_range(adults: list[M
     assert sum(low <= mean_of(one, name) <= high for one in adults) >= least
 
 
+def test_the_width_of_a_step_does_not_depend_on_the_interval_of_the_estimate(
+    measures_of: dict[str, MeasuredRecording],
+) -> None:
+    """Plates limit the estimate to a step or two, in which the body sways; the markers last longer."""
+    compared = []
+    for path in (*ADULTS, *CHILDREN):
+        source = RecordingSource(file=path.name, filename=path.name)
+        request = EstimateComInput(recording_id="walk", method="geometry")
+        whole = measure_recording("walk", EstimateComTask(recording=source, input=request), path.parent)
+        short = measures_of[path.stem]
+        widths = {(m.side, m.step): m.value for m in whole.measures if m.name == "step_width"}
+        compared += [m.value - widths[m.side, m.step] for m in short.measures if m.name == "step_width"]
+        assert whole.motion.time_s[-1] - whole.motion.time_s[0] >= short.motion.time_s[-1] - short.motion.time_s[0]
+    assert len(compared) >= 20
+    assert np.abs(compared).max() < 0.003
+
+
 def test_excursions_of_adults_follow_the_speed(adults: list[MeasuredRecording]) -> None:
     """Within two standard deviations of ``EXCURSIONS_CM``, linear between the speeds."""
     inside = {"vertical": 0, "lateral": 0}

@@ -109,13 +109,21 @@ def test_the_files_are_a_row_per_value_and_the_extrapolated_com(tmp_path: Path) 
     task = GaitMeasuresTask(members=[member(tmp_path), member(tmp_path, plates={1: PlateSwitch(use=False)})])
     outcome = gait_measures.run(task, tmp_path, quiet)
     names = [artifact.name for artifact in outcome.artifacts]
-    assert names == [f"{stem}.{end}" for stem in ("measures", "xcom", "stability") for end in ("parquet", "csv")]
+    stems = ("measures", "steps", "xcom", "stability")
+    assert names == [f"{stem}.{end}" for stem in stems for end in ("parquet", "csv")]
     table = pyarrow.csv.read_csv(tmp_path / "measures.csv")
     assert table.column_names == ["recording", "measure", "side", "step", "value", "sd", "unit"]
+    steps = pyarrow.csv.read_csv(tmp_path / "steps.csv")
+    assert steps.column_names[:6] == ["recording_id", "recording", "step", "side", "strike_s", "timing"]
+    assert {"step_length_m", "sd_step_length_m", "cadence_1_min", "double_support_share"} <= set(steps.column_names)
+    in_rows = [v for v in steps["step_length_m"].to_pylist() if v is not None]
+    in_long = [r["value"] for r in table.to_pylist() if r["measure"] == "step_length"]
+    assert in_rows == pytest.approx(in_long)
     xcom = pyarrow.csv.read_csv(tmp_path / "xcom.csv")
     assert xcom.column_names == ["recording", "time_s", "x_m", "y_m", "sd_x_m", "sd_y_m"]
     summary = GaitMeasuresSummary.model_validate(outcome.summary)
     assert summary.n_recordings == 2
+    assert summary.steps == steps.num_rows
     assert summary.steps == sum(summary.sides.values())
     by_name = {(one.name, one.side): one for one in summary.measures}
     lengths = [
@@ -139,7 +147,9 @@ def test_without_plates_steps_and_margins_come_from_the_markers(tmp_path: Path) 
     assert missing["limb_work_left_positive"] == "no-separate-forces"
     assert "force-not-used" in {warning.code for warning in summary.warnings}
     margin = next(one for one in summary.measures if one.name == "margin_of_stability_ml_min")
-    assert margin.error_sd is None
+    assert margin.error_sd == pytest.approx(0.0073, abs=5e-4), "that of people"
+    assert margin.ci95 is not None
+    assert margin.ci95[1] - margin.ci95[0] > 2 * 1.96 * margin.error_sd
 
 
 def test_a_damaged_recording_is_listed_and_the_others_are_measured(tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ SIGNED: Final = frozenset(
 )
 """Measures that may be zero or negative, for which a ratio of the sides says nothing."""
 LEAST_WEIGHT_SHARE: Final = 0.96
-"""Share of the weight on the plates below which something else carries the person: the limit of ``mass_from_motion``."""
+"""Share of the weight on the plates below which something else carries the person: limit of ``mass_from_motion``."""
 WEIGHT_BESIDE: Final = "weight-beside-plates"
 """Code of the remark, and of the reason why the work of the legs is not measured."""
 
@@ -173,9 +173,7 @@ def measure_recording(recording_id: str, task: EstimateComTask, folder: Path) ->
     )
 
 
-def _without_plates(
-    one: MeasuredRecording, member: MeasuresMember, folder: Path
-) -> MeasuredRecording | None:
+def _without_plates(one: MeasuredRecording, member: MeasuresMember, folder: Path) -> MeasuredRecording | None:
     """Measures by the markers alone of a recording whose plates carry too little of the weight; else None.
 
     None as well if a method is requested, or if the markers contradict each other, too.
@@ -301,7 +299,10 @@ def _not_measured(measured: Sequence[MeasuredRecording], given: set[str], n_step
     if "angular_momentum_range_x" in missing and all(one.motion.stature_m is None for one in measured):
         missing["angular_momentum_range_x"] = ("no-stature", "State the stature, by which the momentum is scaled.")
     if all(any(remark.code == WEIGHT_BESIDE for remark in one.estimate.remarks) for one in measured):
-        reason = (WEIGHT_BESIDE, "The plates do not carry the whole weight: the force of a leg on them is not all of it.")
+        reason = (
+            WEIGHT_BESIDE,
+            "The plates do not carry the whole weight: the force of a leg on them is not all of it.",
+        )
         missing |= {name: reason for name in missing if name.startswith("limb_work")}
     if "foot_placement_residual" not in given:
         message = f"{n_steps} steps; the regression needs at least {LEAST_STEPS} within the estimates."

@@ -117,9 +117,7 @@ def find_steps(
     return tuple(sorted(steps, key=lambda step: step.lift_off_s))
 
 
-def footprint_direction(
-    recording: Recording, feet: Sequence[Foot], contacts: Sequence[Contact]
-) -> Vector3 | None:
+def footprint_direction(recording: Recording, feet: Sequence[Foot], contacts: Sequence[Contact]) -> Vector3 | None:
     """Line of progression through the footprints, a unit vector on the floor; None with too few footprints.
 
     The forefoot stands at p_k in contact k, and s_k is 1 for the left and -1 for the right foot. Across the walk,

@@ -271,16 +271,18 @@ class FakeService:
             return _problem(404, "recording-not-found", "There is no such recording.")
         return Response(self.tracks, media_type="application/vnd.apache.parquet")
 
+    def _is_of(self, job: Job, recording_id: str) -> bool:
+        """Whether a job is of a recording, or of several of which it is one."""
+        pooled = self.inputs.get(job.id, {}).get("recording_ids") or ()
+        return job.recording_id == recording_id or (job.kind.startswith("gait-") and recording_id in pooled)
+
     async def _jobs(self, request: Request) -> Response:
         query = request.query_params
         found = [
             job
             for job in reversed(self.jobs.values())
-            if all(
-                getattr(job, key) == query[key]
-                for key in ("state", "kind", "recording_id", "scenario_id")
-                if key in query
-            )
+            if all(getattr(job, key) == query[key] for key in ("state", "kind", "scenario_id") if key in query)
+            and ("recording_id" not in query or self._is_of(job, query["recording_id"]))
         ]
         limit = int(query.get("limit", 50))
         return _answer({"items": [j.model_dump(mode="json") for j in found[:limit]], "next": None})

@@ -34,7 +34,7 @@ MAIN: Final[Mapping[str, str]] = {
 }
 """Measures of which the first ``N_MAIN`` that are known are shown above the table, with their short titles."""
 N_MAIN: Final = 6
-DOWNLOADS: Final = ("report.pdf", "report.html", "measures.csv", "xcom.csv")
+DOWNLOADS: Final = ("report.pdf", "report.html", "measures.csv", "steps.csv", "xcom.csv")
 MIN_STEPS: Final = 3
 """Steps below which the headline refers to the intervals: Student's quantile for two values is 12.7."""
 

@@ -23,6 +23,39 @@ def page(fake: FakeService, browse: Browse) -> str:
     return answer.text
 
 
+def test_the_page_of_a_recording_begins_with_its_newest_measures(fake: FakeService, browse: Browse) -> None:
+    walks = [fake.add_recording(f"walk_{k}.c3d", session_id="gait") for k in (1, 2)]
+    before = browse(f"/recordings/{walks[0].id}").text
+    assert "Measure this walk" in before
+    assert "Measure the 2 walks of the session" in before
+    pooled = fake.add_job(MEASURES_KIND, "succeeded")
+    fake.inputs[pooled.id] = {"recording_ids": [walk.id for walk in walks]}
+    for address in (f"/recordings/{walks[0].id}", "/recordings?session_id=gait"):
+        page = browse(address).text
+        assert f'data-gait-result="{pooled.id}"' in page
+        assert page.index("data-gait-result") < page.index("Upload" if "session" in address else "Measured intervals")
+        assert "with a margin of stability of 73 mm (46 to 99, 95 %) sideways." in text_of(page)
+        assert "2 left out" in text_of(page)
+        assert "Measure this walk" not in page
+    own = fake.add_job(MEASURES_KIND, "succeeded")
+    fake.inputs[own.id] = {"recording_ids": [walks[1].id]}
+    again = fake.add_job(MEASURES_KIND, "succeeded")
+    fake.inputs[again.id] = fake.inputs[pooled.id]
+    assert f'data-gait-result="{own.id}"' in browse(f"/recordings/{walks[1].id}").text, "its own before the session's"
+    assert f'data-gait-result="{again.id}"' in browse(f"/recordings/{walks[0].id}").text, "the newest"
+    assert "data-gait-result" not in browse("/recordings").text
+
+
+def test_what_limits_the_measures_is_beside_them(fake: FakeService, browse: Browse) -> None:
+    walk = fake.add_recording()
+    job = fake.add_job(MEASURES_KIND, "succeeded")
+    fake.inputs[job.id] = {"recording_ids": [walk.id]}
+    result = measures_result(fake.inputs[job.id])
+    result.summary["warnings"] = [{"code": "weight-beside-plates", "message": "The plates carry 80 %."}]
+    fake.results[job.id] = result
+    assert re.search(r"data-gait-caution>The plates carry 80 %\.", browse(f"/recordings/{walk.id}").text)
+
+
 def text_of(html: str) -> str:
     return " ".join(re.sub(r"<[^>]+>", " ", html).split())
 
