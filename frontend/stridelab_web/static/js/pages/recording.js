@@ -108,20 +108,21 @@ const jobInput = (data) => ({
   smoother: smootherOptions(data),
 });
 onSubmit(estimate, (data) => openNewJob("estimate-com", jobInput(data)));
-const startOnClick = (selector, kind, adapt) =>
-  root.querySelectorAll(selector).forEach((started) => started.addEventListener("click", async (event) => {
-    const button = event.currentTarget,
-      status = button.parentElement.querySelector("[data-said]");
-    button.disabled = true;
-    try {
-      status.textContent = await openNewJob(kind, adapt(jobInput(new FormData(estimate)), button));
-    } catch (error) {
-      status.textContent = error.message;
-    } finally {
-      button.disabled = false;
-      showRefusals(estimate.method.value);
-    }
-  }));
+const startOnClick = (selector, kind, adapt) => {
+  for (const button of root.querySelectorAll(selector))
+    button.addEventListener("click", async () => {
+      const status = button.parentElement.querySelector("[data-said]");
+      button.disabled = true;
+      try {
+        status.textContent = await openNewJob(kind, adapt(jobInput(new FormData(estimate)), button));
+      } catch (error) {
+        status.textContent = error.message;
+      } finally {
+        button.disabled = false;
+        showRefusals(estimate.method.value);
+      }
+    });
+};
 startOnClick("[data-compare]", "compare-estimators", (input) => ({ ...input, method: null }));
 startOnClick("[data-wheel]", "fit-cycloid", (input) => input);
 startOnClick("[data-measures]", "gait-measures", ({ method }) => ({ recording_ids: [id], method }));
