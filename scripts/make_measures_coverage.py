@@ -8,6 +8,7 @@ the load with errors as they are measured on people (``walking.gait_events.MARKE
 make_measures_coverage.py                 400 walks, then the tables of docs/theory/gait-measures.md
 make_measures_coverage.py --number 20     only so many of them
 make_measures_coverage.py --first 0       seeds from 0 on (below 1000: to tune on)
+make_measures_coverage.py --halves        every other walk with the factors that hold 95 % of the rest, and the reverse
 
 Values computed before are read from --out and are not computed again.
 """
@@ -75,6 +76,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path(".data") / "measures-coverage.jsonl", metavar="FILE")
     parser.add_argument("--number", type=int, default=400)
     parser.add_argument("--first", type=int, default=4000, help="first seed")
+    parser.add_argument("--halves", action="store_true", help="factors of either half of the walks, on the other half")
     request = parser.parse_args()
     stored: dict[tuple[int, str], list[Row]] = {}
     if request.out.is_file():
@@ -90,7 +92,8 @@ def main() -> None:
                     out.write(json.dumps([seed, lab, rows]) + "\n")
                     out.flush()
                     sys.stderr.write(f"walk {seed}, {lab}: {len(rows)} values\n")
-    write_tables({lab: [stored[seed, lab] for seed in seeds if lab in labs_of(seed)] for lab in LABS})
+    walks = {lab: [stored[seed, lab] for seed in seeds if lab in labs_of(seed)] for lab in LABS}
+    write_tables({lab: halves_scaled(rows) for lab, rows in walks.items()} if request.halves else walks)
 
 
 def labs_of(seed: int) -> tuple[Lab, ...]:
@@ -224,6 +227,20 @@ def events_of_people(contacts: Sequence[Contact], seed: int) -> Callable[..., li
 
 def _simultaneous(one: GaitStep, other: GaitStep) -> bool:
     return abs(one.strike_s - other.strike_s) < 0.1
+
+
+def halves_scaled(walks: Sequence[Sequence[Row]]) -> list[list[Row]]:
+    """The walks with deviations that hold 95 % of the values of the other half, by measure; halves are every other."""
+    ratios: tuple[dict[str, list[float]], ...] = (defaultdict(list), defaultdict(list))
+    for k, walk in enumerate(walks):
+        for name, value, sd, truth in walk:
+            if sd:
+                ratios[k % 2][name].append(abs(value - truth) / (1.96 * sd))
+    factors = [{name: float(np.quantile(own, 0.95)) for name, own in half.items()} for half in reversed(ratios)]
+    return [
+        [(name, value, sd and sd * factors[k % 2].get(name, 1.0), truth) for name, value, sd, truth in walk]
+        for k, walk in enumerate(walks)
+    ]
 
 
 def write_tables(walks: Mapping[Lab, Sequence[Sequence[Row]]]) -> None:
