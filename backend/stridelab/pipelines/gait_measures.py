@@ -176,17 +176,25 @@ def measure_recording(recording_id: str, task: EstimateComTask, folder: Path) ->
 def _without_plates(one: MeasuredRecording, member: MeasuresMember, folder: Path) -> MeasuredRecording | None:
     """Measures by the markers alone of a recording whose plates carry too little of the weight; else None.
 
-    None as well if a method is requested, or if the markers contradict each other, too.
+    None as well if a method is requested. The share of the weight is the mean vertical force over that which the motion
+    of the markers needs, m (g + a_z). A verdict of contradicted markers remains.
     """
     wrench, mass_kg = one.prepared.wrench, one.prepared.mass.stated_kg or one.prepared.mass.known_kg
     if member.task.input.method is not None or mass_kg is None or not wrench.complete.any():
         return None
-    share = float(wrench.force_n[wrench.complete, 2].mean()) / (mass_kg * GRAVITY_M_S2)
-    if share >= LEAST_WEIGHT_SHARE:
-        return None
     request = member.task.input.model_copy(update={"method": GeometryOnly.name})
     task = member.task.model_copy(update={"input": request})
-    again = measure_recording(member.recording_id, task, folder / member.folder)
+    try:
+        again = measure_recording(member.recording_id, task, folder / member.folder)
+    except StridelabError:
+        return None
+    used = wrench.complete & np.isin(wrench.time_s, again.estimate.time_s)
+    if not used.any():
+        return None
+    rising_m_s2 = again.estimate.acceleration_m_s2[np.isin(again.estimate.time_s, wrench.time_s[used]), 2]
+    share = float(wrench.force_n[used, 2].mean() / (mass_kg * (GRAVITY_M_S2 + rising_m_s2.mean())))
+    if share >= LEAST_WEIGHT_SHARE:
+        return None
     remark = Remark(
         WEIGHT_BESIDE,
         f"The plates carry {100.0 * share:.0f} % of the body weight. A walking aid, a rail or another person may carry "

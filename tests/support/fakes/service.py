@@ -271,10 +271,8 @@ class FakeService:
             return _problem(404, "recording-not-found", "There is no such recording.")
         return Response(self.tracks, media_type="application/vnd.apache.parquet")
 
-    def _is_of(self, job: Job, recording_id: str) -> bool:
-        """Whether a job is of a recording, or of several of which it is one."""
-        pooled = self.inputs.get(job.id, {}).get("recording_ids") or ()
-        return job.recording_id == recording_id or (job.kind.startswith("gait-") and recording_id in pooled)
+    def _pooled(self, job: Job) -> list[str]:
+        return self.inputs.get(job.id, {}).get("recording_ids") or [] if job.kind.startswith("gait-") else []
 
     async def _jobs(self, request: Request) -> Response:
         query = request.query_params
@@ -282,7 +280,7 @@ class FakeService:
             job
             for job in reversed(self.jobs.values())
             if all(getattr(job, key) == query[key] for key in ("state", "kind", "scenario_id") if key in query)
-            and ("recording_id" not in query or self._is_of(job, query["recording_id"]))
+            and query.get("recording_id", job.recording_id) in {job.recording_id, *self._pooled(job)}
         ]
         limit = int(query.get("limit", 50))
         return _answer({"items": [j.model_dump(mode="json") for j in found[:limit]], "next": None})

@@ -1,10 +1,13 @@
 """The page of measures of gait: the main values first, every measure with both sides, and what is missing."""
 
+import io
 import re
 from collections.abc import Callable
 from typing import Any
 
 import httpx
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from stridelab.schemas.measures import MEASURE_TITLES
@@ -44,6 +47,21 @@ def test_the_page_of_a_recording_begins_with_its_newest_measures(fake: FakeServi
     assert f'data-gait-result="{own.id}"' in browse(f"/recordings/{walks[1].id}").text, "its own before the session's"
     assert f'data-gait-result="{again.id}"' in browse(f"/recordings/{walks[0].id}").text, "the newest"
     assert "data-gait-result" not in browse("/recordings").text
+
+
+def test_the_viewer_has_the_steps_of_the_recording(fake: FakeService, browse: Browse) -> None:
+    walk = fake.add_recording()
+    job = fake.add_job(MEASURES_KIND, "succeeded")
+    fake.inputs[job.id] = {"recording_ids": [walk.id]}
+    table = io.BytesIO()
+    own, other = [walk.id] * 3, ["another"]
+    pq.write_table(pa.table({"recording_id": own + other, "strike_s": [1.6, 0.5, 1.0, 9.0]}), table)
+    fake.com = table.getvalue()
+    page = browse(f"/view/?recording={walk.id}&job={job.id}").text
+    assert "data-steps='[[0.5, 1.0], [1.0, 1.6]]'" in page
+    assert re.search(r'data-do="cycle"\s+title', page)
+    plain = browse(f"/view/?recording={walk.id}").text
+    assert re.search(r'data-do="cycle" hidden', plain)
 
 
 def test_what_limits_the_measures_is_beside_them(fake: FakeService, browse: Browse) -> None:
