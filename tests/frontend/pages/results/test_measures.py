@@ -28,7 +28,7 @@ def page(fake: FakeService, browse: Browse) -> str:
 
 def test_the_page_of_a_recording_begins_with_its_newest_measures(fake: FakeService, browse: Browse) -> None:
     walks = [fake.add_recording(f"walk_{k}.c3d", session_id="gait") for k in (1, 2)]
-    before = browse(f"/recordings/{walks[0].id}").text
+    before = text_of(browse(f"/recordings/{walks[0].id}").text)
     assert "Measure this walk" in before
     assert "Measure the 2 walks of the session" in before
     pooled = fake.add_job(MEASURES_KIND, "succeeded")
