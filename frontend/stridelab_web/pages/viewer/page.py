@@ -222,6 +222,7 @@ async def _strikes_s(client: AsyncClient, recording_id: str, job_id: str) -> lis
     if STEP_TABLE not in [item.name for item in (await client.result(job_id)).artifacts]:
         return []
     content = await client.read_artifact(job_id, STEP_TABLE)
-    of, at_s = read_texts(content).get("recording_id", []), read_columns(content).get("strike_s", [])
-    strikes_s = sorted(float(strike_s) for one, strike_s in zip(of, at_s, strict=False) if one == recording_id)
+    recordings, columns = read_texts(content).get("recording_id", []), read_columns(content)
+    at_s = columns["strike_s"].tolist() if "strike_s" in columns else []
+    strikes_s = sorted(strike_s for one, strike_s in zip(recordings, at_s, strict=False) if one == recording_id)
     return list(itertools.pairwise(strikes_s))
