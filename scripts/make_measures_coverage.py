@@ -1,12 +1,14 @@
 """Compare the stated errors of gait measures with the true ones on simulated walks, and write the tables of the docs.
 
-Walks with an even seed go over a walkway with a plate below every footprint, the others over two plates. The simulated
+Walks with an even seed go over a walkway with a plate below every footprint, the others over two plates; the walks over
+two plates are measured a second time by their markers alone. The simulated
 feet roll without toes, so that speeds of their markers do not time their load: events by markers are the instants of
 the load with errors as they are measured on people (``walking.gait_events.MARKER_ERROR``).
 
 make_measures_coverage.py                 400 walks, then the tables of docs/theory/gait-measures.md
 make_measures_coverage.py --number 20     only so many of them
-make_measures_coverage.py --first 500     seeds from 500 on (below 1000: to tune on)
+make_measures_coverage.py --first 0       seeds from 0 on (below 1000: to tune on)
+make_measures_coverage.py --halves        every other walk with the factors that hold 95 % of the rest, and the reverse
 
 Values computed before are read from --out and are not computed again.
 """
@@ -18,7 +20,9 @@ import sys
 import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 from unittest.mock import patch
 
 import numpy as np
@@ -43,18 +47,22 @@ from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.marker_sets import identify
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
-from stridelab.simulation.force_plates import LabName
 from stridelab.simulation.ground_truth import true_motion
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import NOISE_FREE, MeasurementNoise
 from stridelab.walking import gait_events
 from stridelab.walking.gait_events import MARKER_ERROR, Contact
-from stridelab.walking.steps import GaitStep, find_steps
+from stridelab.walking.steps import GaitStep, find_steps, footprint_direction
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "gait-measures.md"
 BEGIN, END = "<!-- coverage table -->", "<!-- end of the coverage table -->"
-LABS: dict[LabName, str] = {"walkway": "A plate below every footprint", "two_plates": "Two plates in a row"}
+Lab = Literal["walkway", "two_plates", "markers"]
+LABS: dict[Lab, str] = {
+    "walkway": "A plate below every footprint",
+    "two_plates": "Two plates in a row",
+    "markers": "The same walks by their markers alone",
+}
 THRESHOLD_N = 20.0
 """Load at which a plate counts a foot as on it; the true events are defined by the same load."""
 
@@ -67,27 +75,30 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path(".data") / "measures-coverage.jsonl", metavar="FILE")
     parser.add_argument("--number", type=int, default=400)
-    parser.add_argument("--first", type=int, default=3000, help="first seed")
+    parser.add_argument("--first", type=int, default=4000, help="first seed")
+    parser.add_argument("--halves", action="store_true", help="factors of either half of the walks, on the other half")
     request = parser.parse_args()
-    stored: dict[int, list[Row]] = {}
+    stored: dict[tuple[int, str], list[Row]] = {}
     if request.out.is_file():
         lines = request.out.read_text(encoding="utf-8").splitlines()
-        stored = {seed: [tuple(row) for row in rows] for seed, rows in map(json.loads, lines)}
+        stored = {(seed, lab): [tuple(row) for row in rows] for seed, lab, rows in map(json.loads, lines)}
     seeds = range(request.first, request.first + request.number)
     request.out.parent.mkdir(parents=True, exist_ok=True)
     with request.out.open("a", encoding="utf-8") as out:
         for seed in seeds:
-            if seed not in stored:
-                stored[seed] = compare_walk(seed, lab_of(seed))
-                out.write(json.dumps([seed, stored[seed]]) + "\n")
-                out.flush()
-                sys.stderr.write(f"walk {seed}: {len(stored[seed])} values\n")
-    write_tables({lab: [stored[seed] for seed in seeds if lab_of(seed) == lab] for lab in LABS})
+            for lab in labs_of(seed):
+                if (seed, lab) not in stored:
+                    stored[seed, lab] = rows = compare_walk(seed, lab)
+                    out.write(json.dumps([seed, lab, rows]) + "\n")
+                    out.flush()
+                    sys.stderr.write(f"walk {seed}, {lab}: {len(rows)} values\n")
+    walks = {lab: [stored[seed, lab] for seed in seeds if lab in labs_of(seed)] for lab in LABS}
+    write_tables({lab: halves_scaled(rows) for lab, rows in walks.items()} if request.halves else walks)
 
 
-def lab_of(seed: int) -> LabName:
-    """The laboratory of the walk with this seed."""
-    return "two_plates" if seed % 2 else "walkway"
+def labs_of(seed: int) -> tuple[Lab, ...]:
+    """The laboratories in which the walk with this seed is measured."""
+    return ("two_plates", "markers") if seed % 2 else ("walkway",)
 
 
 def simulate_walk(seed: int) -> tuple[Walk, MeasurementNoise]:
@@ -113,13 +124,14 @@ def simulate_walk(seed: int) -> tuple[Walk, MeasurementNoise]:
     return walk, noise
 
 
-def compare_walk(seed: int, lab: LabName) -> list[Row]:
+def compare_walk(seed: int, lab: Lab) -> list[Row]:
     """Measured and true values of the steps of one walk; empty if it is refused."""
     walk, noise = simulate_walk(seed)
     true_steps, truth = true_measures(walk, seed)
     known = {(measure.name, measure.side, measure.step): measure.value for measure in truth}
     with tempfile.TemporaryDirectory() as name:
-        write_c3d(Path(name) / "trial.c3d", record(walk, noise, seed, lab=lab).recording)
+        recording = record(walk, noise, seed, lab="two_plates" if lab == "markers" else lab).recording
+        write_c3d(Path(name) / "trial.c3d", replace(recording, plates=()) if lab == "markers" else recording)
         source = RecordingSource(file="trial.c3d", filename="trial.c3d")
         task = EstimateComTask(recording=source, input=EstimateComInput(recording_id="walk"))
         contacts = true_contacts(walk, walk.duration_s)
@@ -144,9 +156,12 @@ def true_measures(walk: Walk, seed: int) -> tuple[Sequence[GaitStep], Sequence[M
     recording = record(walk, NOISE_FREE, seed).recording
     time_s, motion = recording.time_s, true_motion(walk.body, walk.posture, recording.time_s)
     landmarks = identify(tuple(recording.markers_m), {}).landmarks
-    frame = walk_frame(motion.velocity_m_s)
+    contacts = true_contacts(walk, float(time_s[-1]))
+    marked = find_feet(recording, landmarks)
+    footprints = footprint_direction(recording, marked, contacts)
+    frame = walk_frame(motion.velocity_m_s if footprints is None else footprints[None])
     feet = {}
-    for foot in find_feet(recording, landmarks):
+    for foot in marked:
         load = walk.feet[foot.side].force_n
         force = np.column_stack([np.interp(time_s, walk.truth.time_s, load[:, axis]) for axis in range(3)])
         outline = foot_outline(recording, landmarks, foot)
@@ -162,7 +177,6 @@ def true_measures(walk: Walk, seed: int) -> tuple[Sequence[GaitStep], Sequence[M
         mass_kg=walk.mass_kg,
         stature_m=walk.body.proportions.height_m,
     )
-    contacts = true_contacts(walk, float(time_s[-1]))
     steps = find_steps(recording, landmarks, (), contacts=contacts)
     return steps, (
         *spatiotemporal(whole, steps),
@@ -215,7 +229,21 @@ def _simultaneous(one: GaitStep, other: GaitStep) -> bool:
     return abs(one.strike_s - other.strike_s) < 0.1
 
 
-def write_tables(walks: Mapping[LabName, Sequence[Sequence[Row]]]) -> None:
+def halves_scaled(walks: Sequence[Sequence[Row]]) -> list[list[Row]]:
+    """The walks with deviations that hold 95 % of the values of the other half, by measure; halves are every other."""
+    ratios: tuple[dict[str, list[float]], ...] = (defaultdict(list), defaultdict(list))
+    for k, walk in enumerate(walks):
+        for name, value, sd, truth in walk:
+            if sd:
+                ratios[k % 2][name].append(abs(value - truth) / (1.96 * sd))
+    factors = [{name: float(np.quantile(own, 0.95)) for name, own in half.items()} for half in reversed(ratios)]
+    return [
+        [(name, value, sd and sd * factors[k % 2].get(name, 1.0), truth) for name, value, sd, truth in walk]
+        for k, walk in enumerate(walks)
+    ]
+
+
+def write_tables(walks: Mapping[Lab, Sequence[Sequence[Row]]]) -> None:
     """Replace the tables of the page by those of the rows of the walks in each laboratory."""
     tables = "\n".join(table_of(LABS[lab], rows) for lab, rows in walks.items() if rows)
     text = PAGE.read_text(encoding="utf-8")

@@ -261,8 +261,9 @@ def test_a_mean_has_the_scatter_of_the_steps_and_the_common_error() -> None:
     (single, _) = summarise(steps[:1])
     assert single.between_sd is None
     assert single.ci95 == pytest.approx((1.0 - 0.98, 1.0 + 0.98))
-    (unknown, _) = summarise([Measure("m", 1.0, None, "m", "left", 0)])
-    assert unknown.ci95 is None
+    for values in ((1.0,), (1.0, 2.0, 3.0)):
+        unknown, _ = summarise([Measure("m", value, None, "m", "left", k) for k, value in enumerate(values)])
+        assert unknown.ci95 is None, "the scatter alone would promise too much"
 
 
 def test_symmetry_is_the_difference_over_the_mean() -> None:

@@ -1,5 +1,6 @@
 """Walks of which a part cannot be measured: each reason is named, and nothing that is not measured is zero."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -71,15 +72,30 @@ def test_a_side_without_markers_is_refused_with_what_is_missing(tmp_path: Path, 
     assert "both feet" in message
 
 
-def test_weight_on_a_walking_aid_beside_the_plates_is_a_contradiction(tmp_path: Path, walk: Recording) -> None:
+def test_weight_on_a_walking_aid_leaves_what_the_markers_say(tmp_path: Path, walk: Recording) -> None:
     """A fifth of the weight is on a cane that no plate measures."""
-    message = refused(tmp_path, with_plates(walk, lambda plate: scaled(plate, 0.8)))
+    summary = measures(tmp_path, with_plates(walk, lambda plate: scaled(plate, 0.8)))
+    missing = reasons(summary)
+    assert summary.method == "geometry"
+    (remark,) = (one for one in summary.warnings if one.code == "weight-beside-plates")
+    assert re.search(r"carry (79|80|81) % of the body weight", remark.message)
+    assert missing["limb_work_left_positive"].startswith("weight-beside-plates")
+    assert missing["limb_work_right_positive"].startswith("weight-beside-plates")
+    margin = next(one for one in summary.measures if one.name == "margin_of_stability_ml_min")
+    assert margin.error_sd is not None
+    assert margin.ci95 is not None
+
+
+def test_too_much_weight_on_the_plates_is_a_contradiction(tmp_path: Path, walk: Recording) -> None:
+    message = refused(tmp_path, with_plates(walk, lambda plate: scaled(plate, 1.25)))
     assert "contradict" in message
 
 
-def test_a_run_is_not_measured_as_a_walk(tmp_path: Path) -> None:
+@pytest.mark.parametrize("plates", [True, False])
+def test_a_run_is_not_measured_as_a_walk(tmp_path: Path, plates: bool) -> None:
     running = record_robot(clean_motion("running"), NOISE_FREE, 0).recording
-    assert "running" in refused(tmp_path, running)
+    message = refused(tmp_path, running if plates else replace(running, plates=()))
+    assert "it is running" in message
 
 
 def test_three_steps_give_their_values_and_name_what_needs_more(tmp_path: Path, walk: Recording) -> None:

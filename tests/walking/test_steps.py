@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stridelab.recordings.foot_contact import find_feet
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.recording import Recording, Remark
-from stridelab.walking.steps import find_steps
+from stridelab.walking.gait_events import find_contacts
+from stridelab.walking.steps import find_steps, footprint_direction
 from support.recordings.walks import LANDMARKS as FEET
 from support.recordings.walks import STANCE_S, STEP_M, STEP_S, walk
 
@@ -95,3 +97,26 @@ def test_a_hidden_heel_leaves_the_length_open() -> None:
 def test_a_part_of_a_step_is_no_step() -> None:
     short = walk([2, 3], n_steps=2)
     assert find_steps(short, LANDMARKS) == ()
+
+
+def direction_of(recording: Recording) -> np.ndarray | None:
+    contacts = find_contacts(recording, LANDMARKS)
+    return footprint_direction(recording, find_feet(recording, LANDMARKS), contacts)
+
+
+@pytest.mark.parametrize(("n_steps", "turned_rad"), [(3, 0.0), (4, 0.3), (8, -1.0), (6, 2.5)])
+def test_the_line_of_progression_is_that_of_the_footprints(n_steps: int, turned_rad: float) -> None:
+    """The feet are 20 cm apart and turned outwards; the body may sway as it likes."""
+    c, s = np.cos(turned_rad), np.sin(turned_rad)
+    plain = walk([], n_steps=n_steps)
+    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    turned = replace(plain, markers_m={label: track @ turn for label, track in plain.markers_m.items()})
+    sway = 0.2 * np.sin(turned.time_s)[:, None] * [-s, c, 0.0]
+    swaying = {k: v + sway if k.startswith("pelvis") else v for k, v in turned.markers_m.items()}
+    found = direction_of(replace(turned, markers_m=swaying))
+    assert found is not None
+    np.testing.assert_allclose(found, [c, s, 0.0], atol=2e-3)
+
+
+def test_two_footprints_have_no_line_of_progression() -> None:
+    assert direction_of(walk([], n_steps=2)) is None

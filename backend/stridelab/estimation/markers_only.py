@@ -15,13 +15,15 @@ from stridelab.recordings.recording import WrenchTrack
 class GeometryOnly:
     """Input (i) unchanged, with derivatives smoothed to ``band_hz``; ``sd_m`` is its prior.
 
-    The result covers the same window as those of the other estimators, so that they can be compared sample by sample.
+    The result covers the same window as those of the other estimators, so that they can be compared sample by sample;
+    with ``beyond_window`` it covers the whole gap-free geometry around the window.
     """
 
     name: ClassVar[str] = "geometry"
 
     band_hz: float = BAND_HZ
     priors: ErrorPriors = field(default_factory=ErrorPriors)
+    beyond_window: bool = False
 
     def estimate(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> ComEstimate:
         """Geometry at the window's samples; raises as ``window_span`` does."""
@@ -29,10 +31,10 @@ class GeometryOnly:
         span = window_span(geometric, wrench)
         g = geometric.com_m[span.around]
         velocity, acceleration = smoothed_derivatives(g, span.rate_hz, self.band_hz)
-        within = span.within
+        within = slice(None) if self.beyond_window else span.within
         return ComEstimate(
             method=self.name,
-            time_s=geometric.time_s[span.inside],
+            time_s=geometric.time_s[span.around][within],
             com_m=g[within],
             velocity_m_s=velocity[within],
             acceleration_m_s2=acceleration[within],

@@ -46,7 +46,7 @@ class GaitMeasures:
         return data_frame(measure_columns(self.result))
 
     def save(self, folder: str | Path, *, replace: bool = False) -> Path:
-        """Write the files of the job into a folder: ``measures`` and ``xcom`` as CSV and Parquet, ``result.json``.
+        """Write the tables of the job as CSV and Parquet, and ``result.json``, into a folder.
 
         Raises:
             Conflict: ``output-exists`` where the folder exists; ``replace`` allows it for an earlier result.

@@ -55,7 +55,7 @@ def step_energies(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measure
         if not motion.covers(step.lift_off_s, step.next_lift_off_s):
             continue
         known = np.ones(span.stop - span.start, dtype=bool)
-        if motion.covariance is not None:
+        if motion.covariance is not None and not motion.by_markers:
             known = motion.covariance[span, UP, 1, 1] <= MAX_VELOCITY_SD_M_S**2
         missing = 1.0 - float(np.mean(known))
         if missing <= MAX_MISSING_SHARE:
@@ -103,7 +103,7 @@ def _energies(
 
 def _is_velocity_uncertain(motion: WalkMotion, span: slice) -> bool:
     """Whether the vertical velocity has an error above ``MAX_VELOCITY_SD_M_S`` anywhere in the stride."""
-    if motion.covariance is None:
+    if motion.covariance is None or motion.by_markers:
         return False
     return bool(motion.covariance[span, UP, 1, 1].max() > MAX_VELOCITY_SD_M_S**2)
 

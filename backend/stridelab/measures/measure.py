@@ -42,7 +42,8 @@ class MeasureSummary:
     """Mean of ``n`` values of one measure, of one side or (None) of both.
 
     ``between_sd`` is the standard deviation between the steps (n - 1), None for one step; ``error_sd`` the median error
-    of one value, None if unknown. ``ci95`` contains the mean with 95 % confidence, None if neither is known.
+    of one value, None if unknown. ``ci95`` contains the mean with 95 % confidence; None if the error is unknown, since
+    the scatter between the steps alone would promise too much.
     """
 
     name: str
@@ -82,10 +83,8 @@ def _summary(measures: Sequence[Measure], side: Side | None) -> MeasureSummary:
     between = float(values.std(ddof=1)) if n > 1 else None
     error = float(np.median(errors)) if errors else None
     half = None
-    if between is not None:
-        quantile = float(student.ppf(0.5 + CONFIDENCE / 2, n - 1))
-        half = math.hypot(quantile * between / math.sqrt(n), 1.96 * (error or 0.0))
-    elif error is not None:
-        half = 1.96 * error
+    if error is not None:
+        scatter = 0.0 if between is None else float(student.ppf(0.5 + CONFIDENCE / 2, n - 1)) * between / math.sqrt(n)
+        half = math.hypot(scatter, 1.96 * error)
     ci95 = None if half is None else (mean - half, mean + half)
     return MeasureSummary(measures[0].name, measures[0].unit, side, n, mean, between, error, ci95)

@@ -118,12 +118,17 @@ def _of_stride(motion: WalkMotion, step: GaitStep, following: GaitStep, number: 
 
 
 def _excursions(motion: WalkMotion, step: GaitStep, start_s: float, end_s: float, number: int) -> list[Measure]:
-    """Ranges of the CoM over a stride; from lift-off to lift-off if no stride from strike to strike is covered."""
+    """Ranges and speed of the CoM over a stride; from lift-off to lift-off if no stride between strikes is covered."""
     if not motion.covers(start_s, end_s):
         return []
     com = motion.com_m[motion.samples(start_s, end_s)]
     sd = math.sqrt(2.0) * motion.varying_sd_m
+    ahead = motion.at(motion.com_m, end_s)[AHEAD] - motion.at(motion.com_m, start_s)[AHEAD]
+    speed = float(ahead) / (end_s - start_s)
     return [
-        Measure(f"com_{name}_excursion", float(np.ptp(com[:, axis])), sd, "m", step.side, number)
-        for name, axis in (("vertical", UP), ("lateral", LEFT))
+        *(
+            Measure(f"com_{name}_excursion", float(np.ptp(com[:, axis])), sd, "m", step.side, number)
+            for name, axis in (("vertical", UP), ("lateral", LEFT))
+        ),
+        Measure("com_speed", speed, sd / (end_s - start_s), "m/s", step.side, number),
     ]

@@ -3,10 +3,11 @@
 The propagated deviation of a measure of the CoM is that of the smoother's state at one instant. Most of this error is
 the same throughout a stride (the segment table, the body mass, the tare of the plates) and cancels in a range, in an
 excursion or in a mean; the state's covariance does not contain how it is correlated in time. So the deviation is
-multiplied by the factor with which the 95 % band holds the truth in 95 % of the steps of 440 walks with seeds below 480
-(``scripts/make_measures_coverage.py``); other seeds test it. The factors of times by plates are of 68 walks (even seeds
-below 72 and from 7000 to 7070). There are two factors, for steps in which all force is
-measured and for the others, where the velocity follows from markers.
+multiplied by the factor with which the 95 % band holds the truth in 95 % of the steps of 150 walks with seeds below 150
+(``scripts/make_measures_coverage.py``); other seeds test it. Factors of times, lengths and angular momentum, which do
+not depend on the estimator, are the geometric mean with those of 440 walks with seeds below 480. There are three: for
+steps in which all force is measured, for the others, where the velocity follows from markers, and for a CoM of the
+markers alone. Of the last, the sideways margins are those of people (``MARKERS_ALONE_SD``), whose skin moves.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,35 +20,36 @@ from stridelab.walking.steps import GaitStep
 
 MEASURED_VELOCITY_SD_M_S: Final = 0.01
 """Largest deviation of the vertical velocity of a step in which all force is measured."""
-FACTORS: Final[Mapping[str, tuple[float, float]]] = {
-    "step_length": (0.97, 0.96),
-    "step_width": (0.94, 1.00),
-    "walking_speed": (0.57, 1.26),
-    "step_time": (1.01, 1.01),
-    "cadence": (1.01, 1.01),
-    "double_support_share": (1.27, 1.00),
-    "stride_time": (1.00, 0.95),
-    "stance_share": (1.43, 0.99),
-    "swing_share": (1.43, 0.99),
-    "stride_length": (0.96, 0.96),
-    "com_vertical_excursion": (0.079, 0.31),
-    "com_lateral_excursion": (0.048, 0.23),
-    "margin_of_stability_ml_min": (0.52, 0.35),
-    "margin_of_stability_ap_contact": (0.93, 0.68),
-    "margin_of_stability_ml_contact": (0.49, 0.32),
-    "capture_point_offset_ap": (0.94, 0.69),
-    "capture_point_offset_ml": (0.46, 0.31),
-    "energy_recovery": (0.20, 0.20),
-    "external_work": (0.12, 0.12),
-    "angular_momentum_range_x": (1.34, 1.37),
-    "angular_momentum_range_y": (0.99, 1.05),
-    "angular_momentum_range_z": (0.54, 0.55),
-    "limb_work_left_positive": (0.49, 0.14),
-    "limb_work_left_negative": (0.49, 0.14),
-    "limb_work_right_positive": (0.49, 0.14),
-    "limb_work_right_negative": (0.49, 0.14),
+FACTORS: Final[Mapping[str, tuple[float, float, float]]] = {
+    "step_length": (0.98, 1.03, 1.02),
+    "step_width": (0.96, 0.98, 0.93),
+    "walking_speed": (0.55, 1.27, 1.32),
+    "step_time": (1.03, 1.01, 0.97),
+    "cadence": (1.03, 1.01, 0.99),
+    "double_support_share": (1.33, 1.05, 1.09),
+    "stride_time": (1.01, 0.98, 1.00),
+    "stance_share": (1.52, 1.02, 1.09),
+    "swing_share": (1.52, 1.02, 1.09),
+    "stride_length": (1.00, 0.98, 0.65),
+    "com_vertical_excursion": (0.093, 0.31, 0.42),
+    "com_lateral_excursion": (0.057, 0.22, 0.42),
+    "com_speed": (0.14, 0.67, 0.26),
+    "margin_of_stability_ml_min": (0.54, 0.40, 1.00),
+    "margin_of_stability_ap_contact": (0.95, 0.62, 1.01),
+    "margin_of_stability_ml_contact": (0.54, 0.29, 1.00),
+    "capture_point_offset_ap": (0.95, 0.62, 1.08),
+    "capture_point_offset_ml": (0.54, 0.29, 1.00),
+    "energy_recovery": (0.19, 0.19, 4.72),
+    "external_work": (0.093, 0.093, 1.10),
+    "angular_momentum_range_x": (1.22, 1.33, 1.30),
+    "angular_momentum_range_y": (0.91, 1.00, 0.95),
+    "angular_momentum_range_z": (0.61, 0.59, 0.64),
+    "limb_work_left_positive": (0.53, 0.14, 1.00),
+    "limb_work_left_negative": (0.53, 0.14, 1.00),
+    "limb_work_right_positive": (0.53, 0.14, 1.00),
+    "limb_work_right_negative": (0.53, 0.14, 1.00),
 }
-"""Factors of the propagated deviation with all force measured, and otherwise; 1 for measures that are not listed."""
+"""Factors of the propagated deviation with all force measured, otherwise, and by markers alone; 1 if not listed."""
 STRIDE_MEASURES: Final = ("stride_", "com_", "energy_", "external_", "angular_", "stance_", "swing_")
 """Beginnings of the names of measures that last from a strike to the next of the same foot."""
 MEASURED_WORK_SD_J_KG: Final = 0.03
@@ -59,7 +61,11 @@ def calibrate_errors(motion: WalkMotion, steps: Sequence[GaitStep], measures: It
     calibrated = []
     for measure in measures:
         if measure.sd is not None and measure.step is not None and measure.name in FACTORS:
-            factor = FACTORS[measure.name][0 if is_measured(motion, steps[measure.step], measure) else 1]
+            factors = FACTORS[measure.name]
+            if motion.by_markers:
+                factor = factors[2]
+            else:
+                factor = factors[0 if is_measured(motion, steps[measure.step], measure) else 1]
             calibrated.append(replace(measure, sd=factor * measure.sd))
         else:
             calibrated.append(measure)

@@ -136,14 +136,14 @@ def estimate_with_fallback(
 
     The fallback adds a remark.
 
-    ``beyond_window`` extends the smoother's estimate over the gap-free geometry around the window. Raises
+    ``beyond_window`` extends the smoother's estimate and the geometry's over all gap-free geometry. Raises
     ``NotEstimable`` if no applicable method accepts the recording.
     """
     inputs = prepared.geometric, prepared.wrench, prepared.mass.mass_kg
     try:
         com_estimator = build_estimator(method or BEST_METHOD, request)
-        if beyond_window and isinstance(com_estimator, Smoother):
-            com_estimator = replace(com_estimator, beyond_window=True)
+        if beyond_window:
+            com_estimator = _beyond_window(com_estimator)
         return com_estimator.estimate(*inputs)
     except NotEstimable as refusal:
         if method is not None:
@@ -153,6 +153,15 @@ def estimate_with_fallback(
             f"The {BEST_METHOD} rejects this recording; the {FALLBACK_METHOD} filter is used instead: {refusal.message}"
         )
         return replace(estimate, remarks=(Remark("best-method-refused", message), *estimate.remarks))
+
+
+def _beyond_window(com_estimator: ComEstimator) -> ComEstimator:
+    """The estimator over all gap-free geometry, if it can say something outside the measured window."""
+    from stridelab.estimation.markers_only import GeometryOnly
+
+    if isinstance(com_estimator, Smoother | GeometryOnly):
+        return replace(com_estimator, beyond_window=True)
+    return com_estimator
 
 
 def build_estimator(method: str, request: EstimateComInput) -> ComEstimator:

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.conventions import GRAVITY_M_S2
 from stridelab.errors import Fault, NotEstimable, StridelabError
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.markers_only import GeometryOnly
@@ -34,7 +35,7 @@ from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import GaitMeasuresSummary, MeasureValue, NotMeasured
 from stridelab.schemas.population import LeftOut
 from stridelab.schemas.quality import TrialQuality
-from stridelab.schemas.tasks import EstimateComTask, GaitMeasuresTask
+from stridelab.schemas.tasks import EstimateComTask, GaitMeasuresTask, MeasuresMember
 from stridelab.walking.gait_events import Contact, find_contacts
 from stridelab.walking.preconditions import require_walk
 from stridelab.walking.steps import GaitStep, find_steps
@@ -45,6 +46,10 @@ SIGNED: Final = frozenset(
     {"margin_of_stability_ap_contact", "capture_point_offset_ap", "capture_point_offset_ml", "step_width"}
 )
 """Measures that may be zero or negative, for which a ratio of the sides says nothing."""
+LEAST_WEIGHT_SHARE: Final = 0.96
+"""Share of the weight on the plates below which something else carries the person: limit of ``mass_from_motion``."""
+WEIGHT_BESIDE: Final = "weight-beside-plates"
+"""Code of the remark, and of the reason why the work of the legs is not measured."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +88,8 @@ class GaitMeasuresResult:
 def gait_measures(task: GaitMeasuresTask, folder: Path, progress: ProgressCallback) -> GaitMeasuresResult:
     """Measure every recording of ``task``, whose files are in sub-folders of ``folder``; 0.0 to 0.95 of the progress.
 
-    Recordings that cannot be measured, or whose sensors contradict each other, are listed with the reason.
+    Recordings that cannot be measured, or whose sensors contradict each other, are listed with the reason. Where the
+    plates carry too little weight for the body, as with a walking aid, the measures are those of the markers alone.
 
     Raises ``NotEstimable`` (``nothing-measured``) if no recording of several has a whole step; the error of a single
     one is raised as it is.
@@ -100,6 +106,8 @@ def gait_measures(task: GaitMeasuresTask, folder: Path, progress: ProgressCallba
                 raise
             left_out.append(LeftOut(**identity, code=error.code, message=error.message))
             continue
+        if one.quality.quality.verdict == CONTRADICTED:
+            one = _without_plates(one, member, folder) or one
         if one.quality.quality.verdict == CONTRADICTED:
             wrong = [check.message for check in one.quality.quality.checks if not check.passed]
             message = f"The sensors of this recording contradict each other. {' '.join(wrong)}"
@@ -162,6 +170,42 @@ def measure_recording(recording_id: str, task: EstimateComTask, folder: Path) ->
         prepared,
         estimate,
         quality,
+    )
+
+
+def _without_plates(one: MeasuredRecording, member: MeasuresMember, folder: Path) -> MeasuredRecording | None:
+    """Measures by the markers alone of a recording whose plates carry too little of the weight; else None.
+
+    None as well if a method is requested. The share of the weight is the mean vertical force over that which the motion
+    of the markers needs, m (g + a_z). A verdict of contradicted markers remains.
+    """
+    wrench, mass_kg = one.prepared.wrench, one.prepared.mass.stated_kg or one.prepared.mass.known_kg
+    if member.task.input.method is not None or mass_kg is None or not wrench.complete.any():
+        return None
+    request = member.task.input.model_copy(update={"method": GeometryOnly.name})
+    task = member.task.model_copy(update={"input": request})
+    try:
+        again = measure_recording(member.recording_id, task, folder / member.folder)
+    except StridelabError:
+        return None
+    used = wrench.complete & np.isin(wrench.time_s, again.estimate.time_s)
+    if not used.any():
+        return None
+    rising_m_s2 = again.estimate.acceleration_m_s2[np.isin(again.estimate.time_s, wrench.time_s[used]), 2]
+    share = float(wrench.force_n[used, 2].mean() / (mass_kg * (GRAVITY_M_S2 + rising_m_s2.mean())))
+    if share >= LEAST_WEIGHT_SHARE:
+        return None
+    remark = Remark(
+        WEIGHT_BESIDE,
+        f"The plates carry {100.0 * share:.0f} % of the body weight. A walking aid, a rail or another person may carry "
+        "the rest, or the mass is wrong. The force is not used: the centre of mass is that of the markers alone, and "
+        "the work of the legs is not measured.",
+    )
+    return replace(
+        again,
+        motion=replace(again.motion, mass_kg=mass_kg),
+        measures=tuple(measure for measure in again.measures if not measure.name.startswith("limb_work")),
+        estimate=replace(again.estimate, remarks=(*again.estimate.remarks, remark)),
     )
 
 
@@ -262,6 +306,12 @@ def _not_measured(measured: Sequence[MeasuredRecording], given: set[str], n_step
     missing = {name: reason for name, reason in _EXPECTED.items() if name not in given}
     if "angular_momentum_range_x" in missing and all(one.motion.stature_m is None for one in measured):
         missing["angular_momentum_range_x"] = ("no-stature", "State the stature, by which the momentum is scaled.")
+    if all(any(remark.code == WEIGHT_BESIDE for remark in one.estimate.remarks) for one in measured):
+        reason = (
+            WEIGHT_BESIDE,
+            "The plates do not carry the whole weight: the force of a leg on them is not all of it.",
+        )
+        missing |= {name: reason for name in missing if name.startswith("limb_work")}
     if "foot_placement_residual" not in given:
         message = f"{n_steps} steps; the regression needs at least {LEAST_STEPS} within the estimates."
         missing["foot_placement_residual"] = ("too-few-steps", message)

@@ -40,7 +40,7 @@ class MeasureValue(Contract):
     mean: float
     between_sd: float | None = Field(description="standard deviation between the steps; null for one step")
     error_sd: float | None = Field(description="median measurement error of one step; null if it is not known")
-    ci95: Bounds | None = Field(description="95 % confidence interval of the mean; null if neither is known")
+    ci95: Bounds | None = Field(description="95 % confidence interval of the mean; null if the error is not known")
     symmetry: float | None = Field(
         default=None, description="of a row over both sides: (left - right) / mean of the sides"
     )
@@ -171,6 +171,7 @@ MEASURE_TITLES: Final[Mapping[str, str]] = {
     "capture_point_offset_ml": "Foot outwards of the capture point",
     "com_vertical_excursion": "Vertical excursion of the centre of mass",
     "com_lateral_excursion": "Lateral excursion of the centre of mass",
+    "com_speed": "Speed of the centre of mass over a stride",
     "energy_recovery": "Recovery of mechanical energy",
     "external_work": "External work per stride",
     "step_energy_recovery": "Recovery of mechanical energy in a step",

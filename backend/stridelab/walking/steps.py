@@ -11,7 +11,8 @@ from typing import Final, Literal
 import numpy as np
 
 from stridelab.conventions import Points, Series, Vector3
-from stridelab.recordings.foot_contact import find_feet, ground_of_feet_m_s
+from stridelab.recordings.foot_contact import Foot, find_feet, ground_of_feet_m_s
+from stridelab.recordings.plate_contacts import mean_visible
 from stridelab.recordings.recording import Recording, Side, Window
 from stridelab.walking.gait_events import MARKER_ERROR, Contact, EventError, find_contacts
 from stridelab.walking.marker_kinematics import pelvis_m
@@ -19,6 +20,8 @@ from stridelab.walking.marker_kinematics import pelvis_m
 TimingSource = Literal["plates", "markers", "mixed"]
 MAX_MISSING_SHARE: Final = 0.08
 """Share of a step that may be missing at either end, because the detection of windows is conservative."""
+MIN_PROGRESS_M: Final = 0.3
+"""Shortest way between footprints of one foot that gives a direction."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,6 +115,40 @@ def find_steps(
             )
         )
     return tuple(sorted(steps, key=lambda step: step.lift_off_s))
+
+
+def footprint_direction(recording: Recording, feet: Sequence[Foot], contacts: Sequence[Contact]) -> Vector3 | None:
+    """Line of progression through the footprints, a unit vector on the floor; None with too few footprints.
+
+    The forefoot stands at p_k in contact k, and s_k is 1 for the left and -1 for the right foot. Across the walk,
+    ``y_k = a + b x_k + w s_k`` by least squares gives the slope b of the line and half of the width w. Two footprints
+    of one foot and one of the other suffice. The body itself sways: its mean velocity over a step or two deviates by
+    several degrees, which changes the width of a step by centimetres.
+    """
+    prints: list[tuple[float, float, float]] = []
+    for foot in feet:
+        fore = mean_visible(np.asarray(foot.markers_m[:, 1:])) - foot.ground_m_s * recording.time_s[:, None]
+        rests = foot.resting[:, 1:].all(axis=1) & np.isfinite(fore).all(axis=1)
+        for contact in contacts:
+            during = (recording.time_s > contact.start_s) & (recording.time_s < contact.end_s) & rests
+            if contact.side == foot.side and during.any():
+                x, y = np.median(fore[during, :2], axis=0)
+                prints.append((float(x), float(y), 1.0 if foot.side == "left" else -1.0))
+    table = np.array(prints).reshape(-1, 3)
+    sides = [int((table[:, 2] == side).sum()) for side in (1.0, -1.0)]
+    if min(sides) < 1 or max(sides) < 2:
+        return None
+    once = max((table[table[:, 2] == side][:, :2] for side in (1.0, -1.0)), key=len)
+    way = once[-1] - once[0]
+    if float(np.linalg.norm(way)) < MIN_PROGRESS_M:
+        return None
+    for _ in range(2):
+        ahead = way / np.linalg.norm(way)
+        x, y = table[:, :2] @ ahead, table[:, :2] @ [-ahead[1], ahead[0]]
+        slope = float(np.linalg.lstsq(np.column_stack([np.ones(len(x)), x, table[:, 2]]), y, rcond=None)[0][1])
+        way = ahead + slope * np.array([-ahead[1], ahead[0]])
+    ahead = way / np.linalg.norm(way)
+    return np.array([ahead[0], ahead[1], 0.0])
 
 
 def _swing_pairs(contacts: Sequence[Contact]) -> list[tuple[Contact, Contact]]:

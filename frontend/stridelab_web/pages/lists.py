@@ -12,6 +12,7 @@ from stridelab_web.api_client import client_of, none_if_missing
 from stridelab_web.formatting import KINDS
 from stridelab_web.formatting import job_kind_name as name_of
 from stridelab_web.pages.render import render_page
+from stridelab_web.pages.results.measures import newest_gait
 
 OFFERED: Final = 50
 """Number of recordings without a subject that are offered at a time."""
@@ -60,12 +61,18 @@ async def subject_page(request: Request) -> Response:
 async def recordings_page(request: Request) -> Response:
     """``GET /recordings?search=&sort=&session_id=``."""
     query = request.query_params
-    listed = await client_of(request).recordings(session_id=query.get("session_id") or None, **list_query(request))
+    client, session_id = client_of(request), query.get("session_id") or None
+    listed = await client.recordings(session_id=session_id, **list_query(request))
+    gait = None
+    if session_id is not None and listed.items:
+        of_first = await client.jobs(recording_id=listed.items[0].id)
+        gait = await newest_gait(client, [one.id for one in listed.items], of_first.items)
     return render_page(
         request,
         "pages/recordings.html",
         section="Recordings",
         recordings=listed.items,
+        gait=gait,
         query=query,
         next=next_page(request, listed.next),
     )

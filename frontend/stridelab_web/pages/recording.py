@@ -15,6 +15,7 @@ from stridelab_web.api_client import client_of
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.charts import intervals
 from stridelab_web.pages.render import render_page
+from stridelab_web.pages.results.measures import newest_gait
 from stridelab_web.pages.results.summary_facts import headline_of
 
 LATENCIES = (
@@ -42,6 +43,7 @@ async def recording_page(request: Request) -> Response:
     others = [item for item in (await client.recordings(limit=CANDIDATES)).items if item.id != recording.id]
     session = await _session_of(client, recording)
     person = None if recording.subject_id is None else await client.subject(recording.subject_id)
+    gait = await newest_gait(client, [recording.id], jobs.items)
     estimated = next((job for job in jobs.items if job.kind == "estimate-com" and job.state == "succeeded"), None)
     result = await client.result(estimated.id) if estimated else None
     alternatives = {name for group in recording.missing_landmarks for name in group.split("|")}
@@ -53,6 +55,7 @@ async def recording_page(request: Request) -> Response:
         known="known" in request.query_params,
         person=person,
         jobs=jobs.items,
+        gait=gait,
         job=estimated,
         headline=headline_of(result) if result else None,
         plots=estimated is not None,

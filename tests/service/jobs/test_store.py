@@ -132,6 +132,20 @@ def test_list_pages_newest_first_and_filters(use: Use) -> None:
     use(act)
 
 
+def test_jobs_of_a_recording_include_measures_of_several(use: Use, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stridelab.service.jobs.store.POOLING_KINDS", ("work",))
+
+    async def act(store: JobStore) -> None:
+        both = (await store.submit("work", {"recording_ids": ["a", "b"]})).job_id
+        await store.submit("refuse", {"recording_ids": ["a"]})
+        await store.submit("work", {"recording_ids": ["ab"]})
+        for one in ("a", "b"):
+            assert [r.id for r in (await store.list_jobs(recording_id=one)).items] == [both]
+        assert (await store.list_jobs(recording_id="c")).items == ()
+
+    use(act)
+
+
 def test_position_in_the_queue_follows_priority_then_age(use: Use) -> None:
     async def act(store: JobStore) -> None:
         ids = [(await store.submit("work", {}, priority=p)).job_id for p in (0, 0, 5, 10)]

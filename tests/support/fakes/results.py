@@ -188,7 +188,7 @@ def measures_summary() -> GaitMeasuresSummary:
 
 def measures_result(given: dict[str, Any]) -> JobResult:
     """The result of succeeded measures."""
-    names = [f"{stem}.{end}" for stem in ("measures", "xcom", "stability") for end in ("parquet", "csv")]
+    names = [f"{stem}.{end}" for stem in ("measures", "steps", "xcom", "stability") for end in ("parquet", "csv")]
     artifacts = [Artifact(name=name, media_type="application/x", bytes=2345) for name in names]
     return JobResult(
         kind=MEASURES_KIND, input=given, versions={"stridelab": "0.1.0"}, references=["hof2005"],

@@ -271,16 +271,16 @@ class FakeService:
             return _problem(404, "recording-not-found", "There is no such recording.")
         return Response(self.tracks, media_type="application/vnd.apache.parquet")
 
+    def _pooled(self, job: Job) -> list[str]:
+        return self.inputs.get(job.id, {}).get("recording_ids") or [] if job.kind.startswith("gait-") else []
+
     async def _jobs(self, request: Request) -> Response:
         query = request.query_params
         found = [
             job
             for job in reversed(self.jobs.values())
-            if all(
-                getattr(job, key) == query[key]
-                for key in ("state", "kind", "recording_id", "scenario_id")
-                if key in query
-            )
+            if all(getattr(job, key) == query[key] for key in ("state", "kind", "scenario_id") if key in query)
+            and query.get("recording_id", job.recording_id) in {job.recording_id, *self._pooled(job)}
         ]
         limit = int(query.get("limit", 50))
         return _answer({"items": [j.model_dump(mode="json") for j in found[:limit]], "next": None})

@@ -16,6 +16,7 @@ REASON_OF: Final[Mapping[str, str]] = {
     "swing_share": "stride_length",
     "com_vertical_excursion": "stride_length",
     "com_lateral_excursion": "stride_length",
+    "com_speed": "stride_length",
     "margin_of_stability_ml_contact": "margin_of_stability_ml_min",
     "margin_of_stability_ap_contact": "margin_of_stability_ml_min",
     "capture_point_offset_ap": "margin_of_stability_ml_min",

@@ -14,7 +14,7 @@ from datetime import datetime
 from typing import Any, Final
 
 import psycopg
-from sqlalchemy import Select, bindparam, case, func, insert, literal, select, tuple_, update
+from sqlalchemy import Select, and_, bindparam, case, func, insert, literal, or_, select, tuple_, update
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
@@ -35,6 +35,8 @@ QUEUE_CHANNEL: Final = "stridelab_queue"
 """NOTIFY channel for workers: a job waits."""
 CANCEL_CHANNEL: Final = "stridelab_cancel"
 """NOTIFY channel for workers; the payload is the id of a running job to be cancelled."""
+POOLING_KINDS: Final = ("gait-measures", "gait-report")
+"""Kinds whose jobs on several recordings are also listed with each of them."""
 _MAX_PRIORITY: Final = 100
 _RETRY_AFTER_S: Final = 5.0
 
@@ -185,10 +187,15 @@ class JobStore:
     ) -> JobPage:
         """Jobs, newest first; ``search`` looks in the kind and in the names of recording and scenario.
 
+        Those of a recording include the measures and reports of gait of several recordings of which it is one.
+
         Raises ``InvalidInput`` (``invalid-cursor``).
         """
         wanted = _JOBS_SELECT.order_by(job.c.created_at.desc(), job.c.id.desc()).limit(limit + 1)
-        filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
+        filters = {"state": state, "kind": kind, "scenario_id": scenario_id}
+        if recording_id is not None:
+            pooled = and_(job.c.kind.in_(POOLING_KINDS), job.c.input["recording_ids"].contains([recording_id]))
+            wanted = wanted.where(or_(job.c.recording_id == recording_id, pooled))
         for column, value in filters.items():
             if value is not None:
                 wanted = wanted.where(job.c[column] == value)

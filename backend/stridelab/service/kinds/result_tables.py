@@ -47,6 +47,8 @@ UNITS = (
         "_rad": "rad",
     }
     | {
+        "_j_kg": "J/kg",
+        "_1_min": "1/min",
         "_kg": "kg",
         "_hz": "Hz",
         "_m": "m",

@@ -1,10 +1,11 @@
 """Measures of gait on the page of a job: the main values, then all of them with both sides."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from stridelab.schemas.jobs import JobResult
+from stridelab.client import AsyncClient
+from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.measures import (
     FEW_PEOPLE,
     MEASURE_TITLES,
@@ -33,10 +34,14 @@ MAIN: Final[Mapping[str, str]] = {
 }
 """Measures of which the first ``N_MAIN`` that are known are shown above the table, with their short titles."""
 N_MAIN: Final = 6
-DOWNLOADS: Final = ("report.pdf", "report.html", "measures.csv", "xcom.csv")
+DOWNLOADS: Final = ("report.pdf", "report.html", "measures.csv", "steps.csv", "xcom.csv")
 MIN_STEPS: Final = 3
 """Steps below which the headline refers to the intervals: Student's quantile for two values is 12.7."""
 
+N_CANDIDATES: Final = 5
+"""Newest jobs of a recording that are looked through for measures of the wanted recordings."""
+CAUTIONS: Final = frozenset({"force-not-used", "weight-beside-plates"})
+"""Codes of the remarks that are shown beside the main values."""
 NO_MEANING: Final = "means nothing"
 _SCORE: Final = MeasureScale(1.0, "", 1)
 
@@ -86,6 +91,53 @@ class BeforeAfter:
     change: str
     interval: str
     is_clear: bool
+
+
+@dataclass(frozen=True)
+class NewestGait:
+    """What a clinician sees first of a recording or of a session: a sentence, the main values and where the rest is."""
+
+    job_id: str
+    n_recordings: int
+    headline: str
+    caution: str
+    main: tuple[Row, ...]
+    scene_url: str | None
+    downloads: tuple[str, ...]
+
+
+async def newest_gait(client: AsyncClient, recording_ids: Sequence[str], jobs: Sequence[Job]) -> NewestGait | None:
+    """The newest measures among ``jobs`` that are of ``recording_ids`` alone, else the newest that include the first.
+
+    Those of other recordings beside are of a session; None without any.
+    """
+    pooled: JobResult | None = None
+    pooled_id, wanted = "", set(recording_ids)
+    for job in [one for one in jobs if one.kind in KINDS and one.state == "succeeded"][:N_CANDIDATES]:
+        result = await client.result(job.id)
+        if set(result.input.get("recording_ids") or ()) <= wanted:
+            return _gait_of(job.id, result)
+        if pooled is None:
+            pooled, pooled_id = result, job.id
+    return None if pooled is None else _gait_of(pooled_id, pooled)
+
+
+def _gait_of(job_id: str, result: JobResult) -> NewestGait:
+    values = measures_of(result)
+    summary: GaitMeasuresSummary = values["summary"]
+    cautions = [one.message for one in summary.warnings if one.code in CAUTIONS]
+    cautions += [f"{len(summary.left_out)} left out: {summary.left_out[0].message}"] if summary.left_out else []
+    trials = summary.trials
+    scene = f"/view/?recording={trials[0].recording_id}&job={job_id}" if values["has_scene"] and trials else None
+    return NewestGait(
+        job_id=job_id,
+        n_recordings=summary.n_recordings,
+        headline=values["headline"],
+        caution=" ".join(dict.fromkeys(cautions)),
+        main=tuple(values["main"]),
+        scene_url=scene,
+        downloads=tuple(name for name in values["downloads"] if name.startswith("report.")),
+    )
 
 
 def measures_of(result: JobResult) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """The viewer's page: a frame with viser's client beside our own timeline or list of contacts."""
 
 import gzip
+import itertools
 from typing import Final
 
 from starlette.concurrency import run_in_threadpool
@@ -21,6 +22,7 @@ from stridelab_web.pages.render import render_page
 from stridelab_web.pages.results import measures
 from stridelab_web.pages.verdicts import shown_verdict
 from stridelab_web.pages.viewer import planner
+from stridelab_web.parquet import read_columns, read_texts
 from stridelab_web.scene.documents import Document, document_of
 from stridelab_web.scene.frame_cache import FrameCache
 from stridelab_web.scene.frames import Frames
@@ -37,6 +39,8 @@ COM_LAYERS = (
 )
 
 WHEEL = "fit-cycloid"
+STEP_TABLE: Final = "steps.parquet"
+"""Table of measures of gait with a row per step."""
 WHEEL_LAYERS = (Layer("/wheel/", "Wheel"),)
 STABILITY_LAYERS = (
     Layer("/stability/xcom", "Extrapolated CoM", tooltip="On the floor: where the body would come to rest"),
@@ -124,7 +128,9 @@ async def _recording_page(request: Request) -> Response:
         links.append(("Result", result_url))
         verdict = shown_verdict(job, result_url)
     numbered = intervals.numbered_bars(steps_s, recording.duration_s, first=1)
-    steps_text = f"{count_text(len(steps_s), 'step')}, foot off to the next foot off, as the wheel was fitted to them"
+    steps_text = (
+        f"{count_text(len(steps_s), 'step')}, from strike to strike or, of the wheel, from foot off to foot off"
+    )
     return render_page(
         request,
         "viewer/view.html",
@@ -198,8 +204,25 @@ async def _newest_job(client: AsyncClient, kind: str, recording_id: str) -> str:
 
 
 async def _steps_s(client: AsyncClient, recording_id: str, job_id: str) -> list[tuple[float, float]]:
-    """Start and end of the steps that this job, or else the newest one, fitted the wheel to; empty without a fit."""
-    shown = bool(job_id) and (await client.job(job_id)).kind == WHEEL
+    """Start and end of the steps of this job: from strike to strike of measures of gait, else of the wheel.
+
+    Those of another job are of the newest fit of the wheel; empty without a fit.
+    """
+    kind = (await client.job(job_id)).kind if job_id else ""
+    if kind in measures.KINDS:
+        return await _strikes_s(client, recording_id, job_id)
+    shown = kind == WHEEL
     fitted = job_id if shown else await _newest_job(client, WHEEL, recording_id)
     steps = (await client.result(fitted)).summary["steps"] if fitted else []
     return [(step["t0_s"], step["t1_s"]) for step in steps]
+
+
+async def _strikes_s(client: AsyncClient, recording_id: str, job_id: str) -> list[tuple[float, float]]:
+    """Steps from strike to strike; empty if the measures have no table of steps, as those of earlier versions."""
+    if STEP_TABLE not in [item.name for item in (await client.result(job_id)).artifacts]:
+        return []
+    content = await client.read_artifact(job_id, STEP_TABLE)
+    recordings, columns = read_texts(content).get("recording_id", []), read_columns(content)
+    at_s = columns["strike_s"].tolist() if "strike_s" in columns else []
+    strikes_s = sorted(strike_s for one, strike_s in zip(recordings, at_s, strict=False) if one == recording_id)
+    return list(itertools.pairwise(strikes_s))

@@ -1,10 +1,13 @@
 """The page of measures of gait: the main values first, every measure with both sides, and what is missing."""
 
+import io
 import re
 from collections.abc import Callable
 from typing import Any
 
 import httpx
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from stridelab.schemas.measures import MEASURE_TITLES
@@ -21,6 +24,54 @@ def page(fake: FakeService, browse: Browse) -> str:
     answer = browse(f"/jobs/{fake.add_job(MEASURES_KIND, 'succeeded').id}")
     assert answer.status_code == 200
     return answer.text
+
+
+def test_the_page_of_a_recording_begins_with_its_newest_measures(fake: FakeService, browse: Browse) -> None:
+    walks = [fake.add_recording(f"walk_{k}.c3d", session_id="gait") for k in (1, 2)]
+    before = text_of(browse(f"/recordings/{walks[0].id}").text)
+    assert "Measure this walk" in before
+    assert "Measure the 2 walks of the session" in before
+    pooled = fake.add_job(MEASURES_KIND, "succeeded")
+    fake.inputs[pooled.id] = {"recording_ids": [walk.id for walk in walks]}
+    for address in (f"/recordings/{walks[0].id}", "/recordings?session_id=gait"):
+        page = browse(address).text
+        assert f'data-gait-result="{pooled.id}"' in page
+        assert page.index("data-gait-result") < page.index("Upload" if "session" in address else "Measured intervals")
+        assert "with a margin of stability of 73 mm (46 to 99, 95 %) sideways." in text_of(page)
+        assert "2 left out" in text_of(page)
+        assert "Measure this walk" not in page
+    own = fake.add_job(MEASURES_KIND, "succeeded")
+    fake.inputs[own.id] = {"recording_ids": [walks[1].id]}
+    again = fake.add_job(MEASURES_KIND, "succeeded")
+    fake.inputs[again.id] = fake.inputs[pooled.id]
+    assert f'data-gait-result="{own.id}"' in browse(f"/recordings/{walks[1].id}").text, "its own before the session's"
+    assert f'data-gait-result="{again.id}"' in browse(f"/recordings/{walks[0].id}").text, "the newest"
+    assert "data-gait-result" not in browse("/recordings").text
+
+
+def test_the_viewer_has_the_steps_of_the_recording(fake: FakeService, browse: Browse) -> None:
+    walk = fake.add_recording()
+    job = fake.add_job(MEASURES_KIND, "succeeded")
+    fake.inputs[job.id] = {"recording_ids": [walk.id]}
+    table = io.BytesIO()
+    own, other = [walk.id] * 3, ["another"]
+    pq.write_table(pa.table({"recording_id": own + other, "strike_s": [1.6, 0.5, 1.0, 9.0]}), table)
+    fake.com = table.getvalue()
+    page = browse(f"/view/?recording={walk.id}&job={job.id}").text
+    assert "data-steps='[[0.5, 1.0], [1.0, 1.6]]'" in page
+    assert re.search(r'data-do="cycle"\s+title', page)
+    plain = browse(f"/view/?recording={walk.id}").text
+    assert re.search(r'data-do="cycle" hidden', plain)
+
+
+def test_what_limits_the_measures_is_beside_them(fake: FakeService, browse: Browse) -> None:
+    walk = fake.add_recording()
+    job = fake.add_job(MEASURES_KIND, "succeeded")
+    fake.inputs[job.id] = {"recording_ids": [walk.id]}
+    result = measures_result(fake.inputs[job.id])
+    result.summary["warnings"] = [{"code": "weight-beside-plates", "message": "The plates carry 80 %."}]
+    fake.results[job.id] = result
+    assert re.search(r"data-gait-caution>The plates carry 80 %\.", browse(f"/recordings/{walk.id}").text)
 
 
 def text_of(html: str) -> str:

@@ -4,6 +4,7 @@ Tables: ``measures`` (long format, a row per value, as statistics packages read 
 ``stability`` (a row per instant, in the world frame of the recording, for pictures).
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +18,15 @@ from stridelab.schemas.tasks import GaitMeasuresTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import track_columns, write_table
 
+COLUMN_UNITS: Final[Mapping[str, str]] = {
+    "m": "_m",
+    "s": "_s",
+    "m/s": "_m_s",
+    "J/kg": "_j_kg",
+    "1/min": "_1_min",
+    "1": "",
+}
+"""Ends of the names of columns by the unit of their measure."""
 OUTLINE_POINTS: Final = 5
 """Points of a foot's outline (``foot_outline``)."""
 
@@ -38,6 +48,7 @@ def write_measures(folder: Path, result: GaitMeasuresResult) -> tuple[ArtifactFi
     about = {"summary": result.summary.model_dump(mode="json", exclude={"measures", "trials", "warnings"})}
     tables = {
         "measures": measure_columns(result),
+        "steps": step_columns(result),
         "xcom": xcom_columns(result.recordings),
         "stability": stability_columns(result.recordings),
     }
@@ -57,6 +68,34 @@ def measure_columns(result: GaitMeasuresResult) -> dict[str, np.ndarray]:
         "sd": np.array([np.nan if measure.sd is None else measure.sd for _, measure in rows], dtype=float),
         "unit": np.array([measure.unit for _, measure in rows]),
     }
+
+
+def step_columns(result: GaitMeasuresResult) -> dict[str, np.ndarray]:
+    """One row per step with a column per measure, as statistics packages read repeated observations; NaN is unknown.
+
+    A stride, or the stance of a leg, is in the row of the step that it begins with.
+    """
+    rows = [(one, number, step) for one in result.recordings for number, step in enumerate(one.steps)]
+    columns: dict[str, np.ndarray] = {
+        "recording_id": np.array([one.recording_id for one, _, _ in rows]),
+        "recording": np.array([one.filename for one, _, _ in rows]),
+        "step": np.array([number for _, number, _ in rows]),
+        "side": np.array([step.side for _, _, step in rows]),
+        "strike_s": np.array([step.strike_s for _, _, step in rows]),
+        "timing": np.array([step.source for _, _, step in rows]),
+    }
+    values = {
+        (one.recording_id, measure.step, measure.name): measure
+        for one in result.recordings
+        for measure in one.measures
+        if measure.step is not None
+    }
+    for name, unit in dict.fromkeys((measure.name, measure.unit) for measure in values.values()):
+        given = [values.get((one.recording_id, number, name)) for one, number, _ in rows]
+        label = f"{name}{COLUMN_UNITS[unit]}"
+        columns[label] = np.array([np.nan if one is None else one.value for one in given])
+        columns[f"sd_{label}"] = np.array([np.nan if one is None or one.sd is None else one.sd for one in given])
+    return columns
 
 
 def xcom_columns(recordings: tuple[MeasuredRecording, ...]) -> dict[str, np.ndarray]:

@@ -110,23 +110,25 @@ const jobInput = (data) => ({
   smoother: smootherOptions(data),
 });
 onSubmit(estimate, (data) => openNewJob("estimate-com", jobInput(data)));
-const startOnClick = (selector, kind, adapt) =>
-  find(selector)?.addEventListener("click", async (event) => {
-    const button = event.currentTarget,
-      status = button.parentElement.querySelector("[data-said]");
-    button.disabled = true;
-    try {
-      status.textContent = await openNewJob(kind, adapt(jobInput(new FormData(estimate))));
-    } catch (error) {
-      status.textContent = error.message;
-    } finally {
-      button.disabled = false;
-      showRefusals(estimate.method.value);
-    }
-  });
+const startOnClick = (selector, kind, adapt) => {
+  for (const button of root.querySelectorAll(selector))
+    button.addEventListener("click", async () => {
+      const status = button.parentElement.querySelector("[data-said]");
+      button.disabled = true;
+      try {
+        status.textContent = await openNewJob(kind, adapt(jobInput(new FormData(estimate)), button));
+      } catch (error) {
+        status.textContent = error.message;
+      } finally {
+        button.disabled = false;
+        showRefusals(estimate.method.value);
+      }
+    });
+};
 startOnClick("[data-compare]", "compare-estimators", (input) => ({ ...input, method: null }));
 startOnClick("[data-wheel]", "fit-cycloid", (input) => input);
 startOnClick("[data-measures]", "gait-measures", ({ method }) => ({ recording_ids: [id], method }));
+startOnClick("[data-gait]", "gait-report", (_input, button) => ({ recording_ids: button.dataset.gait.split(" ") }));
 startOnClick("[data-imitate]", "imitate", (input) => ({ ...input, robot: estimate.robot.value }));
 startOnClick("[data-report]", "gait-report", ({ method }) => ({ recording_ids: [id], method }));
 const sessionWalks = () => ({ recording_ids: find("[data-session-measures]").dataset.sessionMeasures.split(" ") });

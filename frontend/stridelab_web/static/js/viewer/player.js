@@ -209,7 +209,20 @@ const actions = {
   from: () => range.setEnd("from", Math.round(position)),
   to: () => range.setEnd("to", Math.round(position)),
   whole: () => range.reset(),
+  cycle: playCycle,
 };
+// Plays the gait cycle at the present time, two steps, again and again at a quarter of the speed.
+function playCycle() {
+  const t_s = time_s[Math.round(position)] + 1e-6,
+    now = steps_s.findLastIndex(([start_s]) => start_s <= t_s);
+  const first = Math.max(Math.min(now, steps_s.length - 2), 0);
+  range.setFrames(time_s, steps_s[first][0], steps_s[Math.min(first + 1, steps_s.length - 1)][1]);
+  range.onChange();
+  speed.value = "0.25";
+  loop.checked = true;
+  seek(range.from);
+  play(true);
+}
 function step(frames) {
   if (playing) play(false);
   seek(Math.round(position) + frames);
@@ -354,6 +367,7 @@ const shortcuts = new Shortcuts(
     { keys: ["End"], text: "Last frame", run: () => seek(time_s.length - 1) },
     { keys: ["PageUp"], text: "Previous phase or step", run: () => seekPhase(-1), when: () => starts_s.length > 0 },
     { keys: ["PageDown"], text: "Next phase or step", run: () => seekPhase(1), when: () => starts_s.length > 0 },
+    { keys: ["c"], text: "Gait cycle in slow motion", run: actions.cycle, when: () => steps_s.length > 0 },
     { keys: ["["], text: "Play from here", run: actions.from },
     { keys: ["]"], text: "Play to here", run: actions.to },
     { keys: ["\\"], text: "Play all", run: actions.whole },
