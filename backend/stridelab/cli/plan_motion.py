@@ -272,6 +272,11 @@ def _describe_replay(replay: ReplaySummary) -> str:
     )
     if replay.hand_force_mean_n is not None:
         text += f"; hand force {replay.hand_force_mean_n:.0f} N on average"
+    if replay.left_plan is not None and replay.left_plan.arrived:
+        text += (
+            f"; left the plan at {replay.left_plan.time_s:.1f} s, went on at {replay.left_plan.resumed_s:.1f} s "
+            "and reached its end"
+        )
     if replay.options is not None:
         text += f"; disturbed: {escape(replay.options.description)}"
     return text

@@ -173,15 +173,20 @@ def plan_motion(task: PlanMotionTask, stages: Stages, change: Change | None = No
 
 
 def replay_motion(result: MotionResult, motion: WholeBodyMotion, progress: ProgressCallback) -> "Replay":
-    """Replay ``motion`` of ``result`` in a physics simulation, with the disturbances of the request."""
+    """Replay ``motion`` of ``result`` in a physics simulation, with the disturbances of the request.
+
+    A plan that is left for a recovery is resumed (``resume_plan``).
+    """
     # imported lazily: the simulator is needed for a replay only
+    from stridelab.pipelines.replays.resume_plan import PlanResumer
     from stridelab.wholebody.replay.replay import PhysicsReplay
 
     sequence, asked = result.plan.sequence, result.request.replay
     options = asked if isinstance(asked, ReplayOptions) else ReplayOptions()
     clock = _motion_progress(progress, sequence.duration_s)
     observe, disturbed = observer_of(options, result.robot), disturbances_of(options)
-    return PhysicsReplay().run(result.robot, sequence, motion, clock, observe, disturbed)
+    resume = PlanResumer(sequence)
+    return PhysicsReplay().run(result.robot, sequence, motion, clock, observe, disturbed, resume)
 
 
 def stage_shares(request: PlanMotionInput) -> dict[str, float]:

@@ -165,6 +165,22 @@ class ReplayCollision(Contract):
     force_max_n: float
 
 
+class ReplayLeftPlan(Contract):
+    """What became of a plan that was left at ``time_s`` for a recovery, which took ``steps`` steps in all.
+
+    ``rested`` if the last recovery ended at rest. ``resumed_s`` is the time of the last resumption, null without one;
+    ``not_resumed`` says why there was none after the last recovery. ``arrived`` if every effector of the last contacts
+    of the plan ends within 5 cm of its place.
+    """
+
+    time_s: float
+    steps: int
+    rested: bool
+    resumed_s: float | None = None
+    not_resumed: str = ""
+    arrived: bool = False
+
+
 class ReplaySummary(Contract):
     """Result of the replay of the motion in a physics simulation.
 
@@ -173,8 +189,9 @@ class ReplaySummary(Contract):
     duration. ``remarks`` lists the conditions that are not met. ``fall_time_s`` is null if the robot does not fall.
     ``options`` are the disturbances, null if there are none. ``proved_lost`` is set only if the robot falls after a
     push: whether no motion would have saved it, by a sufficient condition; false proves nothing.
+    ``left_plan`` is set if the robot left its plan for a recovery; ``completed`` then requires that it arrived.
     ``slip_max_m`` equals ``foot_slip_max_m``; ``collisions`` is the number of pairs in ``collided``. Plans of earlier
-    versions lack the last five fields, and their ``completed`` only means that the robot did not fall.
+    versions lack the last six fields, and their ``completed`` only means that the robot did not fall.
     """
 
     completed: bool
@@ -194,6 +211,7 @@ class ReplaySummary(Contract):
     remarks: list[Remark] | None = None
     options: ReplayOptions | None = None
     proved_lost: bool | None = None
+    left_plan: ReplayLeftPlan | None = None
 
 
 class StoppedMotion(Contract):
