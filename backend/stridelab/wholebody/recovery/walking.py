@@ -1,19 +1,19 @@
 """Walking at a commanded velocity on level ground: steps chosen anew at every choice, without a plan.
 
-With the pressure p in the standing sole, the capture point xi moves within T to ``p + (xi - p) exp(w T)``. In a periodic
-walk it has the offset b from the landing sole. With displacements d_A, d_B of the next two steps, G = exp(w T_s) of the
-swing, and g = exp(w T_d), ``k = (g - 1) / (w T_d)`` of the time on both soles, during which the pressure moves from one
-sole to the other,
+With the pressure p in the standing sole, the capture point xi moves within T to ``p + (xi - p) exp(w T)``. In a
+periodic walk it has the offset b from the landing sole. With displacements d_A, d_B of the next two steps, the growth
+G = exp(w T_s) of the swing, and g = exp(w T_d), ``k = (g - 1) / (w T_d)`` of the time on both soles, during which the
+pressure moves from one sole to the other,
 
     s = k (E d_A + d_B) / (E^2 - 1) ,    b = s G - d_A ,    E = G g ,
 
 where s is the capture point relative to the standing sole at the lift-off (Englsberger 2015, Khadiv 2020). For a
-measured capture point the pressure first brings ``xi(T)`` to ``u + b`` as far as the sole allows; then place u and time T
-of the landing are moved. Where this does not suffice, and without a command, the robot recovers (``recovery``).
+measured capture point the pressure first brings ``xi(T)`` to ``u + b`` as far as the sole allows; then place u and time
+T of the landing are moved. Where this does not suffice, and without a command, the robot recovers (``recovery``).
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
@@ -25,13 +25,15 @@ from stridelab.robots.robot import Robot
 from stridelab.wholebody.recovery.balance_rows import LevelHeading
 from stridelab.wholebody.recovery.leg_geometry import LegGeometry
 from stridelab.wholebody.recovery.recovery import Recovery, RecoveryRun
-from stridelab.wholebody.recovery.step_choice import Shift, Step, nearest_in_hull
+from stridelab.wholebody.recovery.step_choice import CORNERS, Shift, Step, nearest_in_hull
 from stridelab.wholebody.recovery.swing_aim import AimedSwing
 from stridelab.wholebody.replay.sensors import SensedState
 
 TALOS_COM_HEIGHT_M: Final = 0.876
 _SLOW: Final = 0.02
 """Commands below this (m/s, rad/s) count as none."""
+_LEVEL_M: Final = 0.01
+"""Difference of heights from which ground is not level."""
 _LEAST_S: Final = 0.1
 """Least time over which an error of the capture point is corrected."""
 
@@ -54,10 +56,10 @@ class Walking:
     """Settings for the height of TALOS' CoM; times scale with its square root, velocities as well.
 
     A swing takes ``swing_s``, the time on both soles ``both_s``, the shift before the first step ``shift_s``. The
-    command is followed with ``slew`` (m/s2, rad/s2). Places cost ``place``, the capture point at the landing ``capture``,
-    and times ``time`` times their squared deviation. Soles stay ``apart_m`` from each other, and land at most ``longest``
-    of the leg's length ahead. The walk is given up for a recovery where the capture point at the landing would be off by
-    more than ``lost_m``.
+    command is followed with ``slew`` (m/s2, rad/s2), within ``limits``. Places cost ``place``, the capture point at the
+    landing ``capture``, and times ``time`` times their squared deviation. Soles stay ``apart_m`` from each other, and
+    land at most ``longest`` of the leg's length ahead. The walk is given up for a recovery where the capture point at
+    the landing would be off by more than ``lost_m``. It stops where the ground does not go on level for two steps.
     """
 
     swing_s: float = 0.6
@@ -103,13 +105,23 @@ class WalkRun(RecoveryRun):
         self.command, self._velocity = WalkCommand(), WalkCommand()
         self._is_walking, self._rest_s, self._of_s, self._next = False, 0.0, 1.0, ""
         self._from_m = np.zeros(2)
-        self._landed = 0
+        self._landed, self._sole_from_rad, self._is_blocked = 0, 0.0, False
         super().__init__(settings, robot, legs, sequence, planned, measured, dt_s)
 
     @property
     def is_walking(self) -> bool:
         """Whether the robot walks, rather than stands or recovers."""
         return self._is_walking
+
+    @property
+    def is_as_commanded(self) -> bool:
+        """Whether the robot walks or stands, rather than steps to stay upright."""
+        return self._is_walking or self._swing is None
+
+    @property
+    def velocity(self) -> WalkCommand:
+        """The commanded velocity as it is followed, with limited changes."""
+        return self._velocity
 
     def _stand(self, capture_m: Shift, w: float, measured: SensedState) -> Shift:
         """Centre of pressure on two soles, which moves to the next standing one; lifts the other one in time."""
@@ -123,11 +135,11 @@ class WalkRun(RecoveryRun):
         if not self._is_walking:
             pressure_m = super()._stand(capture_m, w, measured)
             if self._swing is None and not self.command.is_rest and self._can_begin(capture_m):
-                self._is_walking, self._landed = True, self.steps
-                side = self.command.left_m_s or self.command.turn_rad_s
+                self._landed, side = self.steps, self.command.left_m_s or self.command.turn_rad_s
                 self._begin_shift(
                     next(n for n, s in self._legs.side.items() if s * side > 0.0 or not side), self._shift_s
                 )
+                self._is_walking = not self._is_blocked
             return pressure_m
         self._rest_s -= self._dt_s
         stance_m = self._place(self._other(self._next))
@@ -187,6 +199,15 @@ class WalkRun(RecoveryRun):
             footholds.append(Foothold(name, np.array([*here, height_m]), yaw + 0.5 * self._turn_of_step()))
             place_m, name, yaw = here, self._other(name), yaw + self._turn_of_step()
         return tuple(footholds)
+
+    def predict_pressures(self, footholds: Sequence[Foothold]) -> list[tuple[float, Shift]]:
+        """Middles of the soles that stand next, each until a time from now (s)."""
+        until_s = self._step.in_s if self._step is not None else max(self._rest_s, 0.0) + self._swing_s
+        pressures = [(until_s, self._place(self._other(self._next)))]
+        for foothold in footholds:
+            until_s += self._both_s + self._swing_s
+            pressures.append((until_s, foothold.position_m[:2]))
+        return pressures
 
     def _choose_landing(
         self, name: str, stance_m: np.ndarray, capture_m: Shift, w: float, elapsed_s: float, axes: np.ndarray
@@ -250,6 +271,7 @@ class WalkRun(RecoveryRun):
         self._next, self._rest_s, self._of_s = name, duration_s, duration_s
         middle_m = 0.5 * (self._place(name) + self._place(self._other(name)))
         self._from_m = middle_m if duration_s == self._shift_s else self._place(name)
+        self._is_blocked = not self._goes_on()
 
     def _begin_swing(self, stance_m: Shift, capture_m: Shift, w: float, measured: SensedState) -> Shift:
         self._lift_off(self._next, measured)
@@ -262,12 +284,12 @@ class WalkRun(RecoveryRun):
         goal = self._base.yaw_rad + self._velocity.turn_rad_s * in_s + 0.5 * self._turn_of_step()
         x = min(elapsed_s / max(elapsed_s + in_s - 0.05, 0.05), 1.0)
         share, rate = x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x) / max(elapsed_s + in_s, 0.05)
-        turn = goal - self._sole_from_rad
+        turn = math.remainder(goal - self._sole_from_rad, math.tau)
         self._sole = LevelHeading(self._sole_from_rad + share * turn, rate * turn)
 
     def _follow_command(self) -> None:
         """Approach the command, and turn the heading while walking."""
-        goal = self.command if self._is_walking else WalkCommand()
+        goal = self.command if self._is_walking and not self._is_blocked else WalkCommand()
         changes = zip(self._velocity, goal, self._walking.limits, self._walking.slew, strict=True)
         self._velocity = WalkCommand(
             *(
@@ -285,10 +307,23 @@ class WalkRun(RecoveryRun):
         middle_m = 0.5 * (places[0] + places[1])
         return float(np.linalg.norm(capture_m - middle_m)) < 0.25 * self._legs.spacing_m + 0.02
 
+    def _goes_on(self) -> bool:
+        """Whether the ground goes on level where two steps with the command would lead."""
+        standing, swinging = self._contacts[self._other(self._next)].placement, self._next
+        way = 2.0 * (self._swing_s + self._both_s) * np.array([self.command.ahead_m_s, self.command.left_m_s])
+        aside_m = np.array([0.0, self._legs.side[swinging] * self._legs.spacing_m])
+        corners = CORNERS * (self._legs.half_m + self._walking.apart_m) @ self._base.axes.T
+        for place_m in (standing.position_m[:2] + self._base.axes @ (way + extra) for extra in (np.zeros(2), aside_m)):
+            height_m = self._footholds.sole_heights_m(place_m, corners)
+            if not abs(float(height_m) - float(standing.position_m[2])) < _LEVEL_M:
+                return False
+        return True
+
     def _has_parallel_soles(self) -> bool:
         left, right = (self._contacts[name].placement for name in self._legs.side)
         along_m = self._base.axes[:, 0] @ (left.position_m - right.position_m)[:2]
-        return bool(abs(along_m) < 0.05 and abs(_yaw_of(left.rotation) - _yaw_of(right.rotation)) < 0.1)
+        turned_rad = math.remainder(_yaw_of(left.rotation) - _yaw_of(right.rotation), math.tau)
+        return bool(abs(along_m) < 0.05 and abs(turned_rad) < 0.1)
 
     def _within_soles(self, pressure_m: Shift) -> Shift:
         origin, other = (contact.placement.position_m[:2] for contact in self._contacts.values())

@@ -81,6 +81,11 @@ class ReplayStepper:
         return self.samples / self.motion.rate_hz
 
     @property
+    def sample_index(self) -> int:
+        """Index of the followed motion's nearest sample."""
+        return self._pace.sample_index
+
+    @property
     def plan_time_s(self) -> float:
         """Time of the plan, whose clock the stabiliser may change."""
         own_s = float(self.motion.time_s[self._pace.sample_index])
