@@ -103,7 +103,8 @@ class JointCommand(NamedTuple):
 class RecoveryRun:
     """State of one recovery, which begins on the soles of ``planned`` at ``measured``.
 
-    ``steps`` counts landings; ``left_plan_s`` is the time of the beginning.
+    ``steps`` counts landings, ``steps_before`` those of a walk before it was lost; ``left_plan_s`` is the time of the
+    beginning, or of that loss.
     """
 
     def __init__(
@@ -125,7 +126,7 @@ class RecoveryRun:
         self._footholds = Footholds(sequence.terrain)
         self._chooser = StepChooser(settings.search, legs, self._footholds)
         self._loaded_n = settings.loaded_share * GRAVITY_M_S2 * robot.mass_kg
-        self.left_plan_s, self.steps, self._still_s = measured.time_s, 0, 0.0
+        self.left_plan_s, self.steps, self.steps_before, self._still_s = measured.time_s, 0, 0, 0.0
         self._time_s = measured.time_s
         self._contacts: dict[str, Contact] = {}
         self._swing: AimedSwing | None = None

@@ -167,6 +167,7 @@ class WalkRun(RecoveryRun):
             chosen = self._choose_landing(name, at.position_m, capture_m, w, elapsed_s, axes)
             if chosen is None:
                 self._is_walking, self._step = False, None
+                self.left_plan_s, self.steps_before = self._time_s, self.steps
                 return super()._aim_swing(swing, capture_m, w)
             self._take_step(chosen)
             step = chosen
