@@ -186,7 +186,8 @@ def replay_motion(result: MotionResult, motion: WholeBodyMotion, progress: Progr
     clock = _motion_progress(progress, sequence.duration_s)
     observe, disturbed = observer_of(options, result.robot), disturbances_of(options)
     resume = PlanResumer(sequence)
-    return PhysicsReplay().run(result.robot, sequence, motion, clock, observe, disturbed, resume)
+    physics = PhysicsReplay(expected_delay_s=options.expected_delay_s)
+    return physics.run(result.robot, sequence, motion, clock, observe, disturbed, resume)
 
 
 def stage_shares(request: PlanMotionInput) -> dict[str, float]:

@@ -118,9 +118,9 @@ class LiveReplay:
     def apply_settings(self, settings: LiveSettings) -> None:
         """Use new settings from now on; a rewind keeps them."""
         self._world.apply_settings(settings)
-        if settings.delay_s != self.settings.delay_s:
-            self._stepper.set_delay(settings.delay_s)
-        self.settings = settings
+        before, self.settings = self.settings, settings
+        if (settings.delay_s, settings.expected_delay_s) != (before.delay_s, before.expected_delay_s):
+            self._stepper.set_delay(settings.delay_s, settings.expected_delay_s)
 
     def rewind(self) -> None:
         """Go back by ten seconds, or as far as possible, and on from there."""
@@ -248,7 +248,7 @@ class LiveReplay:
         restore_state(self._stepper, state)
         self._stepper.log = ReplayLog(self._robot, self._motion.sequence)
         self._world.apply_settings(self.settings)
-        self._stepper.set_delay(self.settings.delay_s)
+        self._stepper.set_delay(self.settings.delay_s, self.settings.expected_delay_s)
         while self._saved and self._saved[-1].time_s > state.time_s:
             self._saved.pop()
         if not self._saved:

@@ -44,17 +44,18 @@ class LiveInput(Contract):
 
 
 class LiveSettings(Contract):
-    """What can be changed while the robot moves; neither its plan nor its control has these values.
+    """What can be changed while the robot moves; of these values, its control has ``expected_delay_s`` only.
 
-    ``friction`` replaces that of all boxes, null restores it. ``payload_kg`` is added to the trunk, ``delay_s`` is the
-    age of all readings of the control. ``floor_time_s`` is the time constant with which contacts with the terrain
-    recover from penetration: the larger, the softer the floor. ``pace`` is the requested ratio of simulated to real
-    time.
+    ``friction`` replaces that of all boxes, null restores it. ``payload_kg`` is added to the trunk, ``delay_s`` is
+    the age of all readings of the control, ``expected_delay_s`` that for which the joint control allows.
+    ``floor_time_s`` is the time constant with which contacts with the terrain recover from penetration: the larger,
+    the softer the floor. ``pace`` is the requested ratio of simulated to real time.
     """
 
     friction: Annotated[float, Field(gt=0.0, le=2.0)] | None = None
     payload_kg: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
     delay_s: Annotated[float, Field(ge=0.0, le=MAX_DELAY_S)] = 0.0
+    expected_delay_s: Annotated[float, Field(ge=0.0, le=MAX_DELAY_S)] = 0.0
     floor_time_s: Annotated[float, Field(ge=0.005, le=0.2)] = 0.02
     pace: Annotated[float, Field(ge=0.05, le=1.0)] = 1.0
 
@@ -78,6 +79,7 @@ class LiveSet(Contract):
     friction: Annotated[float, Field(gt=0.0, le=2.0)] | None = None
     payload_kg: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
     delay_s: Annotated[float, Field(ge=0.0, le=MAX_DELAY_S)] = 0.0
+    expected_delay_s: Annotated[float, Field(ge=0.0, le=MAX_DELAY_S)] = 0.0
     floor_time_s: Annotated[float, Field(ge=0.005, le=0.2)] = 0.02
     pace: Annotated[float, Field(ge=0.05, le=1.0)] = 1.0
 

@@ -19,7 +19,7 @@ from stridelab.wholebody.recovery.walking import WalkCommand, WalkRun
 from stridelab.wholebody.replay.disturbances import Disturbances, Push
 from stridelab.wholebody.replay.log import LOADED_N, LeftPlan, Replay, ReplayLog
 from stridelab.wholebody.replay.mujoco_model import build_simulation
-from stridelab.wholebody.replay.replay_control import ReplayControl
+from stridelab.wholebody.replay.replay_control import DelayPredictor, ReplayControl, joint_inertias
 from stridelab.wholebody.replay.resumption import MAX_RESUMPTIONS, JointBlend, NotResumed, Resume, Resumption
 from stridelab.wholebody.replay.sensors import JointReadings, SensedState, SimulatedSensors, StateObserver
 from stridelab.wholebody.replay.simulation import Simulation
@@ -62,6 +62,7 @@ class ReplayStepper:
         self.stabilising = None if physics.stabiliser is None else StabiliserRun(physics.stabiliser, robot, motion)
         self._sensors = SimulatedSensors(self.simulation, disturbances, self._substeps)
         self._joints = JointReadings(self.simulation, disturbances.joint_delay_s)
+        self._predictor = self._new_predictor(physics.expected_delay_s)
         self._rng = np.random.default_rng(disturbances.seed)
         self._last_sample, self._dt_s = len(motion.time_s) - 1, 1.0 / motion.rate_hz
         self.samples, self._hold_samples = 0, 0
@@ -117,8 +118,10 @@ class ReplayStepper:
             forces[body] = forces.get(body, np.zeros(3)) + push.force_n(self.time_s)
         return {body: force_n for body, force_n in forces.items() if force_n.any()}
 
-    def set_delay(self, delay_s: float) -> None:
-        """Let stabiliser and joint control read everything ``delay_s`` late from now on."""
+    def set_delay(self, delay_s: float, expected_delay_s: float = 0.0) -> None:
+        """Let stabiliser and joint control read everything ``delay_s`` late from now on, or predict it."""
+        self._physics = replace(self._physics, expected_delay_s=expected_delay_s)
+        self._predictor = self._new_predictor(expected_delay_s)
         self._disturbances = replace(self._disturbances, delay_s=delay_s, joint_delay_s=delay_s)
         self._sensors = SimulatedSensors(self.simulation, self._disturbances, self._substeps)
         self._joints = JointReadings(self.simulation, delay_s)
@@ -166,6 +169,7 @@ class ReplayStepper:
         steps, resumed_s = self._left.steps + self.recovering.steps, self.time_s
         self._left = replace(self._left, steps=steps, rested=True, resumed_s=resumed_s)
         self.stabilising = StabiliserRun(self._physics.stabiliser, self._robot, motion)
+        self._predictor = self._new_predictor(self._physics.expected_delay_s)
         self._pace, self._last_sample = self.stabilising.pace, len(motion.time_s) - 1
         self._blend = JointBlend(measured.q[7:] - motion.q[0][7:], self._last_nm - motion.tau_nm[0])
         self.recovering, self._hold_samples = None, 0
@@ -222,6 +226,13 @@ class ReplayStepper:
             left = replace(left, missed_m=self._distance_from_end_m())
         return self.log.to_replay(not self.standing, self.torque_ratio, took_s, left)
 
+    def _new_predictor(self, expected_delay_s: float) -> DelayPredictor | None:
+        """A predictor without a past; None where no delay is expected."""
+        timestep_s = self.simulation.timestep_s
+        if round(expected_delay_s / timestep_s) == 0:
+            return None
+        return DelayPredictor(self._kp, self._kd, joint_inertias(self._robot), expected_delay_s, timestep_s)
+
     def _distance_from_end_m(self) -> float:
         """Largest distance of an effector from its place at the end of the plan; infinite while it is in the air."""
         last, forces = self._sequence.phases[-1].contacts, self.simulation.forces_n()
@@ -257,7 +268,10 @@ class ReplayStepper:
         for j in range(self._substeps):
             q_command = q_target + j * dt_s * v_target
             q_read, v_read = self._joints.read_joints()
-            tau = self._kp * (q_command - q_read) + self._kd * (v_target - v_read) + forward
+            if self._predictor is None:
+                tau = self._kp * (q_command - q_read) + self._kd * (v_target - v_read) + forward
+            else:
+                tau = forward + self._predictor.feedback_nm(q_command, v_target, q_read, v_read)
             if command is not None:
                 v_command = command.v_rad_s + j * dt_s * command.a_rad_s2
                 tau = command.tau_nm + damping_share * self._kd * (v_command - v_read)

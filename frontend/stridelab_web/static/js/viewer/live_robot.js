@@ -30,6 +30,7 @@ const UNITS = {
   friction: (v) => v.toFixed(2),
   payload_kg: (v) => `${v.toFixed(0)} kg`,
   delay_s: (v) => `${(1000 * v).toFixed(0)} ms`,
+  expected_delay_s: (v) => `${(1000 * v).toFixed(0)} ms`,
   floor_time_s: (v) => `${(1000 * v).toFixed(0)} ms`,
   pace: (v) => `${(100 * v).toFixed(0)} %`,
 };
@@ -231,7 +232,7 @@ for (const slider of sliders)
     send({ type: "set", [slider.dataset.setting]: value });
   });
 part("reset").addEventListener("click", () => {
-  send({ type: "set", friction: null, payload_kg: 0, delay_s: 0, floor_time_s: 0.02, pace: 1 });
+  send({ type: "set", friction: null, payload_kg: 0, delay_s: 0, expected_delay_s: 0, floor_time_s: 0.02, pace: 1 });
 });
 field("drag").addEventListener("change", () => overlay.setActive(field("drag").checked));
 field("follow").addEventListener("change", () => {
