@@ -34,7 +34,7 @@ def main(
     live, draws = steerable(robot), np.random.default_rng(seed)
     began, until_s, push_at_s, n_pushes = time.process_time(), 60.0 * minutes, 10.0, 0
     errors: list[np.ndarray] = []
-    recovering_s, commands = 0.0, random_commands(draws)
+    recovering_s, said_s, commands = 0.0, 60.0, random_commands(draws)
     while live.time_s < until_s and live.fall is None:
         command, hold_s = next(commands)
         start = pose_of(live)
@@ -48,6 +48,9 @@ def main(
             live.advance(TICK_S, 1e9)
             frame = live.frame()
             recovering_s += TICK_S * (frame.doing == "recovery")
+        if live.time_s >= said_s:
+            out.print(f"{live.time_s / 60.0:.1f} minutes, {live.frame().steps} steps")
+            said_s += 60.0
         errors.append(np.abs(turned_way(start, pose_of(live), command, hold_s)))
     frame, took_s = live.frame(), time.process_time() - began
     ended = "no fall" if live.fall is None else live.fall.summary

@@ -257,15 +257,11 @@ class WalkRun(RecoveryRun):
         return (self._swing_s + self._both_s) * self._velocity.turn_rad_s
 
     def _periodic(self, w: float) -> tuple[Shift, Shift]:
-        """Capture point of the periodic walk: at the lift-off from the standing sole, at the landing from that one."""
-        G, g = math.exp(w * self._swing_s), math.exp(w * self._both_s)
-        E, k = G * g, (g - 1.0) / (w * self._both_s)
+        """``periodic_offsets_m`` of the next two steps."""
+        other = self._other(self._next)
         first = self._base.axes @ self._displacement(self._next)
-        second = LevelHeading(self._base.yaw_rad + self._turn_of_step()).axes @ self._displacement(
-            self._other(self._next)
-        )
-        s = k * (E * first + second) / (E * E - 1.0)
-        return s, s * G - first
+        second = LevelHeading(self._base.yaw_rad + self._turn_of_step()).axes @ self._displacement(other)
+        return periodic_offsets_m(first, second, w, self._swing_s, self._both_s)
 
     def _begin_shift(self, name: str, duration_s: float) -> None:
         """Move the pressure to the sole that is not ``name``, which is lifted next."""
@@ -339,6 +335,20 @@ class WalkRun(RecoveryRun):
 
     def _other(self, name: str) -> str:
         return next(other for other in self._legs.side if other != name)
+
+
+def periodic_offsets_m(
+    first_m: Shift, second_m: Shift, rate_per_s: float, swing_s: float, both_s: float
+) -> tuple[Shift, Shift]:
+    """Capture point of a walk with two alternating displacements of the soles.
+
+    The first offset is that from the standing sole at the lift-off before the step of ``first_m``, the second one that
+    from the landing sole at its end, both of shape (2,), metres.
+    """
+    G, g = math.exp(rate_per_s * swing_s), math.exp(rate_per_s * both_s)
+    E, k = G * g, (g - 1.0) / (rate_per_s * both_s)
+    start_m = k * (E * first_m + second_m) / (E * E - 1.0)
+    return start_m, start_m * G - first_m
 
 
 def _pressure_towards(

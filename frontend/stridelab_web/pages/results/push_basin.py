@@ -42,8 +42,9 @@ async def push_basin_of(client: AsyncClient, job_id: str, result: JobResult) -> 
 
 def _endings(summary: PushBasinSummary) -> str:
     """How the survived pushes end."""
-    arrived = "" if summary.arrived is None else f"{summary.arrived} of them at the end of the plan, "
-    return f"{arrived}{summary.completed} with a completed motion"
+    if summary.arrived is None:
+        return f"{summary.completed} of them with a completed motion"
+    return f"{summary.arrived} of them at the end of the plan, {summary.completed} with a completed motion"
 
 
 def draw_pushes(summary: PushBasinSummary, content: bytes) -> tuple[Chart, list[dict[str, Any]]]:

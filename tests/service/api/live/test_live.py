@@ -188,6 +188,8 @@ def test_what_is_no_command_is_refused_and_the_robot_goes_on(service: Served, fa
             '{"type":"jump"}',
             '{"type":"set","friction":0}',
             '{"type":"set","friction":"slippery"}',
+            '{"type":"steer","ahead_m_s":0.5}',
+            '{"type":"steer","turn_rad_s":"left"}',
             "[]",
         ],
         "link-not-found": ['{"type":"push","impulse_ns":[1,0,0],"link":"nose"}'],
