@@ -10,7 +10,7 @@ from rich.console import Console
 
 from stridelab.pipelines.commission_robot import foot_places_m, scaled_walk
 from stridelab.pipelines.live.live_replay import LiveReplay
-from stridelab.pipelines.replays.resume_plan import plan_of
+from stridelab.pipelines.plan_motion import plan_scenario_motion
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.live.messages import MAX_AHEAD_M_S, MAX_LEFT_M_S, MAX_TURN_RAD_S, LivePush, LiveSteer
 from stridelab.schemas.scenarios import Scenario
@@ -67,10 +67,7 @@ def steerable(name: str) -> LiveReplay:
     walk = scaled_walk(robot, foot_places_m(robot), 0.7)[0]
     for box in walk["terrain"]:
         box["size_m"][:2] = [FLOOR_M, FLOOR_M]
-    planned = plan_of(Scenario.model_validate(walk))
-    if planned.motion is None:
-        raise typer.Exit(1)
-    return LiveReplay(robot, planned.motion, {})
+    return LiveReplay(robot, plan_scenario_motion(Scenario.model_validate(walk)), {})
 
 
 def random_commands(draws: np.random.Generator) -> Iterator[tuple[LiveSteer, float]]:

@@ -49,6 +49,7 @@ from stridelab.schemas.plans import (
     PlanMotionTask,
     ReplayOptions,
 )
+from stridelab.schemas.scenarios import Scenario
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.leg_stretch import lower_for_legs
@@ -172,6 +173,21 @@ def plan_motion(task: PlanMotionTask, stages: Stages, change: Change | None = No
     return MotionResult(request, robot, given, problem, plan, motion, certificate, passes, stopped, noted)
 
 
+def plan_scenario_motion(scenario: Scenario) -> WholeBodyMotion:
+    """The motion of ``scenario`` with the defaults of ``plan-motion``.
+
+    Raises as ``plan_motion``, and ``WholeBodyStopped`` for a body that cannot follow the plan.
+    """
+    request = PlanMotionInput(scenario=scenario)
+    stages = Stages(lambda _fraction, _message: None, stage_shares(request))
+    result = plan_motion(PlanMotionTask(scenario=scenario, input=request), stages)
+    if result.stopped is not None:
+        raise result.stopped
+    if result.motion is None:
+        raise AssertionError("a plan with a whole body that did not stop has a motion")
+    return result.motion
+
+
 def replay_motion(result: MotionResult, motion: WholeBodyMotion, progress: ProgressCallback) -> "Replay":
     """Replay ``motion`` of ``result`` in a physics simulation, with the disturbances of the request.
 
@@ -185,7 +201,7 @@ def replay_motion(result: MotionResult, motion: WholeBodyMotion, progress: Progr
     options = asked if isinstance(asked, ReplayOptions) else ReplayOptions()
     clock = _motion_progress(progress, sequence.duration_s)
     observe, disturbed = observer_of(options, result.robot), disturbances_of(options)
-    resume = PlanResumer(sequence)
+    resume = PlanResumer(sequence, plan_scenario_motion)
     physics = PhysicsReplay(expected_delay_s=options.expected_delay_s)
     return physics.run(result.robot, sequence, motion, clock, observe, disturbed, resume)
 

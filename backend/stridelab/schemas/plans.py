@@ -24,12 +24,8 @@ With 0.6 to 1.6, the legs would swing too fast on long strides for the angular m
 """
 MIN_DURATION_FACTOR, MAX_DURATION_FACTOR = 0.1, 10.0
 """Bounds of ``duration_range``."""
-
-
 MAX_DELAY_S: Final = 0.1
 """Maximum delay of the replay's control."""
-
-
 MAX_IMPULSE_NS: Final = 1000.0
 MAX_PUSHES: Final = 50
 _ImpulsePart = Annotated[float, Field(ge=-MAX_IMPULSE_NS, le=MAX_IMPULSE_NS)]
@@ -169,11 +165,10 @@ class ReplayCollision(Contract):
 
 
 class ReplayLeftPlan(Contract):
-    """What became of a plan that was left at ``time_s`` for a recovery, which took ``steps`` steps in all.
+    """A plan left at ``time_s`` for recoveries of ``steps`` steps, the last of which ended at rest (``rested``).
 
-    ``rested`` if the last recovery ended at rest. ``resumed_s`` is the time of the last resumption, null without one;
-    ``not_resumed`` says why there was none after the last recovery. ``arrived`` if every effector of the last contacts
-    of the plan ends within 5 cm of its place.
+    It was resumed at ``resumed_s`` (null: never), or not, for the reason ``not_resumed``. ``arrived`` if every effector
+    of its last contacts ends within 5 cm of its place.
     """
 
     time_s: float

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from stridelab.pipelines.plan_motion import MotionResult
-from stridelab.pipelines.replays.resume_plan import PlanResumer, plan_of
+from stridelab.pipelines.plan_motion import plan_scenario_motion
+from stridelab.pipelines.replays.resume_plan import PlanResumer
+from stridelab.robots.loader import load_robot
 from stridelab.schemas.plans import ReplayLeftPlan
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.disturbances import Disturbances, Push
@@ -16,28 +17,20 @@ from support.robots.plans import short_walk
 
 
 @pytest.fixture(scope="module")
-def planned() -> MotionResult:
-    return plan_of(short_walk())
+def motion() -> WholeBodyMotion:
+    return plan_scenario_motion(short_walk())
 
 
-def motion_of(planned: MotionResult) -> WholeBodyMotion:
-    assert planned.motion is not None
-    return planned.motion
-
-
-def pushed(planned: MotionResult, resume: Resume | None) -> Replay:
+def pushed(motion: WholeBodyMotion, resume: Resume | None) -> Replay:
     """Pushed to the left by 0.5 m/s, as the first step begins."""
-    motion = motion_of(planned)
-    push = Push(float(motion.sequence.ends_s[0]), (0.0, 0.5 * planned.robot.mass_kg, 0.0))
+    robot = load_robot(motion.sequence.robot)
+    push = Push(float(motion.sequence.ends_s[0]), (0.0, 0.5 * robot.mass_kg, 0.0))
     disturbed = Disturbances(pushes=(push,))
-    return PhysicsReplay().run(
-        planned.robot, motion.sequence, motion, lambda *_: None, disturbances=disturbed, resume=resume
-    )
+    return PhysicsReplay().run(robot, motion.sequence, motion, lambda *_: None, disturbances=disturbed, resume=resume)
 
 
-def test_after_a_recovery_the_robot_ends_where_the_plan_ends(planned: MotionResult) -> None:
-    motion = motion_of(planned)
-    found = pushed(planned, PlanResumer(motion.sequence))
+def test_after_a_recovery_the_robot_ends_where_the_plan_ends(motion: WholeBodyMotion) -> None:
+    found = pushed(motion, PlanResumer(motion.sequence, plan_scenario_motion))
     left = found.left_plan
     assert left is not None
     assert left.resumed_s is not None
@@ -54,7 +47,7 @@ def test_after_a_recovery_the_robot_ends_where_the_plan_ends(planned: MotionResu
     assert (summary.arrived, summary.not_resumed) == (True, "")
 
 
-def test_a_plan_that_is_not_resumed_says_why(planned: MotionResult) -> None:
+def test_a_plan_that_is_not_resumed_says_why(motion: WholeBodyMotion) -> None:
     """The stance is measured, so that soles that hang 5 cm over the ground are refused."""
     states: list[SensedState] = []
 
@@ -62,20 +55,20 @@ def test_a_plan_that_is_not_resumed_says_why(planned: MotionResult) -> None:
         states.append(measured)
         return NotResumed("the stairs are gone")
 
-    found = pushed(planned, note_state)
+    found = pushed(motion, note_state)
     assert (found.fell, found.arrived, found.completed) == (False, False, False)
     (message,) = [remark.message for remark in found.remarks if remark.code == "replay-left-plan"]
     assert "not resumed: the stairs are gone" in message
     (measured,) = states
     for placement in measured.contacts.values():
         placement.position_m[2] += 0.05
-    refused = PlanResumer(motion_of(planned).sequence)(1.0, measured)
+    refused = PlanResumer(motion.sequence, plan_scenario_motion)(1.0, measured)
     assert isinstance(refused, NotResumed)
     assert "level surfaces" in refused.reason
 
 
-def test_the_plan_is_at_its_own_time_from_the_joined_contacts_on(planned: MotionResult) -> None:
-    resumption = Resumption(motion_of(planned), own_join_s=3.0, join_s=1.5)
+def test_the_plan_is_at_its_own_time_from_the_joined_contacts_on(motion: WholeBodyMotion) -> None:
+    resumption = Resumption(motion, own_join_s=3.0, join_s=1.5)
     assert resumption.plan_time_s(0.0) == 1.5
     assert resumption.plan_time_s(3.0) == 1.5
     assert resumption.plan_time_s(4.0) == 2.5

@@ -18,7 +18,7 @@ from scipy.stats import binomtest
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.machine.parallel import map_in_order, worthwhile_processes
-from stridelab.pipelines.plan_motion import EXPORT, plan_motion, stage_shares
+from stridelab.pipelines.plan_motion import EXPORT, plan_motion, plan_scenario_motion, stage_shares
 from stridelab.pipelines.progress import ProgressCallback, Stages
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.loader import load_robot
@@ -93,7 +93,7 @@ class PushTrials:
             self.motion,
             _ignore_progress,
             disturbances=Disturbances(pushes=pushes),
-            resume=PlanResumer(sequence),
+            resume=PlanResumer(sequence, plan_scenario_motion),
         )
         time_s, x, y = (pushes[0].time_s, *pushes[0].impulse_ns[:2]) if pushes else (0.0, 0.0, 0.0)
         outcome: PushOutcome = "survived"

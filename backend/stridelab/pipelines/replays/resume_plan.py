@@ -6,7 +6,7 @@ certificate are planned anew as for any scenario.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -17,15 +17,15 @@ from stridelab.contacts.planner.planner import ContactPlanner
 from stridelab.contacts.scenario_io import scenario_of
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.errors import StridelabError
-from stridelab.pipelines.plan_motion import MotionResult, plan_motion, stage_shares
-from stridelab.pipelines.progress import Stages
 from stridelab.reachability.planner_limits import planner_limits
-from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
 from stridelab.schemas.scenarios import Scenario
+from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.recovery.footholds import Footholds
 from stridelab.wholebody.replay.resumption import NotResumed, Resumption
 from stridelab.wholebody.replay.sensors import SensedState
 
+Plan = Callable[[Scenario], WholeBodyMotion]
+"""Plans the motion of a scenario to its end, or raises a ``StridelabError``."""
 MAX_TRIES: Final = 3
 """Stances of the plan that are tried, the nearest first, and the last one."""
 REACH_S: Final = 1.5
@@ -36,9 +36,13 @@ PLANNING_S: Final = 10.0
 
 @dataclass(frozen=True, eq=False)
 class PlanResumer:
-    """Resumes the plan of ``sequence``; calls are ``resumption.Resume``. No certificate is required of the motion."""
+    """Resumes the plan of ``sequence`` with motions of ``plan``; calls are ``resumption.Resume``.
+
+    No certificate is required of the motions.
+    """
 
     sequence: ContactSequence
+    plan: Plan
 
     def __call__(self, left_s: float, measured: SensedState) -> Resumption | NotResumed:
         """A motion to the end of the plan, which was left at ``left_s``, from the measured stance."""
@@ -83,7 +87,7 @@ class PlanResumer:
 
     def _resume_at(
         self, phase: int, soles: list[str], start: list[dict[str, Any]], measured: SensedState
-    ) -> Resumption | NotResumed:
+    ) -> Resumption:
         plan = scenario_of(self.sequence)
         goal = [one for one in plan["phases"][phase]["contacts"] if one["effector"] in soles]
         planner = ContactPlanner(
@@ -103,18 +107,8 @@ class PlanResumer:
                 "phases": [*steps, *rest],
             }
         )
-        planned = plan_of(scenario)
-        if planned.stopped is not None or planned.motion is None:
-            return NotResumed(str(planned.stopped))
         own_join_s = float(sum(one["duration_s"] for one in steps))
-        return Resumption(planned.motion, own_join_s, float(self.sequence.starts_s[phase]))
-
-
-def plan_of(scenario: Scenario) -> MotionResult:
-    """The motion of ``scenario`` with the defaults of ``plan-motion``. Raises as ``plan_motion``."""
-    request = PlanMotionInput(scenario=scenario)
-    stages = Stages(lambda _fraction, _message: None, stage_shares(request))
-    return plan_motion(PlanMotionTask(scenario=scenario, input=request), stages)
+        return Resumption(self.plan(scenario), own_join_s, float(self.sequence.starts_s[phase]))
 
 
 def _without_phases(plan: Mapping[str, Any]) -> dict[str, Any]:
