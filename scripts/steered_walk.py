@@ -42,7 +42,7 @@ def main(
         while live.time_s < end_s and live.fall is None:
             live.steer(command)
             if push and live.time_s > push_at_s:
-                angle, size = draws.uniform(0.0, 2.0 * np.pi), push * live.mass_kg
+                angle, size = draws.uniform(0.0, 2.0 * np.pi), push * load_robot(robot).mass_kg
                 live.push_link(LivePush(type="push", impulse_ns=(size * np.cos(angle), size * np.sin(angle), 0.0)))
                 push_at_s, n_pushes = push_at_s + 10.0, n_pushes + 1
             live.advance(TICK_S, 1e9)

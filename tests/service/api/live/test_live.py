@@ -27,7 +27,10 @@ from support.service.streams import goodbye, received
 from support.service.web_server import Served, served
 
 TOKEN = "a-secret-of-the-lab"
-ROBOT = {"links": ["base"], "effectors": [], "mass_kg": 90.0, "duration_s": 2.0, "certified": True}
+ROBOT = {
+    **{"links": ["base"], "effectors": [], "mass_kg": 90.0, "duration_s": 2.0, "certified": True},
+    **{"soles_m": {"left_foot": [0.1, 0.06]}, "may_steer": True},
+}
 
 
 class FakeSimulation:
