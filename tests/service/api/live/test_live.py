@@ -28,8 +28,13 @@ from support.service.web_server import Served, served
 
 TOKEN = "a-secret-of-the-lab"
 ROBOT = {
-    **{"links": ["base"], "effectors": [], "mass_kg": 90.0, "duration_s": 2.0, "certified": True},
-    **{"soles_m": {"left_foot": [0.1, 0.06]}, "may_steer": True},
+    "links": ["base"],
+    "effectors": [],
+    "mass_kg": 90.0,
+    "duration_s": 2.0,
+    "certified": True,
+    "soles_m": {"left_foot": [0.1, 0.06]},
+    "may_steer": True,
 }
 
 
