@@ -68,3 +68,22 @@ def test_a_live_robot_is_pushed_changed_paused_and_rewound(tab: Tab, service: Se
     tab.go(session.page)
     expect(page.locator("h1")).to_have_text("This live robot has ended")
     tab.missteps = [misstep for misstep in tab.missteps if "status of 404" not in misstep]
+
+
+def test_a_live_robot_is_steered_by_the_arrow_keys(tab: Tab, service: Service) -> None:
+    session = service.client.start_live(robot="talos")
+    page = tab.go(session.page)
+    robot = page.locator("[data-live-robot]")
+    expect(robot).to_have_attribute("data-shown", re.compile(r"[1-9]"), timeout=120_000)
+    expect(page.locator("[data-steering]")).to_be_visible()
+    page.locator("h1").click()
+    page.keyboard.down("ArrowUp")
+    expect(robot).to_have_attribute("data-doing", "steered", timeout=20_000)
+    before_m = base_m(page)
+    expect(page.locator('[data-fact="velocity"]')).to_have_text("0.40 m/s ahead", timeout=30_000)
+    until(page, lambda: bool(np.linalg.norm(base_m(page) - before_m) > 0.1))
+    page.keyboard.up("ArrowUp")
+    expect(page.locator('[data-fact="velocity"]')).to_have_text("0.00 m/s ahead", timeout=60_000)
+    expect(robot).to_have_attribute("data-doing", "steered")
+    service.client.end_live(session.session_id)
+    expect(page.locator("[data-said]")).to_have_text("This robot is no longer live.")

@@ -20,7 +20,7 @@ SESSION = LiveSession(
 class FakeClient:
     """A service that runs at every address but ``http://nowhere``."""
 
-    started: ClassVar[list[tuple[str | None, str | None]]] = []
+    started: ClassVar[list[tuple[str | None, str | None, tuple[float, float, float] | None]]] = []
 
     def __init__(self, server: str, token: str | None) -> None:
         self.server = server
@@ -35,8 +35,10 @@ class FakeClient:
         if self.server == "http://nowhere":
             raise Unreachable("connection refused")
 
-    def start_live(self, scenario_id: str | None, robot: str | None) -> LiveSession:
-        self.started.append((scenario_id, robot))
+    def start_live(
+        self, scenario_id: str | None, robot: str | None, velocity: tuple[float, float, float] | None
+    ) -> LiveSession:
+        self.started.append((scenario_id, robot, velocity))
         return SESSION
 
 
@@ -55,7 +57,22 @@ def test_the_page_of_the_new_robot_is_opened(run: Run, opened: list[str]) -> Non
     assert done.code == 0
     assert "http://lab:8000/live/robots/ab12" in done.out.replace("\n", "")
     assert opened == ["http://lab:8000/live/robots/ab12"]
-    assert FakeClient.started == [("six-stairs", None)]
+    assert FakeClient.started == [("six-stairs", None, None)]
+
+
+def test_a_robot_walks_at_the_given_velocity(run: Run, opened: list[str]) -> None:
+    done: Ran = run("live", "--robot", "talos", "--velocity", "0.3,0,-0.1", "--no-open", "--server", "http://lab:8000")
+    assert done.code == 0
+    assert not opened
+    assert FakeClient.started == [(None, "talos", (0.3, 0.0, -0.1))]
+
+
+@pytest.mark.parametrize("velocity", ["0.3,0", "fast", "0.5,0,0", "0,0.3,0", "0,0,nan"])
+def test_velocities_that_no_robot_can_follow_are_refused(run: Run, opened: list[str], velocity: str) -> None:
+    done: Ran = run("live", "--robot", "talos", "--velocity", velocity, "--server", "http://lab:8000")
+    assert done.code != 0
+    assert "AHEAD,LEFT,TURN" in " ".join(done.err.split())
+    assert not FakeClient.started
 
 
 def test_a_script_gets_the_session_and_no_browser(run: Run, opened: list[str]) -> None:
@@ -64,7 +81,7 @@ def test_a_script_gets_the_session_and_no_browser(run: Run, opened: list[str]) -
     assert told["url"] == "http://lab:8000/live/robots/ab12"
     assert LiveSession.model_validate({k: v for k, v in told.items() if k != "url"}) == SESSION
     assert not opened
-    assert FakeClient.started == [(None, "g1")]
+    assert FakeClient.started == [(None, "g1", None)]
 
 
 @pytest.mark.parametrize(

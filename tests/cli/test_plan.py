@@ -81,6 +81,8 @@ def test_a_replay_goes_with_the_whole_body() -> None:
 def test_a_delay_of_the_replay_is_an_option_of_the_job() -> None:
     made = PlanRequest("x", replay_delay_ms=3.0).to_input(short_walk())
     assert made == PlanMotionInput(scenario=short_walk(), replay=ReplayOptions(delay_s=0.003))
+    made = PlanRequest("x", replay_delay_ms=6.0, expected_delay_ms=6.0).to_input(short_walk())
+    assert made.replay == ReplayOptions(delay_s=0.006, expected_delay_s=0.006)
     for without in ({"replay": False}, {"no_whole_body": True}):
         with pytest.raises(InvalidInput) as refusal:
             PlanRequest("x", replay_delay_ms=3.0, **without)  # type: ignore[arg-type]

@@ -16,6 +16,7 @@ from rich.markup import escape
 from stridelab.cli.options import AsJson, Token
 from stridelab.cli.results import err, out
 from stridelab.errors import Fault, InvalidInput, NotFound, Unavailable
+from stridelab.schemas.live.messages import MAX_AHEAD_M_S, MAX_LEFT_M_S, MAX_TURN_RAD_S, LiveInput
 
 SERVER: Final = "http://127.0.0.1:8000"
 START_S: Final = 120.0
@@ -26,6 +27,10 @@ def live(
     scenario: Annotated[str | None, typer.Argument(help="Id of a stored scenario, such as six-stairs.")] = None,
     robot: Annotated[str | None, typer.Option("--robot", help="Instead of a scenario: a level walk of it.")] = None,
     *,
+    velocity: Annotated[
+        str | None,
+        typer.Option("--velocity", help="AHEAD,LEFT,TURN in m/s and rad/s, e.g. 0.3,0,0.1: walk like this instead."),
+    ] = None,
     browser: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = True,
     as_json: AsJson = False,
     server: Annotated[str, typer.Option("--server", help="URL of the service.")] = SERVER,
@@ -36,12 +41,13 @@ def live(
         raise InvalidInput(
             "option-invalid", "Give either a scenario or --robot.", [Fault("SCENARIO, --robot", "give one of them")]
         )
+    commanded = None if velocity is None else _parse_velocity(velocity)
     from stridelab.cli.remote import translated_errors
     from stridelab.client import Client
 
     with _running_service(server, token) as started, translated_errors(server, lambda: NotFound):
         with Client(server, token) as client:
-            session = client.start_live(scenario, robot)
+            session = client.start_live(scenario, robot, commanded)
         address = server.rstrip("/") + session.page
         if as_json:
             typer.echo(json.dumps({**session.model_dump(mode="json"), "url": address}))
@@ -52,6 +58,18 @@ def live(
         if started is not None:
             err.print("The service was started for this robot; Ctrl-C stops both.")
             started.wait()
+
+
+def _parse_velocity(text: str) -> tuple[float, float, float]:
+    """Ahead, left and turning. Raises ``InvalidInput`` (``option-invalid``)."""
+    try:
+        ahead, left, turn = (float(part) for part in text.split(","))
+        LiveInput(robot="any", velocity=(ahead, left, turn))
+    except ValueError as error:
+        limits = f"{MAX_AHEAD_M_S:g} and {MAX_LEFT_M_S:g} m/s, {MAX_TURN_RAD_S:g} rad/s"
+        fault = Fault("--velocity", f"{text} is not AHEAD,LEFT,TURN of at most {limits}")
+        raise InvalidInput("option-invalid", f"{fault.message}, for example 0.3,0,0.1.", [fault]) from error
+    return ahead, left, turn
 
 
 @contextmanager

@@ -52,6 +52,15 @@ class PlanRequest:
             "--delay", "--replay-delay", min=0.0, max=1e3 * MAX_DELAY_S, help="Delay of the replay's control in ms."
         ),
     ] = 0.0
+    expected_delay_ms: Annotated[
+        float,
+        typer.Option(
+            "--expected-delay",
+            min=0.0,
+            max=1e3 * MAX_DELAY_S,
+            help="Delay for which the replay's joint control allows, in ms.",
+        ),
+    ] = 0.0
     pushes: Annotated[
         list[str] | None,
         typer.Option(
@@ -128,6 +137,7 @@ class PlanRequest:
         """Options that disturb the replay, and whether they are given."""
         return {
             "--delay": bool(self.replay_delay_ms),
+            "--expected-delay": bool(self.expected_delay_ms),
             "--push": bool(self.pushes),
             "--payload": bool(self.payload_kg),
             "--friction": self.friction is not None,
@@ -140,6 +150,7 @@ class PlanRequest:
             return None
         fields = {
             "delay_s": 1e-3 * self.replay_delay_ms,
+            "expected_delay_s": 1e-3 * self.expected_delay_ms,
             "pushes": [parse_push(text) for text in self.pushes or ()],
             "payload_kg": self.payload_kg,
             "friction": self.friction,
@@ -272,6 +283,11 @@ def _describe_replay(replay: ReplaySummary) -> str:
     )
     if replay.hand_force_mean_n is not None:
         text += f"; hand force {replay.hand_force_mean_n:.0f} N on average"
+    if replay.left_plan is not None and replay.left_plan.arrived:
+        text += (
+            f"; left the plan at {replay.left_plan.time_s:.1f} s, went on at {replay.left_plan.resumed_s:.1f} s "
+            "and reached its end"
+        )
     if replay.options is not None:
         text += f"; disturbed: {escape(replay.options.description)}"
     return text

@@ -239,9 +239,16 @@ def live_robot(session_id: str) -> Call[LiveSession]:
     return Call("GET", _path_of("live", session_id), response_reader(LiveSession))
 
 
-def start_live(scenario_id: str | None = None, robot: str | None = None) -> Call[LiveSession]:
-    """Start a live robot: the motion of a stored scenario, or a level walk of a robot."""
-    body = {"scenario_id": scenario_id} if robot is None else {"robot": robot}
+def start_live(
+    scenario_id: str | None = None, robot: str | None = None, velocity: tuple[float, float, float] | None = None
+) -> Call[LiveSession]:
+    """Start a live robot: the motion of a stored scenario, or a level walk of a robot.
+
+    With ``velocity`` (ahead, left in m/s, turning in rad/s) it walks with it instead.
+    """
+    body: dict[str, Any] = {"scenario_id": scenario_id} if robot is None else {"robot": robot}
+    if velocity is not None:
+        body["velocity"] = velocity
     return Call("POST", f"{API}/live", response_reader(LiveSession), json=body)
 
 

@@ -19,6 +19,7 @@ from stridelab.schemas.plans import (
     PlanMotionSummary,
     PlanVerification,
     ReplayCollision,
+    ReplayLeftPlan,
     ReplaySummary,
     StoppedMotion,
 )
@@ -88,12 +89,13 @@ def check_summary(check: Check) -> CertificateCheck:
 
 def replay_summary(replay: "Replay") -> ReplaySummary:
     """The result of the replay as a ``ReplaySummary``, without the options of the request and the proof."""
-    made = {"hand_in_place_shares", "collided", "remarks", "options", "proved_lost"}
+    made = {"hand_in_place_shares", "collided", "remarks", "options", "proved_lost", "left_plan"}
     return ReplaySummary(
         **{name: getattr(replay, name) for name in ReplaySummary.model_fields if name not in made},
         hand_in_place_shares=dict(replay.hand_in_place_shares),
         collided=[ReplayCollision(**asdict(one)) for one in replay.collided],
         remarks=[Remark(**asdict(one)) for one in replay.remarks],
+        left_plan=None if replay.left_plan is None else ReplayLeftPlan.from_object(replay.left_plan),
     )
 
 

@@ -55,6 +55,7 @@ from stridelab.schemas.plans import (
     PlanMotionTask,
     ReplayOptions,
 )
+from stridelab.schemas.scenarios import Scenario
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.leg_stretch import lower_for_legs
@@ -217,19 +218,40 @@ def plan_motion(
     return MotionResult(request, robot, given, problem, plan, motion, certificate, passes, stopped, noted)
 
 
+def plan_scenario_motion(scenario: Scenario) -> WholeBodyMotion:
+    """The motion of ``scenario`` with the defaults of ``plan-motion``.
+
+    Raises as ``plan_motion``, and ``WholeBodyStopped`` for a body that cannot follow the plan.
+    """
+    request = PlanMotionInput(scenario=scenario)
+    stages = Stages(lambda _fraction, _message: None, stage_shares(request))
+    result = plan_motion(PlanMotionTask(scenario=scenario, input=request), stages)
+    if result.stopped is not None:
+        raise result.stopped
+    if result.motion is None:
+        raise AssertionError("a plan with a whole body that did not stop has a motion")
+    return result.motion
+
+
 def replay_motion(
     result: MotionResult, motion: WholeBodyMotion, progress: ProgressCallback, watcher: PlanWatcher = IGNORED
 ) -> "Replay":
-    """Replay ``motion`` of ``result`` in a physics simulation, with the disturbances of the request."""
+    """Replay ``motion`` of ``result`` in a physics simulation, with the disturbances of the request.
+
+    A plan that is left for a recovery is resumed (``resume_plan``).
+    """
     # imported lazily: the simulator is needed for a replay only
+    from stridelab.pipelines.replays.resume_plan import PlanResumer
     from stridelab.wholebody.replay.replay import PhysicsReplay
 
     sequence, asked = result.plan.sequence, result.request.replay
     options = asked if isinstance(asked, ReplayOptions) else ReplayOptions()
     clock = _motion_progress(progress, sequence.duration_s)
     observe, disturbed = observer_of(options, result.robot), disturbances_of(options)
+    resume = PlanResumer(sequence, plan_scenario_motion)
+    physics = PhysicsReplay(expected_delay_s=options.expected_delay_s)
     watch = watcher.on_replay_samples
-    return PhysicsReplay().run(result.robot, sequence, motion, clock, observe, disturbed, watch)
+    return physics.run(result.robot, sequence, motion, clock, observe, disturbed, watch=watch, resume=resume)
 
 
 def stage_shares(request: PlanMotionInput) -> dict[str, float]:

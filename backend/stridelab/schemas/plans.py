@@ -24,12 +24,8 @@ With 0.6 to 1.6, the legs would swing too fast on long strides for the angular m
 """
 MIN_DURATION_FACTOR, MAX_DURATION_FACTOR = 0.1, 10.0
 """Bounds of ``duration_range``."""
-
-
 MAX_DELAY_S: Final = 0.1
 """Maximum delay of the replay's control."""
-
-
 MAX_IMPULSE_NS: Final = 1000.0
 MAX_PUSHES: Final = 50
 _ImpulsePart = Annotated[float, Field(ge=-MAX_IMPULSE_NS, le=MAX_IMPULSE_NS)]
@@ -51,14 +47,16 @@ class ReplayOptions(Contract):
     """Disturbances of the replay, which neither the plan nor the control of the replay has.
 
     ``delay_s`` is the age of all readings that the control uses: joint angles and rates, and the inputs of the
-    stabiliser; it is rounded to milliseconds. ``payload_kg`` is added to the trunk at its centre of mass. ``friction``
-    replaces that of all boxes. With ``sensors`` ``estimated``, noise is added to the stabiliser's inputs and the
-    filter of chapter 2 estimates the centre of mass from joint angles and contact forces; the pose of the base remains
-    that of the simulator.
+    stabiliser; it is rounded to milliseconds. ``expected_delay_s`` is the delay for which the joint control allows:
+    it predicts the joints from the torques that it commanded in that time. ``payload_kg`` is added to the trunk at
+    its centre of mass. ``friction`` replaces that of all boxes. With ``sensors`` ``estimated``, noise is added to
+    the stabiliser's inputs and the filter of chapter 2 estimates the centre of mass from joint angles and contact
+    forces; the pose of the base remains that of the simulator.
     """
 
     pushes: Annotated[list[ReplayPush], Field(max_length=MAX_PUSHES)] = Field(default_factory=list)
     delay_s: Annotated[float, Field(ge=0.0, le=MAX_DELAY_S)] = 0.0
+    expected_delay_s: Annotated[float, Field(ge=0.0, le=MAX_DELAY_S)] = 0.0
     payload_kg: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
     friction: Annotated[float, Field(gt=0.0, le=2.0)] | None = None
     sensors: Literal["true", "estimated"] = "true"
@@ -74,6 +72,7 @@ class ReplayOptions(Contract):
             f"{self.payload_kg:g} kg on the trunk": self.payload_kg,
             f"friction {self.friction}": self.friction is not None,
             f"control {1e3 * self.delay_s:.0f} ms late": self.delay_s,
+            f"{1e3 * self.expected_delay_s:.0f} ms expected": self.expected_delay_s,
             "estimated centre of mass": self.sensors == "estimated",
         }
         return ", ".join([*pushes, *(text for text, given in others.items() if given)]) or "nothing"
@@ -165,6 +164,21 @@ class ReplayCollision(Contract):
     force_max_n: float
 
 
+class ReplayLeftPlan(Contract):
+    """A plan left at ``time_s`` for recoveries of ``steps`` steps, the last of which ended at rest (``rested``).
+
+    It was resumed at ``resumed_s`` (null: never), or not, for the reason ``not_resumed``. ``arrived`` if every effector
+    of its last contacts ends within 5 cm of its place.
+    """
+
+    time_s: float
+    steps: int
+    rested: bool
+    resumed_s: float | None = None
+    not_resumed: str = ""
+    arrived: bool = False
+
+
 class ReplaySummary(Contract):
     """Result of the replay of the motion in a physics simulation.
 
@@ -173,8 +187,9 @@ class ReplaySummary(Contract):
     duration. ``remarks`` lists the conditions that are not met. ``fall_time_s`` is null if the robot does not fall.
     ``options`` are the disturbances, null if there are none. ``proved_lost`` is set only if the robot falls after a
     push: whether no motion would have saved it, by a sufficient condition; false proves nothing.
+    ``left_plan`` is set if the robot left its plan for a recovery; ``completed`` then requires that it arrived.
     ``slip_max_m`` equals ``foot_slip_max_m``; ``collisions`` is the number of pairs in ``collided``. Plans of earlier
-    versions lack the last five fields, and their ``completed`` only means that the robot did not fall.
+    versions lack the last six fields, and their ``completed`` only means that the robot did not fall.
     """
 
     completed: bool
@@ -194,6 +209,7 @@ class ReplaySummary(Contract):
     remarks: list[Remark] | None = None
     options: ReplayOptions | None = None
     proved_lost: bool | None = None
+    left_plan: ReplayLeftPlan | None = None
 
 
 class StoppedMotion(Contract):

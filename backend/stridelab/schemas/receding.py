@@ -94,7 +94,8 @@ class PushBasinSummary(Contract):
 
     ``survived_ci95`` is the 95 % confidence interval (Wilson) of the share of survived pushes. ``provable`` is false
     where the premises of the proof do not hold, so that no fall can be proved; ``certified`` whether the motion passes
-    its certificate. ``completed`` counts the survived pushes whose replay is completed.
+    its certificate. ``arrived`` counts the survived pushes after which the robot ends on the contacts with which the
+    plan ends, ``completed`` those whose replay is completed.
     """
 
     scenario_name: str
@@ -107,6 +108,7 @@ class PushBasinSummary(Contract):
     survived: int
     proved_lost: int
     unexplained: int
+    arrived: int | None = Field(default=None, description="null in results of earlier versions")
     completed: int
     survived_ci95: tuple[float, float]
     provable: bool

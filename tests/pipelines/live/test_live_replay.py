@@ -7,7 +7,7 @@ from stridelab.errors import InvalidInput
 from stridelab.pipelines.live import live_replay
 from stridelab.pipelines.live.live_replay import BROKEN, MAX_PUSHES, LiveReplay
 from stridelab.robots.robot import Robot
-from stridelab.schemas.live.messages import REWIND_S, LivePush, LiveSettings
+from stridelab.schemas.live.messages import REWIND_S, LivePush, LiveSettings, LiveSteer
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.replay import PhysicsReplay
@@ -79,6 +79,65 @@ def test_a_rewind_goes_back_and_on_as_before(live: LiveReplay, robot: Robot, mon
     assert live.frame().push is None
     live.advance(at_s - live.time_s, ENDLESS_S)
     assert com_m(live) == pytest.approx(before, abs=1e-6), "without the push"
+
+
+def steer(ahead_m_s: float = 0.0, left_m_s: float = 0.0, turn_rad_s: float = 0.0) -> LiveSteer:
+    return LiveSteer(type="steer", ahead_m_s=ahead_m_s, left_m_s=left_m_s, turn_rad_s=turn_rad_s)
+
+
+def test_a_steered_robot_walks_and_stops_where_nothing_more_is_commanded(live: LiveReplay) -> None:
+    live.advance(0.2, ENDLESS_S)
+    live.steer(steer(ahead_m_s=0.2), hold_s=3.0)
+    live.advance(2.5, ENDLESS_S)
+    walking = live.frame()
+    assert walking.doing == "steered"
+    assert walking.velocity is not None
+    assert walking.velocity[0] == pytest.approx(0.2, abs=1e-6)
+    assert com_m(live)[0] > 0.15
+    assert {one.effector for one in walking.footholds} == {"left_foot", "right_foot"}
+    assert walking.footholds[-1].position_m[0] > com_m(live)[0] + 0.2, "the next places are ahead"
+    path_m = np.array(walking.horizon_m)
+    assert path_m.shape == (26, 3)
+    assert path_m[0] == pytest.approx(com_m(live), abs=1e-3)
+    assert path_m[-1, 0] - path_m[0, 0] == pytest.approx(0.5, abs=0.2), "2.5 s at 0.2 m/s"
+    live.advance(4.5, ENDLESS_S)
+    standing = live.frame()
+    assert (standing.doing, live.fall) == ("steered", None)
+    before = com_m(live)
+    live.advance(1.0, ENDLESS_S)
+    assert com_m(live) == pytest.approx(before, abs=5e-3)
+
+
+def test_a_walk_ends_where_the_ground_does(live: LiveReplay, motion: WholeBodyMotion) -> None:
+    (ground,) = (box for box in motion.sequence.terrain.boxes)
+    edge_m = float(ground.placement.position_m[1] + 0.5 * ground.size_m[1])
+    live.steer(steer(left_m_s=0.2), hold_s=ENDLESS_S)
+    live.advance(2.0 + edge_m / 0.18, ENDLESS_S)
+    assert live.fall is None
+    assert com_m(live)[1] < edge_m - 0.05
+    assert np.linalg.norm(np.array(live.frame().velocity or (1.0,))) < 1e-6
+
+
+def test_a_walk_survives_a_push_and_goes_on(live: LiveReplay, robot: Robot) -> None:
+    live.steer(steer(ahead_m_s=0.2), hold_s=ENDLESS_S)
+    live.advance(2.0, ENDLESS_S)
+    live.push_link(push(0.3, robot))
+    live.advance(3.0, ENDLESS_S)
+    assert live.fall is None
+    x_m = com_m(live)[0]
+    live.advance(2.0, ENDLESS_S)
+    assert live.frame().doing == "steered"
+    assert com_m(live)[0] > x_m + 0.2
+
+
+def test_a_rewind_of_a_walk_goes_back_to_it(live: LiveReplay, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_replay, "REWIND_S", 1.5)
+    live.steer(steer(ahead_m_s=0.2), hold_s=ENDLESS_S)
+    live.advance(4.2, ENDLESS_S)
+    live.rewind()
+    assert live.frame().doing == "steered"
+    live.advance(3.0, ENDLESS_S)
+    assert live.fall is None, "it stops, because a rewind lets the stick go"
 
 
 def test_a_push_moves_its_link_at_once(live: LiveReplay, robot: Robot) -> None:

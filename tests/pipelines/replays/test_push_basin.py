@@ -37,7 +37,7 @@ def test_every_push_is_replayed_counted_and_tabulated(tmp_path: Path) -> None:
     """Weak pushes are survived, strong ones are not, and nothing is proved on 4 m of ground."""
     told = Told()
     weak = push_basin(task(speed_m_s=0.03, n=2, seed=1), quiet, processes=1)
-    assert (weak.summary.survived, weak.summary.completed) == (2, 2)
+    assert (weak.summary.survived, weak.summary.arrived, weak.summary.completed) == (2, 2, 2)
     outcome = run(task(speed_m_s=1.5, n=2, seed=1), tmp_path, told)
     summary = PushBasinSummary.model_validate(outcome.summary)
     assert (summary.n, summary.survived, summary.proved_lost, summary.unexplained) == (2, 0, 0, 2)
@@ -47,6 +47,8 @@ def test_every_push_is_replayed_counted_and_tabulated(tmp_path: Path) -> None:
     assert 0.3 < summary.survived_ci95[1] < 0.7
     table = pq.read_table(tmp_path / "pushes.parquet").to_pydict()
     assert table["outcome"] == ["unexplained", "unexplained"]
+    assert summary.arrived == 0
+    assert table["arrived"] == [False, False]
     assert table["direction_rad"] == pytest.approx([push.direction_rad for push in weak.pushes])
     assert all(push < fall for push, fall in zip(table["time_s"], table["fall_time_s"], strict=True))
     assert all("not proved" in reason for reason in table["reason"])
@@ -55,8 +57,8 @@ def test_every_push_is_replayed_counted_and_tabulated(tmp_path: Path) -> None:
 
 
 def test_a_motion_that_falls_by_itself_has_no_basin() -> None:
-    still = PushResult(0.0, 0.0, 0, "survived", True, "", math.nan, 0.0, 0.0, 0.0)
+    still = PushResult(0.0, 0.0, 0, "survived", True, True, "", math.nan, 0.0, 0.0, 0.0)
     _require_upright(still)
     with pytest.raises(NotEstimable, match=r"after 2\.5 s") as refusal:
-        _require_upright(PushResult(0.0, 0.0, 0, "unexplained", False, "", 2.5, 0.3, 0.0, 0.0))
+        _require_upright(PushResult(0.0, 0.0, 0, "unexplained", False, False, "", 2.5, 0.3, 0.0, 0.0))
     assert refusal.value.code == "replay-fell"

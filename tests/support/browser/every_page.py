@@ -123,8 +123,8 @@ def push_basin_result() -> tuple[dict[str, Any], dict[str, bytes]]:
     outcomes = ["survived", "unexplained", "proved-lost", "survived"]
     summary = PushBasinSummary(
         scenario_name="Steps", robot=ROBOT, duration_s=8.0, speed_m_s=0.3, impulse_ns=27.1, n=4, seed=1, survived=2,
-        proved_lost=1, unexplained=1, completed=1, survived_ci95=(0.15, 0.85), provable=True, certified=True,
-        wall_time_s=9.0, processes=2, warnings=[],
+        proved_lost=1, unexplained=1, arrived=2, completed=1, survived_ci95=(0.15, 0.85), provable=True,
+        certified=True, wall_time_s=9.0, processes=2, warnings=[],
     )  # fmt: skip
     reason = "falls 1.57 s after the push; not proved that no motion would have saved it"
     columns = {

@@ -18,6 +18,7 @@ from stridelab.wholebody.replay.dcm_feedback import CapturePointFeedback, Sole, 
 from stridelab.wholebody.replay.disturbances import Disturbances, Push, SensorNoise
 from stridelab.wholebody.replay.mujoco_model import build_simulation
 from stridelab.wholebody.replay.replay import PhysicsReplay, Replay
+from stridelab.wholebody.replay.replay_control import DelayPredictor
 from stridelab.wholebody.replay.sensors import JointReadings, SensedState, SimulatedSensors
 from stridelab.wholebody.replay.simulation import Simulation
 
@@ -278,6 +279,28 @@ def test_a_late_joint_loop_falls_where_a_late_stabiliser_stands(
     assert replayed(PhysicsReplay(recovery=None), Disturbances(joint_delay_s=0.004)).fell
     assert replayed(PhysicsReplay(), Disturbances(delay_s=0.004)).completed
     assert replayed(PhysicsReplay(stiffness=900.0, damping=30.0), both).completed
+    six = Disturbances(delay_s=0.006, joint_delay_s=0.006)
+    late = replayed(PhysicsReplay(recovery=None, expected_delay_s=0.006), six)
+    assert late.completed, "a control that allows for 6 ms"
+
+
+@pytest.mark.parametrize("delay_ms", [2, 6, 10])
+def test_an_expected_delay_is_predicted_exactly_for_a_joint_without_disturbance(delay_ms: int) -> None:
+    """The feedback of late readings is that of readings without delay, once the predictor has a past."""
+    dt_s, inertia, kp, kd = 1e-3, 0.2, np.array([400.0]), np.array([15.0])
+    present = DelayPredictor(kp, kd, np.array([inertia]), 0.0, dt_s)
+    predictor = DelayPredictor(kp, kd, np.array([inertia]), 1e-3 * delay_ms, dt_s)
+    q, v, still = np.array([0.0]), np.array([0.0]), np.array([0.0])
+    past = [(q, v)] * (delay_ms + 1)
+    for k in range(300):
+        q_command, v_command = np.array([0.1 if k > 20 else 0.0]), still
+        past = [*past[1:], (q, v)]
+        tau = predictor.feedback_nm(q_command, v_command, *past[0])
+        if k < 20 or k > 20 + delay_ms:
+            assert tau == pytest.approx(present.feedback_nm(q_command, v_command, q, v), abs=1e-9)
+        v = v + tau * dt_s / inertia
+        q = q + v * dt_s
+    assert q == pytest.approx(0.1, abs=2e-3)
 
 
 def test_a_push_gives_off_its_impulse() -> None:

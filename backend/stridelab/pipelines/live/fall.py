@@ -70,7 +70,8 @@ def _balance_reasons(stepper: ReplayStepper) -> list[str]:
     recovering = stepper.recovering
     if recovering is None:
         return ["Steps: the robot did not leave its plan to step, and its centre of mass left it by 25 cm."]
-    steps = "1 step" if recovering.steps == 1 else f"{recovering.steps} steps"
+    n_steps = recovering.steps - recovering.steps_before
+    steps = "1 step" if n_steps == 1 else f"{n_steps} steps"
     q, _ = stepper.simulation.coordinates()
     tilt_rad = 2.0 * float(np.arcsin(min(1.0, np.hypot(q[3], q[4]))))
     ended = f"its pelvis was tilted by {np.degrees(tilt_rad):.0f} degrees" if tilt_rad > _UPRIGHT else "it sank down"

@@ -1,7 +1,8 @@
 """A motion in physics that goes on while it is watched: pushes, settings, rewinding, and explained falls.
 
 The same control as in the replay of ``plan-motion`` carries out the motion. At its end the robot stands, after a
-recovery it stands where it came to rest; it does not return to its plan.
+recovery it stands where it came to rest; it does not return to its plan. Once it is steered, it walks at the commanded
+velocity where the ground is level.
 """
 
 import time
@@ -14,14 +15,26 @@ import numpy as np
 
 from stridelab.errors import InvalidInput
 from stridelab.pipelines.live.fall import Strain, explain_fall
+from stridelab.pipelines.live.horizon import predict_horizon
 from stridelab.pipelines.live.snapshots import SavedState, restore_state, save_state
 from stridelab.pipelines.live.world import AdjustableWorld
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
 from stridelab.robots.visuals import link_names, link_poses
-from stridelab.schemas.live.messages import REWIND_S, LiveFall, LiveFrame, LivePush, LivePushState, LiveSettings
+from stridelab.schemas.live.messages import (
+    REWIND_S,
+    STEER_HOLD_S,
+    LiveFall,
+    LiveFoothold,
+    LiveFrame,
+    LivePush,
+    LivePushState,
+    LiveSettings,
+    LiveSteer,
+)
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.recovery.recovery import Recovery
+from stridelab.wholebody.recovery.walking import WalkCommand, WalkRun
 from stridelab.wholebody.replay.dcm_feedback import pendulum_rate
 from stridelab.wholebody.replay.disturbances import UNDISTURBED, Push
 from stridelab.wholebody.replay.log import LOADED_N, TORQUE_RATIO, ReplayLog
@@ -65,6 +78,7 @@ class LiveReplay:
         self._pushes: list[Push] = []
         self._pushed_link: int | None = None
         self._push_number, self._owed_s, self._steps, self._strain = -1, 0.0, 0, Strain()
+        self._steer_until_s = -np.inf
         self._start = save_state(self._stepper)
         self._saved: deque[SavedState] = deque(maxlen=round(REWIND_S / SAVE_EVERY_S) + 1)
         self._begin_at(self._start)
@@ -96,12 +110,17 @@ class LiveReplay:
         self._pushed_link = self._drawn.get(self._stepper.simulation.built.body_of(push.link))
         self._push_number = -1 if push.number is None else push.number
 
+    def steer(self, command: LiveSteer, hold_s: float = STEER_HOLD_S) -> None:
+        """Walk at a commanded velocity, for ``hold_s``. Raises ``InvalidInput`` (``robot-cannot-steer``)."""
+        self._stepper.steer(WalkCommand(command.ahead_m_s, command.left_m_s, command.turn_rad_s))
+        self._steer_until_s = self.time_s + hold_s
+
     def apply_settings(self, settings: LiveSettings) -> None:
         """Use new settings from now on; a rewind keeps them."""
         self._world.apply_settings(settings)
-        if settings.delay_s != self.settings.delay_s:
-            self._stepper.set_delay(settings.delay_s)
-        self.settings = settings
+        before, self.settings = self.settings, settings
+        if (settings.delay_s, settings.expected_delay_s) != (before.delay_s, before.expected_delay_s):
+            self._stepper.set_delay(settings.delay_s, settings.expected_delay_s)
 
     def rewind(self) -> None:
         """Go back by ten seconds, or as far as possible, and on from there."""
@@ -136,13 +155,12 @@ class LiveReplay:
         capture_m = com_m[:2] + com_v_m_s[:2] / pendulum_rate(max(float(com_m[2]) - ground_m, 0.05))
         recovering = stepper.recovering
         aim = None if recovering is None or self.fall is not None else recovering.next_foothold_m
-        doing: Literal["plan", "recovery", "fallen"] = (
-            "fallen" if self.fall is not None else "plan" if recovering is None else "recovery"
-        )
+        path_m, footholds = ([], ()) if self.fall is not None else predict_horizon(stepper)
         return LiveFrame.model_construct(
             time_s=round(self.time_s, _DIGITS),
             plan_time_s=round(stepper.plan_time_s, _DIGITS),
-            doing=doing,
+            doing=self._doing(),
+            velocity=recovering.velocity if isinstance(recovering, WalkRun) else None,
             steps=0 if recovering is None else self._steps + recovering.steps,
             links=np.round(link_poses(self._robot, q), _DIGITS).tolist(),
             com_m=_rounded(com_m),
@@ -152,8 +170,21 @@ class LiveReplay:
             contacts=[name for name, force in forces.items() if float(np.linalg.norm(force)) > LOADED_N],
             forces_n={name: tuple(np.round(force, 1).tolist()) for name, force in forces.items()},
             foothold_m=None if aim is None else _rounded(aim),
+            horizon_m=[_rounded(place) for place in path_m],
+            footholds=[
+                LiveFoothold.model_construct(effector=name, position_m=_rounded(at), yaw_rad=round(yaw, _DIGITS))
+                for name, at, yaw in footholds
+            ],
             push=self._push_state(),
         )
+
+    def _doing(self) -> Literal["plan", "steered", "recovery", "fallen"]:
+        recovering = self._stepper.recovering
+        if self.fall is not None:
+            return "fallen"
+        if recovering is None:
+            return "plan"
+        return "steered" if isinstance(recovering, WalkRun) and recovering.is_as_commanded else "recovery"
 
     def _push_state(self) -> LivePushState | None:
         if not self._pushes or self.time_s > self._pushes[-1].time_s + PUSH_SHOWN_S:
@@ -172,6 +203,8 @@ class LiveReplay:
         if self.fall is not None:
             stepper.collapse()
             return
+        if isinstance(stepper.recovering, WalkRun) and self.time_s > self._steer_until_s:
+            stepper.recovering.command = WalkCommand()
         try:
             stepper.advance()
             is_finite = bool(np.isfinite(stepper.simulation.joint_rates_rad_s).all())
@@ -185,7 +218,7 @@ class LiveReplay:
         recovering = stepper.recovering
         if not stepper.standing:
             self.fall = self._explain_fall()
-        elif recovering is not None and recovering.at_rest:
+        elif recovering is not None and recovering.at_rest and not isinstance(recovering, WalkRun):
             self._steps += recovering.steps
             stepper.renew_recovery()
         if self.time_s - self._saved[-1].time_s >= SAVE_EVERY_S - 1e-6 and self.fall is None:
@@ -215,12 +248,13 @@ class LiveReplay:
         restore_state(self._stepper, state)
         self._stepper.log = ReplayLog(self._robot, self._motion.sequence)
         self._world.apply_settings(self.settings)
-        self._stepper.set_delay(self.settings.delay_s)
+        self._stepper.set_delay(self.settings.delay_s, self.settings.expected_delay_s)
         while self._saved and self._saved[-1].time_s > state.time_s:
             self._saved.pop()
         if not self._saved:
             self._saved.append(state)
         self.fall, self._has_diverged, self._pushes, self._pushed_link = None, False, [], None
+        self._steer_until_s = self.time_s
         self._push_number, self._owed_s, self._steps, self._strain = -1, 0.0, 0, Strain()
 
 

@@ -18,7 +18,7 @@ from scipy.stats import binomtest
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.machine.parallel import map_in_order, worthwhile_processes
-from stridelab.pipelines.plan_motion import EXPORT, plan_motion, stage_shares
+from stridelab.pipelines.plan_motion import EXPORT, plan_motion, plan_scenario_motion, stage_shares
 from stridelab.pipelines.progress import ProgressCallback, Stages
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.loader import load_robot
@@ -43,13 +43,15 @@ REPLAYS_PER_S: Final = 0.3
 class PushResult:
     """Outcome of one push; times in s of the replay, ``direction_rad`` from the world's x axis.
 
-    ``reason`` says why the outcome is not better: the remarks of the replay, or the fall and its proof.
+    ``arrived`` if the robot ends on the contacts with which the plan ends. ``reason`` says why the outcome is not
+    better: the remarks of the replay, or the fall and its proof.
     """
 
     time_s: float
     direction_rad: float
     phase: int
     outcome: PushOutcome
+    arrived: bool
     completed: bool
     reason: str
     fall_time_s: float
@@ -78,6 +80,7 @@ class PushTrials:
 
     def replay_push(self, k: int) -> PushResult:
         """Replay the motion with push ``k``, or without any for -1."""
+        from stridelab.pipelines.replays.resume_plan import PlanResumer
         from stridelab.wholebody.replay.disturbances import Disturbances
         from stridelab.wholebody.replay.loss_proof import is_loss_proved
         from stridelab.wholebody.replay.replay import PhysicsReplay
@@ -85,7 +88,12 @@ class PushTrials:
         robot, sequence = load_robot(self.robot), self.motion.sequence
         pushes = self.pushes[k : k + 1] if k >= 0 else ()
         replay = PhysicsReplay().run(
-            robot, sequence, self.motion, _ignore_progress, disturbances=Disturbances(pushes=pushes)
+            robot,
+            sequence,
+            self.motion,
+            _ignore_progress,
+            disturbances=Disturbances(pushes=pushes),
+            resume=PlanResumer(sequence, plan_scenario_motion),
         )
         time_s, x, y = (pushes[0].time_s, *pushes[0].impulse_ns[:2]) if pushes else (0.0, 0.0, 0.0)
         outcome: PushOutcome = "survived"
@@ -107,6 +115,7 @@ class PushTrials:
             direction_rad=math.atan2(y, x),
             phase=sequence.phase_at(time_s),
             outcome=outcome,
+            arrived=replay.arrived,
             completed=replay.completed,
             reason=reason,
             fall_time_s=math.nan if replay.fall_time_s is None else replay.fall_time_s,
@@ -157,6 +166,7 @@ def push_basin(task: PushBasinTask, progress: ProgressCallback, processes: int |
         survived=counts["survived"],
         proved_lost=counts["proved-lost"],
         unexplained=counts["unexplained"],
+        arrived=sum(result.arrived for result in results),
         completed=sum(result.completed for result in results),
         survived_ci95=(float(interval.low), float(interval.high)),
         provable=trials.premises is not None,

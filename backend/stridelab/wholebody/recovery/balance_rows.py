@@ -8,6 +8,7 @@ Unlike in the strict hierarchy of a planned motion, a CoM that the soles cannot 
 with strict levels the body would whirl its arms and trunk for the last newton.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -16,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.contacts.sequence import Contact
-from stridelab.conventions import GRAVITY_M_S2, Angles, Rotation
+from stridelab.conventions import GRAVITY_M_S2, Angles, Rotation, Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control import tasks
 from stridelab.wholebody.control.collision_avoidance import CollisionAvoidance
@@ -49,13 +50,39 @@ class BalanceWeights:
 
 @dataclass(frozen=True, eq=False)
 class BalanceTargets:
-    """Targets of one sample; ``swings`` are the references of the soles in the air, level with the heading ``base``."""
+    """Targets of one sample; ``swings`` are the references of the soles in the air, ``base`` and ``sole`` headings."""
 
     com_a_m_s2: Float[np.ndarray, "2"]
     height_m: float
     height_rate_m_s: float
-    base: Rotation
+    base: "LevelHeading"
+    sole: "LevelHeading"
     swings: Mapping[str, AimedSwing]
+
+
+class LevelHeading(NamedTuple):
+    """A level orientation that turns about the vertical axis."""
+
+    yaw_rad: float
+    rate_rad_s: float = 0.0
+
+    @property
+    def axes(self) -> Float[np.ndarray, "2 2"]:
+        """The forward and left axes as columns."""
+        x, y = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return np.array([[x, -y], [y, x]])
+
+    @property
+    def rotation(self) -> Rotation:
+        """The orientation in the world."""
+        R = np.eye(3)
+        R[:2, :2] = self.axes
+        return R
+
+    @property
+    def velocity_rad_s(self) -> Vector3:
+        """Angular velocity in the world."""
+        return np.array([0.0, 0.0, self.rate_rad_s])
 
 
 class Balance(NamedTuple):
@@ -106,11 +133,15 @@ class BalanceRows(PhaseHierarchy):
         body, w, zero = self._body, self._weights, np.zeros(3)
         kp, kd = w.height_gain
         up = kp * (targets.height_m - body.com_m[2]) + kd * (targets.height_rate_m_s - body.com_v_m_s[2])
+        R, sole = targets.base.rotation, targets.sole
         A, drift = body.A_g[:3] / body.mass_kg, body.A_g_drift[:3] / body.mass_kg
         weighted: list[tuple[tasks.Weight, Rows]] = [
             (w.com, Rows(A[:2], targets.com_a_m_s2 - drift[:2])),
             (w.height, Rows(A[2:], up - drift[2:])),
-            (w.base, tasks.orientation_task(body.frame_state("base"), targets.base, zero, zero, w.base_gain)),
+            (
+                w.base,
+                tasks.orientation_task(body.frame_state("base"), R, targets.base.velocity_rad_s, zero, w.base_gain),
+            ),
             (w.momentum, Rows(body.A_g[3:], -w.momentum_per_s * body.l_nms - body.A_g_drift[3:])),
             (self._posture_weights, tasks.posture_task(body, self._rest, self._settings.posture)),
             (w.force, tasks.force_task(self._even_n, self._nv)),
@@ -119,7 +150,8 @@ class BalanceRows(PhaseHierarchy):
             frame, gain = body.frame_state(name), w.swing_gain
             p, v, a = swing.position_m, swing.velocity_m_s, swing.acceleration_m_s2
             weighted.append((w.swing, tasks.position_task(frame, p, v, a, gain)))
-            weighted.append((w.swing_turn, tasks.orientation_task(frame, targets.base, zero, zero, gain)))
+            turn = tasks.orientation_task(frame, sole.rotation, sole.velocity_rad_s, zero, gain)
+            weighted.append((w.swing_turn, turn))
         if self._avoidance is not None:
             self._avoidance.update(body)
             rows, weights = self._avoidance.task_rows()

@@ -19,7 +19,13 @@ from stridelab.conventions import GRAVITY_M_S2, Angles
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.collision_avoidance import AvoidanceSettings, CollisionAvoidance
 from stridelab.wholebody.control.rigid_body import RigidBody
-from stridelab.wholebody.recovery.balance_rows import BalanceRows, BalanceTargets, BalanceWeights, recovery_settings
+from stridelab.wholebody.recovery.balance_rows import (
+    BalanceRows,
+    BalanceTargets,
+    BalanceWeights,
+    LevelHeading,
+    recovery_settings,
+)
 from stridelab.wholebody.recovery.footholds import Footholds
 from stridelab.wholebody.recovery.leg_geometry import LegGeometry
 from stridelab.wholebody.recovery.step_choice import (
@@ -97,7 +103,8 @@ class JointCommand(NamedTuple):
 class RecoveryRun:
     """State of one recovery, which begins on the soles of ``planned`` at ``measured``.
 
-    ``steps`` counts landings; ``left_plan_s`` is the time of the beginning.
+    ``steps`` counts landings, ``steps_before`` those of a walk before it was lost; ``left_plan_s`` is the time of the
+    beginning, or of that loss.
     """
 
     def __init__(
@@ -119,7 +126,7 @@ class RecoveryRun:
         self._footholds = Footholds(sequence.terrain)
         self._chooser = StepChooser(settings.search, legs, self._footholds)
         self._loaded_n = settings.loaded_share * GRAVITY_M_S2 * robot.mass_kg
-        self.left_plan_s, self.steps, self._still_s = measured.time_s, 0, 0.0
+        self.left_plan_s, self.steps, self.steps_before, self._still_s = measured.time_s, 0, 0, 0.0
         self._time_s = measured.time_s
         self._contacts: dict[str, Contact] = {}
         self._swing: AimedSwing | None = None
@@ -133,9 +140,8 @@ class RecoveryRun:
             self._put_down(name, measured)
         ahead = sum((c.placement.rotation[:2, 0] for c in self._contacts.values()), start=np.zeros(2))
         ahead = ahead + self._body.frame_state("base").rotation[:2, 0]
-        x, y = ahead / np.linalg.norm(ahead)
-        self._axes, self._heading = np.array([[x, -y], [y, x]]), np.eye(3)
-        self._heading[:2, :2] = self._axes
+        self._base = self._sole = LevelHeading(float(np.arctan2(ahead[1], ahead[0])))
+        self._axes = self._base.axes
         self._height_m = float(self._body.com_m[2])
         self._height_rate_m_s = float(np.clip(self._body.com_v_m_s[2], -0.3, 0.3))
         for name in legs.side:
@@ -180,7 +186,7 @@ class RecoveryRun:
         self._update_height()
         swings = {} if self._swing is None else {self._in_air: self._swing}
         acceleration = w * w * (body.com_m[:2] - pressure_m)
-        targets = BalanceTargets(acceleration, self._height_m, self._height_rate_m_s, self._heading, swings)
+        targets = BalanceTargets(acceleration, self._height_m, self._height_rate_m_s, self._base, self._sole, swings)
         found = self._rows.solve_sample(targets)
         still = self._swing is None and float(np.linalg.norm(body.com_v_m_s[:2])) < self._by.still_m_s
         self._still_s = self._still_s + self._dt_s if still else 0.0

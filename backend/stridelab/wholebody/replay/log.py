@@ -23,6 +23,8 @@ SLIP_M: Final = 0.020
 """Largest displacement of a loaded sole."""
 TORQUE_RATIO: Final = 1.2
 """Largest commanded torque as a multiple of its limit, at which the applied torque is clipped."""
+ARRIVAL_M: Final = 0.05
+"""Largest distance of an effector from its place at the end of a plan that was left and resumed."""
 HAND_SHARE: Final = 0.95
 """Share of its planned contact time in which a hand has to be loaded at its planned position."""
 _LISTED: Final = 4
@@ -51,11 +53,37 @@ class MissedCondition:
 
 @dataclass(frozen=True)
 class LeftPlan:
-    """The plan was left at ``time_s`` for a recovery of ``steps`` steps; ``rested`` if it ended at rest."""
+    """The plan was left at ``time_s`` for a recovery of ``steps`` steps; ``rested`` if the last one ended at rest.
+
+    ``resumed_s`` is the time of the last resumption, ``not_resumed`` the reason why there was none after the last
+    recovery, ``missed_m`` the largest distance of an effector from its place at the end of the plan.
+    """
 
     time_s: float
     steps: int
     rested: bool
+    resumed_s: float | None = None
+    not_resumed: str = ""
+    missed_m: float = np.inf
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the robot ends on the contacts with which the plan ends."""
+        return self.missed_m < ARRIVAL_M
+
+    @property
+    def description(self) -> str:
+        """What became of the plan, as a sentence."""
+        steps = "1 step" if self.steps == 1 else f"{self.steps} steps"
+        text = f"The robot leaves the plan at {self.time_s:.1f} s, and after {steps} it "
+        if not self.rested:
+            return text + "does not come to rest."
+        if self.not_resumed:
+            return f"{text}stands at rest; the plan is not resumed: {self.not_resumed}."
+        if self.resumed_s is None:
+            return text + "stands at rest."
+        ending = "is not reached" if np.isinf(self.missed_m) else f"is missed by {1e3 * self.missed_m:.0f} mm"
+        return f"{text}goes on at {self.resumed_s:.1f} s; the end of the plan {ending}."
 
 
 def missed_conditions(
@@ -71,11 +99,8 @@ def missed_conditions(
     violated: list[MissedCondition] = []
     if fall_time_s is not None:
         violated.append(MissedCondition("replay-fell", f"The robot falls after {fall_time_s:.1f} s."))
-    if left_plan is not None:
-        steps = "1 step" if left_plan.steps == 1 else f"{left_plan.steps} steps"
-        ending = "stands at rest" if left_plan.rested else "does not come to rest"
-        message = f"The robot leaves the plan at {left_plan.time_s:.1f} s, and after {steps} it {ending}."
-        violated.append(MissedCondition("replay-left-plan", message))
+    if left_plan is not None and not left_plan.arrived:
+        violated.append(MissedCondition("replay-left-plan", left_plan.description))
     if collided:
         violated.append(MissedCondition("replay-collided", _describe_collisions(collided)))
     if slip_max_m > SLIP_M:
@@ -115,8 +140,9 @@ class Replay:
     ``hand_contact_share`` is the share of the planned hand contacts in which the hand is loaded;
     ``hand_in_place_shares`` is, per hand, the share in which it is loaded by the planned surface within the retreat
     distance of a releasing hand from its planned position. ``collided`` are the unplanned contacts in the order of
-    time. ``fall_time_s`` is None if the robot does not fall. ``left_plan`` is the recovery that ended the plan, if any:
-    its soles may land on any surface, and hands and landing positions are judged before it only.
+    time. ``fall_time_s`` is None if the robot does not fall. ``left_plan`` describes the recoveries that left the plan,
+    if any: their soles may land on any surface, and hands and landing positions are not judged during them. After a
+    resumption, errors are those against the new motion.
     """
 
     time_s: Float[np.ndarray, "n"]
@@ -142,6 +168,11 @@ class Replay:
     def fell(self) -> bool:
         """Whether the robot fell; the replay ends there."""
         return self.fall_time_s is not None
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the robot ends on the contacts with which the plan ends, also after recoveries."""
+        return not self.fell and (self.left_plan is None or self.left_plan.arrived)
 
     @property
     def slip_max_m(self) -> float:
@@ -204,13 +235,13 @@ class ReplayLog:
     def record_sample(
         self,
         simulation: Simulation,
-        time_s: float,
-        plan_time_s: float,
+        times_s: tuple[float, float, float],
         com_m: Vector3,
         error_m: float,
         plan_left: bool = False,
     ) -> None:
-        """Record the state after the step that ends at ``time_s``, at ``plan_time_s`` of the plan."""
+        """Record the state after a step; ``times_s`` are its end, that of the plan and that of the followed motion."""
+        time_s, plan_time_s, followed_s = times_s
         q, v = simulation.coordinates()
         self._time_s.append(time_s)
         self._plan_time_s.append(plan_time_s)
@@ -222,9 +253,9 @@ class ReplayLog:
         if plan_left:
             self._record_recovery(simulation, time_s, forces)
             return
-        phase = self._sequence.phase_at(plan_time_s)
+        phase = self._sequence.phase_at(followed_s)
         planned = self._sequence.phases[phase].contacts
-        in_contact = self._effectors_in_contact(simulation, phase, time_s, plan_time_s)
+        in_contact = self._effectors_in_contact(simulation, phase, time_s, followed_s)
         for name, force in forces.items():
             self._forces_n[name].append(force)
             if self._robot.effectors[name].kind == "surface":
@@ -252,7 +283,11 @@ class ReplayLog:
             if surface is not None and self._robot.effectors[name].kind != "surface":
                 self._record_collision(name, surface, time_s, contact.force_n)
 
-    def _effectors_in_contact(self, simulation: Simulation, phase: int, time_s: float, plan_time_s: float) -> set[str]:
+    def follow_sequence(self, sequence: ContactSequence) -> None:
+        """Judge the contacts of the following samples by another sequence; its soles stand already."""
+        self._sequence, self._own = sequence, OwnSurfaces(sequence, self._robot.effectors)
+
+    def _effectors_in_contact(self, simulation: Simulation, phase: int, time_s: float, followed_s: float) -> set[str]:
         """Effectors on surfaces of their planned contacts; records unplanned contacts as collisions."""
         in_contact: set[str] = set()
         built = simulation.built
@@ -262,7 +297,7 @@ class ReplayLog:
                 continue  # a sole against another link: the link's shape is in ``body_touches``
             if surface in self._own.contact_surfaces(name, phase):
                 in_contact.add(name)
-            elif surface not in self._own.nearby_surfaces(name, phase, plan_time_s):
+            elif surface not in self._own.nearby_surfaces(name, phase, followed_s):
                 self._record_collision(name, surface, time_s, contact.force_n)
         return in_contact
 

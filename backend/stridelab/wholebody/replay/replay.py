@@ -14,6 +14,7 @@ from stridelab.wholebody.motion import MotionWatcher, WholeBodyMotion
 from stridelab.wholebody.replay.disturbances import UNDISTURBED, Disturbances
 from stridelab.wholebody.replay.log import Replay
 from stridelab.wholebody.replay.replay_control import ReplayControl
+from stridelab.wholebody.replay.resumption import Resume
 from stridelab.wholebody.replay.sensors import StateObserver, as_sensed
 from stridelab.wholebody.replay.stepper import ReplayStepper
 
@@ -35,10 +36,13 @@ class PhysicsReplay(ReplayControl):
         observe: StateObserver = as_sensed,
         disturbances: Disturbances = UNDISTURBED,
         watch: MotionWatcher | None = None,
+        resume: Resume | None = None,
     ) -> Replay:
         """Replay ``motion`` with the given disturbances and hold its last posture.
 
-        ``watch`` receives the samples as they are simulated.
+        ``watch`` receives the samples as they are simulated. With ``resume``, a plan that was left for a recovery is
+        resumed once the robot rests; no time passes in the simulation while it is planned. Without, the replay ends
+        there.
 
         Raises ``InvalidInput``: ``replay-rate`` for a rate that the simulator's time step does not divide,
         ``link-not-found`` for a push on a link that the robot lacks.
@@ -46,9 +50,9 @@ class PhysicsReplay(ReplayControl):
         started = time.perf_counter()
         stepper = ReplayStepper(self, robot, sequence, motion, observe, disturbances)
         watched = 0
-        while not stepper.has_ended:
+        while not stepper.has_ended or (stepper.rests and resume is not None and stepper.resume_plan(resume)):
             i = stepper.advance()
-            if i % PROGRESS_INTERVAL == 0:
+            if i % PROGRESS_INTERVAL == 0 and stepper.motion is motion:
                 progress(i / len(motion.time_s), f"replay: {motion.time_s[i]:.1f} of {motion.time_s[-1]:.1f} s")
             if watch is not None and (stepper.samples - watched >= PROGRESS_INTERVAL or stepper.has_ended):
                 watch(*stepper.log.samples_from(watched))

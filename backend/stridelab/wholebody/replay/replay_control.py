@@ -1,5 +1,6 @@
 """Joint position control of a replay: its gains, and the stabiliser and the recovery that correct it."""
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -7,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from stridelab.conventions import GRAVITY_M_S2
+from stridelab.conventions import GRAVITY_M_S2, Angles
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.recovery.recovery import Recovery
 from stridelab.wholebody.replay.stabiliser import Stabiliser
@@ -23,13 +24,14 @@ class ReplayControl:
     A rotor inertia of 0.1 kg m^2 and 3000 N m/rad give 28 Hz, well above the motion and well below the 1 kHz steps. For
     robots with ``m g h`` below ``FULL_SIZE_NM`` the stiffness is reduced proportionally. The damping of a joint is
     limited to ``I / dt``, which stops it within one step; ``I`` is its inertia with all other joints free. Beyond twice
-    that value the control is unstable. Where the stabiliser cannot undo a push, ``recovery`` leaves the plan and steps;
-    it needs a stabiliser.
+    that value the control is unstable. Readings that are ``expected_delay_s`` old are predicted (``DelayPredictor``).
+    Where the stabiliser cannot undo a push, ``recovery`` leaves the plan and steps; it needs a stabiliser.
     """
 
     stiffness: float = 3000.0
     damping: float = 100.0
     arm_share: float = 0.1
+    expected_delay_s: float = 0.0
     stabiliser: Stabiliser | None = field(default_factory=Stabiliser)
     recovery: Recovery | None = field(default_factory=Recovery)
 
@@ -42,8 +44,46 @@ class ReplayControl:
         ankle = np.array([ankle_share if joint in ankles else 1.0 for joint in joints])
         height_m = pin.centerOfMass(robot.model, data, robot.q_reference)[2]  # the soles are on z = 0
         size = min(1.0, robot.mass_kg * GRAVITY_M_S2 * height_m / FULL_SIZE_NM)
-        pin.crba(robot.model, data, robot.q_reference)
-        M = np.triu(data.M) + np.triu(data.M, 1).T
-        inertia = 1.0 / np.diag(np.linalg.inv(M))[6:]
+        inertia = joint_inertias(robot)
         kp = self.stiffness * size * share * ankle
         return kp, np.minimum(self.damping * size * share * np.sqrt(ankle), inertia / timestep_s)
+
+
+def joint_inertias(robot: Robot) -> Float[np.ndarray, "na"]:
+    """Inertia (kg m2) of every joint in the reference posture, with all other joints free."""
+    data = robot.model.createData()
+    pin.crba(robot.model, data, robot.q_reference)
+    M = np.triu(data.M) + np.triu(data.M, 1).T
+    return np.asarray(1.0 / np.diag(np.linalg.inv(M))[6:])
+
+
+class DelayPredictor:
+    """Feedback of the joints for readings that are n steps old, from what was commanded since (a Smith predictor).
+
+    Without a disturbance, an error ``e`` of a joint moves as ``I e'' = -tau`` under the feedback torque alone, so that
+
+        e' <- e' - tau_k dt / I ,     e <- e + e' dt
+
+    over the torques of the last n steps leads from the error of the old reading to the present one (Smith 1957).
+    Against a constant load, such as that on a standing leg, the control is softer the longer the delay is.
+    """
+
+    def __init__(
+        self, kp: Angles, kd: Angles, inertia_kgm2: Angles, expected_delay_s: float, timestep_s: float
+    ) -> None:
+        self._kp, self._kd, self._inertia, self._dt_s = kp, kd, inertia_kgm2, timestep_s
+        n = round(expected_delay_s / timestep_s)
+        self._given: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=n + 1)
+        self._taus: deque[np.ndarray] = deque(maxlen=n)
+
+    def feedback_nm(self, q_command: Angles, v_command: Angles, q_read: Angles, v_read: Angles) -> Angles:
+        """Feedback torques for the next step."""
+        self._given.append((q_command, v_command))
+        q_then, v_then = self._given[0]
+        error, rate = q_then - q_read, v_then - v_read
+        for tau in self._taus:
+            rate = rate - tau * (self._dt_s / self._inertia)
+            error = error + rate * self._dt_s
+        result = self._kp * error + self._kd * rate
+        self._taus.append(result)
+        return np.asarray(result)

@@ -32,12 +32,19 @@ async def push_basin_of(client: AsyncClient, job_id: str, result: JobResult) -> 
     return {
         "summary": summary,
         "counts": f"Survived: {summary.survived} of {summary.n} pushes ({low} to {high} %, 95 % confidence), "
-        f"{summary.completed} of them with a completed motion. Proved lost: {summary.proved_lost}; unexplained: "
+        f"{_endings(summary)}. Proved lost: {summary.proved_lost}; unexplained: "
         f"{summary.unexplained}.",
         "chart": chart,
         "falls": falls,
         "legend": list(MARKS.values()),
     }
+
+
+def _endings(summary: PushBasinSummary) -> str:
+    """How the survived pushes end."""
+    if summary.arrived is None:
+        return f"{summary.completed} of them with a completed motion"
+    return f"{summary.arrived} of them at the end of the plan, {summary.completed} with a completed motion"
 
 
 def draw_pushes(summary: PushBasinSummary, content: bytes) -> tuple[Chart, list[dict[str, Any]]]:

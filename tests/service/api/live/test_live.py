@@ -27,7 +27,15 @@ from support.service.streams import goodbye, received
 from support.service.web_server import Served, served
 
 TOKEN = "a-secret-of-the-lab"
-ROBOT = {"links": ["base"], "effectors": [], "mass_kg": 90.0, "duration_s": 2.0, "certified": True}
+ROBOT = {
+    "links": ["base"],
+    "effectors": [],
+    "mass_kg": 90.0,
+    "duration_s": 2.0,
+    "certified": True,
+    "soles_m": {"left_foot": [0.1, 0.06]},
+    "may_steer": True,
+}
 
 
 class FakeSimulation:
@@ -188,6 +196,8 @@ def test_what_is_no_command_is_refused_and_the_robot_goes_on(service: Served, fa
             '{"type":"jump"}',
             '{"type":"set","friction":0}',
             '{"type":"set","friction":"slippery"}',
+            '{"type":"steer","ahead_m_s":0.5}',
+            '{"type":"steer","turn_rad_s":"left"}',
             "[]",
         ],
         "link-not-found": ['{"type":"push","impulse_ns":[1,0,0],"link":"nose"}'],

@@ -4,6 +4,7 @@ A task is ``{"plan": ...}`` first, then ``{"commands": [...], "advance_s", "budg
 JSON text, so that the web server passes it on unread.
 """
 
+import math
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,13 +16,16 @@ from stridelab.pipelines.plan_problem import load_densities
 from stridelab.pipelines.progress import ProgressCallback, Stages
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.loader import load_robot
-from stridelab.schemas.live.messages import LIVE_COMMAND, LivePush, LiveRobot, LiveSet
+from stridelab.schemas.live.messages import LIVE_COMMAND, LivePush, LiveRobot, LiveSet, LiveSteer
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.filenames import STAGED_ROBOT
 from stridelab.service.kinds.robots.staged import use_staged_robot
+from stridelab.wholebody.recovery.leg_geometry import LegGeometry
 
 MESSAGE_LENGTH: Final = 300
+FLOOR_M: Final = 90.0
+"""Edges of the ground of a level walk, on which the robot can be steered."""
 WALK_SHARE: Final = 0.7
 """Step length of the level walk of a robot, as a share of the scaled walk of TALOS."""
 
@@ -45,7 +49,10 @@ class LiveSimulation:
             use_staged_robot(folder)
         if asked["scenario"] is None:
             robot = load_robot(asked["robot"])
-            scenario = Scenario.model_validate(scaled_walk(robot, foot_places_m(robot), WALK_SHARE)[0])
+            walk = scaled_walk(robot, foot_places_m(robot), WALK_SHARE)[0]
+            for box in walk["terrain"]:
+                box["size_m"][:2] = [FLOOR_M, FLOOR_M]
+            scenario = Scenario.model_validate(walk)
         else:
             scenario = Scenario.model_validate(asked["scenario"])
         request = PlanMotionInput(scenario=scenario)
@@ -56,12 +63,20 @@ class LiveSimulation:
             raise AssertionError("a plan with a whole body that did not stop has a certificate")
         progress(1.0, "building the simulation")
         self._replay = LiveReplay(result.robot, result.motion, load_densities(result.robot, DEFAULT_MEASURE))
+        legs = LegGeometry.of_robot(result.robot)
+        if legs is not None and asked["velocity"] is not None:
+            ahead_m_s, left_m_s, turn_rad_s = asked["velocity"]
+            command = LiveSteer(type="steer", ahead_m_s=ahead_m_s, left_m_s=left_m_s, turn_rad_s=turn_rad_s)
+            self._replay.steer(command, hold_s=math.inf)
+        soles = {name: one.contact_half_size_m for name, one in result.robot.effectors.items()}
         about = LiveRobot(
             links=list(self._replay.links),
             effectors=list(result.motion.sequence.effectors),
             mass_kg=result.robot.mass_kg,
             duration_s=result.motion.sequence.duration_s,
             certified=result.certificate.passed,
+            soles_m={name: half_m for name, half_m in soles.items() if half_m is not None},
+            may_steer=legs is not None,
         )
         return {"robot": about.model_dump(mode="json"), "frame": self._replay.frame().model_dump_json()}
 
@@ -91,6 +106,9 @@ class LiveSimulation:
         if isinstance(command, LivePush):
             if replay.fall is None:
                 replay.push_link(command)
+        elif isinstance(command, LiveSteer):
+            if replay.fall is None:
+                replay.steer(command)
         elif isinstance(command, LiveSet):
             replay.apply_settings(command.applied_to(replay.settings))
         elif command.type == "rewind":

@@ -103,11 +103,11 @@ async def _motion_of(parts: Parts, body: LiveInput) -> LiveMotion:
         if body.scenario_id is not None:
             stored = scenario_of(await scenario_row(connection, body.scenario_id))
             document = stored.model_dump(mode="json", exclude=_ABOUT)
-            return LiveMotion(stored.name, stored.robot, stored.id, document)
+            return LiveMotion(stored.name, stored.robot, stored.id, document, body.velocity)
         robot = str(body.robot)
         if robot not in robot_names() and await find_robot(connection, robot) is None:
             raise NotFound("robot-not-found", "There is no robot of this name.")
-    return LiveMotion(f"{robot.upper()}: level walk", robot)
+    return LiveMotion(f"{robot.upper()}: level walk", robot, velocity=body.velocity)
 
 
 async def _receive_commands(socket: WebSocket, room: LiveRoom, viewer: Viewer, caller: Caller) -> None:

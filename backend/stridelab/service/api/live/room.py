@@ -53,6 +53,7 @@ class LiveMotion:
     robot: str
     scenario_id: str | None = None
     scenario: Mapping[str, Any] | None = None
+    velocity: tuple[float, float, float] | None = None
 
 
 class LiveRoom:
@@ -136,7 +137,8 @@ class LiveRoom:
                 said_at = loop.time()
                 self._update_state(fraction=fraction, message=message)
 
-        task = {"plan": {"robot": self.motion.robot, "scenario": self.motion.scenario}}
+        motion = self.motion
+        task = {"plan": {"robot": motion.robot, "scenario": motion.scenario, "velocity": motion.velocity}}
         value = await self._ask(child.run(task, answer_s=PLAN_S, on_progress=tell))
         self.phase = "running"
         self._show_frame(value["frame"])

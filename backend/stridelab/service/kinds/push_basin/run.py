@@ -29,7 +29,7 @@ def run(task: PushBasinTask, folder: Path, progress: ProgressCallback) -> Outcom
 
 def push_columns(pushes: Sequence[PushResult], speed_m_s: float) -> dict[str, np.ndarray]:
     """Columns of ``pushes``; ``fall_time_s`` is NaN without a fall."""
-    names = ("time_s", "direction_rad", "phase", "outcome", "completed", "reason", "fall_time_s")
+    names = ("time_s", "direction_rad", "phase", "outcome", "arrived", "completed", "reason", "fall_time_s")
     measured = ("com_error_max_m", "slip_max_m", "torque_ratio_max")
     columns = {name: np.array([getattr(push, name) for push in pushes]) for name in (*names, *measured)}
     return {"push": np.arange(len(pushes)), "speed_m_s": np.full(len(pushes), speed_m_s)} | columns

@@ -1,7 +1,8 @@
-// Draws over the scene of a live robot what changes with every frame: forces, CoM, capture point, next foothold, pushes;
-// and turns a drag from the robot into a push. The scene's camera projects; distances on the canvas are CSS pixels.
+// Draws over the scene of a live robot what changes with every frame: forces, CoM, capture point, next foothold, pushes,
+// the path that the control has in mind as a ribbon on the ground, and the next footholds as ghosts of soles; and turns a drag from the robot into a push. The scene's camera projects; distances on the canvas are CSS pixels.
 import { colour } from "../shared/colours.js";
 
+const RIBBON_M = 0.06;
 const FORCE_M_PER_N = 0.0006,
   PUSH_M_PER_NS = 0.008,
   PUSH_S = 0.4, // longer than the push, which would hardly be seen
@@ -27,14 +28,45 @@ export function directedImpulse(direction, size, base) {
   return [size * Math.cos(yaw + turn), size * Math.sin(yaw + turn), 0];
 }
 
+/** The corners of a sole with half edges `half` at a foothold.
+ * @param {{position_m: number[], yaw_rad: number}} foothold @param {number[]} half @returns {number[][]} */
+export function soleCorners({ position_m: [x, y, z], yaw_rad }, half) {
+  const [c, s] = [Math.cos(yaw_rad), Math.sin(yaw_rad)];
+  const signs = [
+    [1, 1],
+    [-1, 1],
+    [-1, -1],
+    [1, -1],
+  ];
+  return signs.map(([a, b]) => [x + a * half[0] * c - b * half[1] * s, y + a * half[0] * s + b * half[1] * c, z]);
+}
+
+/** The edges of a ribbon of `width` along a path, at the height `z`: one closed polygon.
+ * @param {number[][]} path @param {number} width @param {number} z @returns {number[][]} */
+export function ribbonAlong(path, width, z) {
+  const left = [],
+    right = [];
+  for (const [k, [x, y]] of path.entries()) {
+    const before = path[Math.max(k - 1, 0)],
+      after = path[Math.min(k + 1, path.length - 1)];
+    const [dx, dy] = [after[0] - before[0], after[1] - before[1]],
+      length = Math.hypot(dx, dy) || 1;
+    const [nx, ny] = [(-dy / length) * 0.5 * width, (dx / length) * 0.5 * width];
+    left.push([x + nx, y + ny, z]);
+    right.unshift([x - nx, y - ny, z]);
+  }
+  return [...left, ...right];
+}
+
 export class LiveOverlay {
   // `send(impulse_ns, linkIndex)` is called at the end of a drag; `shown()` returns what is to be drawn.
-  constructor(canvas, camera, { send, shown, mass }) {
+  constructor(canvas, camera, { send, shown, mass, soles }) {
     this.canvas = canvas;
     this.camera = camera;
     this.send = send;
     this.shown = shown;
     this.mass = mass;
+    this.soles = soles;
     /** @type {any} */
     this.frame = null;
     /** @type {any} */
@@ -117,11 +149,37 @@ export class LiveOverlay {
     pen.clearRect(0, 0, width, height);
     if (!frame) return;
     pen.lineCap = pen.lineJoin = "round";
-    const { forces, balance } = this.shown();
+    const { forces, balance, horizon } = this.shown();
+    if (horizon) this.drawHorizon(pen);
     if (forces)
       for (const { at, force } of frame.arrows) this.arrow(pen, at, force, FORCE_M_PER_N, colour("green"), false);
     if (balance) this.drawBalance(pen);
     this.drawPush(pen);
+  }
+
+  drawHorizon(pen) {
+    const { horizon_m, footholds, ground_m } = this.frame;
+    if (horizon_m.length > 1) this.polygon(pen, ribbonAlong(horizon_m, RIBBON_M, ground_m), colour("blue"), 0.35);
+    for (const [k, foothold] of footholds.entries()) {
+      const half = this.soles()[foothold.effector];
+      if (half) this.polygon(pen, soleCorners(foothold, half), colour("purple"), 0.5 / (1 + 0.6 * k));
+    }
+  }
+
+  // A filled polygon; nothing if a corner is behind the camera.
+  polygon(pen, corners, fill, opacity) {
+    const places = corners.map((corner) => this.project(corner));
+    if (places.some((place) => !place)) return;
+    pen.beginPath();
+    for (const [x, y] of places) pen.lineTo(x, y);
+    pen.closePath();
+    pen.globalAlpha = opacity;
+    pen.fillStyle = fill;
+    pen.fill();
+    pen.globalAlpha = 1;
+    pen.strokeStyle = fill;
+    pen.lineWidth = 1.5;
+    pen.stroke();
   }
 
   drawBalance(pen) {

@@ -3,6 +3,7 @@ import { AdaptiveResolution } from "./adaptive_resolution.js";
 import { Camera } from "./camera.js";
 import { DarkMode } from "./dark_mode.js";
 import { LiveOverlay, directedImpulse } from "./live_overlay.js";
+import { Steering } from "./live_steering.js";
 import { hideOverlay, showFailure } from "./loading_overlay.js";
 import { HIDDEN, ViserNodes } from "./viser_nodes.js";
 import { counted } from "../shared/plurals.js";
@@ -29,6 +30,7 @@ const UNITS = {
   friction: (v) => v.toFixed(2),
   payload_kg: (v) => `${v.toFixed(0)} kg`,
   delay_s: (v) => `${(1000 * v).toFixed(0)} ms`,
+  expected_delay_s: (v) => `${(1000 * v).toFixed(0)} ms`,
   floor_time_s: (v) => `${(1000 * v).toFixed(0)} ms`,
   pace: (v) => `${(100 * v).toFixed(0)} %`,
 };
@@ -51,7 +53,12 @@ const live = { nodes, layout: { n_frames: 1, width: 3, points: [["/com/live", 0]
 const camera = new Camera(live);
 const overlay = new LiveOverlay(part("marks"), camera, {
   send: (impulse_ns, link) => push(impulse_ns, robot.links[link]),
-  shown: () => ({ forces: field("forces").checked, balance: field("balance").checked }),
+  shown: () => ({
+    forces: field("forces").checked,
+    balance: field("balance").checked,
+    horizon: field("horizon").checked,
+  }),
+  soles: () => robot?.soles_m ?? {},
   mass: () => robot?.mass_kg ?? 1,
 });
 
@@ -108,6 +115,7 @@ function showState(message) {
   if (message.robot && !robot) {
     robot = message.robot;
     showStrength();
+    part("steering").hidden = !robot.may_steer;
     field("link").append(...robot.links.map((name) => createElement("option", { value: name }, name)));
   }
   if (before?.phase === "fallen" && message.phase !== "fallen") part("fall").hidden = true;
@@ -171,10 +179,24 @@ function drawFrame(frame) {
   const steps = frame.steps ? `, ${counted(frame.steps, "step")}` : "";
   const isOver = frame.plan_time_s > robot.duration_s - 0.05,
     planned = isOver ? "stands at the end of its plan" : "follows its plan";
-  fact("doing", { plan: planned, recovery: `steps to stay upright${steps}`, fallen: "fallen" }[frame.doing]);
+  const doing = {
+    plan: planned,
+    steered: `walks as steered${steps}`,
+    recovery: `steps to stay upright${steps}`,
+    fallen: "fallen",
+  };
+  fact("doing", doing[frame.doing]);
+  fact("velocity", frame.velocity && frame.doing !== "fallen" ? velocityText(frame.velocity) : "");
   root.dataset.shown = String(frame.time_s);
   root.dataset.doing = frame.doing;
   if (frame.push) root.dataset.pushed = String(frame.push.number);
+}
+
+function velocityText([ahead, left, turn]) {
+  const aside = Math.abs(left) < 0.005 ? "" : `, ${Math.abs(left).toFixed(2)} m/s ${left > 0 ? "left" : "right"}`;
+  const turning =
+    Math.abs(turn) < 0.005 ? "" : `, turns ${turn > 0 ? "left" : "right"} ${Math.abs(turn).toFixed(2)} rad/s`;
+  return `${ahead.toFixed(2)} m/s ahead${aside}${turning}`;
 }
 
 function send(command) {
@@ -210,7 +232,7 @@ for (const slider of sliders)
     send({ type: "set", [slider.dataset.setting]: value });
   });
 part("reset").addEventListener("click", () => {
-  send({ type: "set", friction: null, payload_kg: 0, delay_s: 0, floor_time_s: 0.02, pace: 1 });
+  send({ type: "set", friction: null, payload_kg: 0, delay_s: 0, expected_delay_s: 0, floor_time_s: 0.02, pace: 1 });
 });
 field("drag").addEventListener("change", () => overlay.setActive(field("drag").checked));
 field("follow").addEventListener("change", () => {
@@ -218,6 +240,12 @@ field("follow").addEventListener("change", () => {
   camera.follow(field("follow").checked, 0);
 });
 
+const keysSteer = () => Boolean(robot?.may_steer) && field("keys").checked;
+new Steering(part("stick"), { send, isOn: keysSteer, isSideways: () => field("sideways").checked });
+
+const pushByKey = (direction) => {
+  if (!keysSteer()) pushTowards(direction);
+};
 const press = (order) => {
   const button = root.querySelector(`[data-order="${order}"]`);
   if (button && !button.disabled) button.click();
@@ -226,10 +254,10 @@ const shortcuts = new Shortcuts(
   [
     { keys: [" "], text: "Pause or resume", run: () => press(state?.phase === "paused" ? "resume" : "pause") },
     { keys: ["r"], text: "Rewind ten seconds", run: () => press("rewind") },
-    { keys: ["ArrowUp"], page: true, text: "Push ahead", run: () => pushTowards("ahead") },
-    { keys: ["ArrowDown"], page: true, text: "Push back", run: () => pushTowards("back") },
-    { keys: ["ArrowLeft"], page: true, text: "Push to the left", run: () => pushTowards("left") },
-    { keys: ["ArrowRight"], page: true, text: "Push to the right", run: () => pushTowards("right") },
+    { keys: ["ArrowUp"], page: true, text: "Walk ahead, or push", run: () => pushByKey("ahead") },
+    { keys: ["ArrowDown"], page: true, text: "Walk back, or push", run: () => pushByKey("back") },
+    { keys: ["ArrowLeft"], page: true, text: "Turn left (Shift: sideways), or push", run: () => pushByKey("left") },
+    { keys: ["ArrowRight"], page: true, text: "Turn right (Shift: sideways), or push", run: () => pushByKey("right") },
     { keys: ["p"], text: "Drag from the robot to push", run: () => field("drag").click() },
     { keys: ["f"], text: "Follow the robot", run: () => field("follow").click() },
     ...CAMERA_KEYS,
