@@ -23,5 +23,5 @@ def tell(outcome: Outcome) -> None:
 
 
 number = int(sys.argv[1]) if len(sys.argv) > 1 else 300
-found = solve_variations(random_variations(number), tell)
-sys.stdout.write(json.dumps({**outcome_summary(found), "refusals": dict(count_faults(found))}, indent=1) + "\n")
+solutions = solve_variations(random_variations(number), tell)
+sys.stdout.write(json.dumps({**outcome_summary(solutions), "refusals": dict(count_faults(solutions))}, indent=1) + "\n")

@@ -33,9 +33,9 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--anew", action="store_true", help="compute again what is there")
     parser.add_argument("--table", type=Path, nargs="+", default=[], metavar="FILE")
-    asked = parser.parse_args()
-    reports = [KEPT.validate_json(path.read_bytes()) for path in asked.table]
-    reports += [grid(name, asked.out, asked.processes, anew=asked.anew) for name in asked.densities]
+    arguments = parser.parse_args()
+    reports = [KEPT.validate_json(path.read_bytes()) for path in arguments.table]
+    reports += [grid(name, arguments.out, arguments.processes, anew=arguments.anew) for name in arguments.densities]
     sys.stdout.write(table(reports) + "\n")
 
 

@@ -84,22 +84,22 @@ def docstrings(path: Path) -> Iterator[tuple[str, str]]:
 
 def sources(root: Path, names: tuple[str, ...]) -> list[Path]:
     """Python files of a folder that are, or lie in, one of ``names``."""
-    found = (
+    paths = (
         path for name in names for path in ([root / name] if name.endswith(".py") else (root / name).rglob("*.py"))
     )
-    return sorted(found)
+    return sorted(paths)
 
 
 def citations(paths: list[Path], order: list[str]) -> dict[str, list[Citation]]:
     """By the number as cited, every place once."""
-    found: dict[str, list[Citation]] = {}
+    by_equation: dict[str, list[Citation]] = {}
     for path in paths:
         for test, text in docstrings(path):
             for number in cited_in(text, order):
-                places = found.setdefault(number, [])
+                places = by_equation.setdefault(number, [])
                 if (place := Citation(path, test)) not in places:
                     places.append(place)
-    return found
+    return by_equation
 
 
 def places(equation: Equation, cited: dict[str, list[Citation]]) -> list[Citation]:
@@ -119,8 +119,8 @@ def tests(order: list[str]) -> dict[str, list[Citation]]:
 
 def anchor(heading: str) -> str:
     """How mkdocs names the anchor of a heading."""
-    kept = re.sub(r"[^\w\s-]", "", heading.lower()).strip()
-    return re.sub(r"[-\s]+", "-", kept)
+    words = re.sub(r"[^\w\s-]", "", heading.lower()).strip()
+    return re.sub(r"[-\s]+", "-", words)
 
 
 def row(equation: Equation, modules: list[Citation], tested: list[Citation]) -> str:

@@ -38,9 +38,9 @@ def main() -> None:
         "| --- | --- | --- | --- |",
     ]
     for order, cut_hz in FILTERS:
-        found = np.array([row for row in (leads_ms(*stance, order, cut_hz) for stance in stances) if row is not None])
-        cells = [f"{np.median(column):.0f} ms, sd {column.std():.0f}" for column in found.T]
-        lines.append(f"| {order}, {cut_hz:.0f} Hz | {len(found)} of {len(stances)} | {' | '.join(cells)} |")
+        leads = np.array([row for row in (leads_ms(*stance, order, cut_hz) for stance in stances) if row is not None])
+        cells = [f"{np.median(column):.0f} ms, sd {column.std():.0f}" for column in leads.T]
+        lines.append(f"| {order}, {cut_hz:.0f} Hz | {len(leads)} of {len(stances)} | {' | '.join(cells)} |")
     sys.stdout.write("\n".join([*lines, ""]))
 
 

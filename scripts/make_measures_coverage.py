@@ -198,17 +198,17 @@ def events_of_people(contacts: Sequence[Contact], seed: int) -> Callable[..., li
     """Replacement of ``gait_events.contacts_of_foot``: the true events with errors as measured on people."""
     rng = np.random.default_rng([11, seed])
     common = {kind: rng.normal(0.0, error.common_s) for kind, error in MARKER_ERROR.items()}
-    found = []
+    rows = []
     for contact in contacts:
         late = {kind: common[kind] + rng.normal(0.0, error.own_s) for kind, error in MARKER_ERROR.items()}
-        found.append(
+        rows.append(
             Contact(
                 contact.side,
                 None if contact.strike_s is None else contact.strike_s + late["strike"],
                 None if contact.lift_off_s is None else contact.lift_off_s + late["lift_off"],
             )
         )
-    return lambda _recording, _landmarks, foot: [contact for contact in found if contact.side == foot.side]
+    return lambda _recording, _landmarks, foot: [contact for contact in rows if contact.side == foot.side]
 
 
 def _simultaneous(one: GaitStep, other: GaitStep) -> bool:

@@ -20,15 +20,15 @@ from stridelab.robots.loader import load_robot
 
 def main() -> None:
     """Learn from 20 000 postures, as the thesis does, with seed 0, unless told otherwise."""
-    asked = argparse.ArgumentParser()
-    asked.add_argument("robot", choices=robot_names())
-    asked.add_argument("measure", choices=get_args(Measure))
-    asked.add_argument("--samples", type=int, default=20_000)
-    asked.add_argument("--seed", type=int, default=0)
-    asked.add_argument("--date", type=date.fromisoformat, default=datetime.now(UTC).date())
-    asked.add_argument("--processes", type=int, default=None)
-    asked.add_argument("--folder", type=Path, default=models_dir() / "reachability")
-    given = asked.parse_args()
+    parser = argparse.ArgumentParser()
+    parser.add_argument("robot", choices=robot_names())
+    parser.add_argument("measure", choices=get_args(Measure))
+    parser.add_argument("--samples", type=int, default=20_000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--date", type=date.fromisoformat, default=datetime.now(UTC).date())
+    parser.add_argument("--processes", type=int, default=None)
+    parser.add_argument("--folder", type=Path, default=models_dir() / "reachability")
+    given = parser.parse_args()
     learned = learn_densities(
         load_robot(given.robot),
         given.date,

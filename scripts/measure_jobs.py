@@ -65,10 +65,10 @@ def member(supervisor: psutil.Process, module: str) -> psutil.Process:
 
 def nursery(supervisor: psutil.Process) -> psutil.Process:
     """What the worker's children are forked from, when it has imported everything."""
-    found = member(member(supervisor, "stridelab.service.jobs.worker"), "stridelab.service.processes.fork_server")
-    while found.status() == psutil.STATUS_RUNNING:
+    process = member(member(supervisor, "stridelab.service.jobs.worker"), "stridelab.service.processes.fork_server")
+    while process.status() == psutil.STATUS_RUNNING:
         time.sleep(0.5)
-    return found
+    return process
 
 
 def ended_children_s(process: psutil.Process) -> float:

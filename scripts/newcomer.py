@@ -65,14 +65,16 @@ def processor_s(process: psutil.Process) -> float:
 
 def newcomers_environment(home: Path, port: int, *, cold: bool) -> dict[str, str]:
     """Nothing of this checkout's: no virtual environment, no setting, no cache but that of packages."""
-    kept = {key: value for key, value in os.environ.items() if not key.startswith(("STRIDELAB_", "XDG_", "VIRTUAL_"))}
-    path = [part for part in kept["PATH"].split(os.pathsep) if ".venv" not in part and ".uv" not in part]
+    variables = {
+        key: value for key, value in os.environ.items() if not key.startswith(("STRIDELAB_", "XDG_", "VIRTUAL_"))
+    }
+    path = [part for part in variables["PATH"].split(os.pathsep) if ".venv" not in part and ".uv" not in part]
     caches = (
         {}
         if cold
         else {"UV_CACHE_DIR": str(Path.home() / ".cache/uv"), "PIP_CACHE_DIR": str(Path.home() / ".cache/pip")}
     )
-    return {**kept, **caches, "PATH": os.pathsep.join(path), "HOME": str(home), "STRIDELAB_PORT": str(port)}
+    return {**variables, **caches, "PATH": os.pathsep.join(path), "HOME": str(home), "STRIDELAB_PORT": str(port)}
 
 
 @contextmanager
@@ -206,12 +208,12 @@ def run(place: Path, port: int, *, cold: bool) -> str:
                 if not client.result(plan).summary["certificate"]["passed"]:
                     raise SystemExit("the plan's certificate is not passed")
             began = time.monotonic()
-            said = scripted(human, port, clone, environment)
-            assert '"method"' in said, said
+            output = scripted(human, port, clone, environment)
+            assert '"method"' in output, output
             watch.step("an estimate of `trial.c3d`", "README's lines of the human wing", time.monotonic() - began)
             began = time.monotonic()
-            said = scripted(robot, port, clone, environment)
-            assert '"passed": true' in said, said
+            output = scripted(robot, port, clone, environment)
+            assert '"passed": true' in output, output
             watch.step("a certificate", "README's lines of the robot wing", time.monotonic() - began)
         with serving(clone, environment, watch, "the service for the second time"):
             began = time.monotonic()
@@ -229,15 +231,15 @@ def main() -> None:
     parser.add_argument("--cold", action="store_true", help="no package cache")
     parser.add_argument("--write", action="store_true", help="put the table into docs/newcomer.md")
     parser.add_argument("--port", type=int, default=8490)
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="newcomer-") as folder:
         place = Path(folder)
         place.chmod(0o755)  # the database of root runs under another account
-        found = run(place, asked.port, cold=asked.cold)
-    say(found)
-    if asked.write:
+        results = run(place, arguments.port, cold=arguments.cold)
+    say(results)
+    if arguments.write:
         before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-        PAGE.write_text(f"{before}{BEGIN}\n\n{found}\n\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+        PAGE.write_text(f"{before}{BEGIN}\n\n{results}\n\n{END}{rest.partition(END)[2]}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -173,13 +173,13 @@ def loads(measurements: dict[str, Any], crowds: Sequence[int]) -> Iterator[list[
         jobs_per_day = users * JOBS_PER_USER_AND_DAY
         rate_per_s = jobs_per_day / (HOURS_PER_DAY * 3600) * BUSIEST
         web_ms = calls["submission_cpu_ms"] + READINGS_PER_JOB * calls["reading_cpu_ms"]
-        kept = jobs_per_day * WORKING_DAYS_KEPT
+        n_kept = jobs_per_day * WORKING_DAYS_KEPT
         yield [
             _spaced(users),
             f"{rate_per_s * web_ms / 1e3:.3g}",
             f"{rate_per_s * mean_cost_s(kinds) * REPORTS_PER_S:.3g}",
-            f"{kept / 1e6:.3g} million",
-            f"{kept * job_bytes / 1e12:.3g} TB",
+            f"{n_kept / 1e6:.3g} million",
+            f"{n_kept * job_bytes / 1e12:.3g} TB",
         ]
 
 

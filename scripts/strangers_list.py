@@ -134,10 +134,10 @@ def _repository(entry: Entry, folder: Path, mirrors: Path | None, host: str) -> 
 
 def differences(entries: Sequence[Entry], rows: Sequence[dict[str, Any]]) -> list[str]:
     """One sentence for each recording whose outcome is not that of the list."""
-    found = {(row["source"], row["path"]): outcome_of(row) for row in rows}
+    outcomes = {(row["source"], row["path"]): outcome_of(row) for row in rows}
     sentences = []
     for entry in entries:
-        outcome = found.get(entry.key, "not surveyed")
+        outcome = outcomes.get(entry.key, "not surveyed")
         if outcome != entry.outcome:
             sentences.append(f"{entry.repository} {entry.path}: {outcome}, expected {entry.outcome}")
     return sentences
@@ -145,5 +145,5 @@ def differences(entries: Sequence[Entry], rows: Sequence[dict[str, Any]]) -> lis
 
 def renewed(entries: Sequence[Entry], rows: Sequence[dict[str, Any]]) -> list[Entry]:
     """The entries with the outcomes of a survey."""
-    found = {(row["source"], row["path"]): outcome_of(row) for row in rows}
-    return [dataclasses.replace(entry, outcome=found.get(entry.key, entry.outcome)) for entry in entries]
+    outcomes = {(row["source"], row["path"]): outcome_of(row) for row in rows}
+    return [dataclasses.replace(entry, outcome=outcomes.get(entry.key, entry.outcome)) for entry in entries]

@@ -73,11 +73,11 @@ def kind(schema: dict[str, Any], models: str) -> str:
 def limits(schema: dict[str, Any]) -> str:
     """Least and largest value or length."""
     words = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
-    said = [f"{sign} {schema[key]:g}" for key, sign in words.items() if key in schema]
-    said += [
+    texts = [f"{sign} {schema[key]:g}" for key, sign in words.items() if key in schema]
+    texts += [
         f"{sign} {schema[key]} characters" for key, sign in (("minLength", ">="), ("maxLength", "<=")) if key in schema
     ]
-    return f" {', '.join(said)}" if said else ""
+    return f" {', '.join(texts)}" if texts else ""
 
 
 def fields_table(schema: dict[str, Any], models: str) -> list[str]:

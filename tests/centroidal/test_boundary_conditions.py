@@ -89,10 +89,10 @@ def test_derivatives_of_a_capturable_end_against_finite_differences(walk: Centro
 
 def test_the_capture_point_of_a_square() -> None:
     square = np.array([[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.1, 0.1)])
-    found = capture_region([square], np.array([0.0, 0.0, 0.981]))
-    assert found.omega_1_s == pytest.approx(np.sqrt(10.0))
-    assert found.excess_m(np.zeros(3), np.array([0.3, 0.0, 0.0])) == 0.0
-    assert found.excess_m(np.zeros(3), np.array([0.4, 0.0, 0.0])) == pytest.approx(0.4 / np.sqrt(10.0) - 0.1)
+    region = capture_region([square], np.array([0.0, 0.0, 0.981]))
+    assert region.omega_1_s == pytest.approx(np.sqrt(10.0))
+    assert region.excess_m(np.zeros(3), np.array([0.3, 0.0, 0.0])) == 0.0
+    assert region.excess_m(np.zeros(3), np.array([0.4, 0.0, 0.0])) == pytest.approx(0.4 / np.sqrt(10.0) - 0.1)
 
 
 @pytest.mark.parametrize("contacts", [[], [hand(0.2, 0.9)]])

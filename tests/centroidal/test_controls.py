@@ -49,9 +49,9 @@ def test_circular_cones_give_what_many_rays_give(problem: CentroidalProblem, pla
     """And rays, being inside, cost more than the circle."""
     total = {}
     for control in (CircularCones(), Pyramids(24)):
-        found = solve(replace(problem, control=control))
-        assert found.converged, found.status
-        total[control] = sum(found.cost_terms.values())
+        circular = solve(replace(problem, control=control))
+        assert circular.converged, circular.status
+        total[control] = sum(circular.cost_terms.values())
     eight = sum(plan.cost_terms.values())
     circle, many = total.values()
     assert circle <= many + 1e-5 <= eight + 2e-5

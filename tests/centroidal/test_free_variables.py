@@ -63,9 +63,9 @@ def test_the_durations_chosen_are_the_best_of_their_kind(walk: CentroidalProblem
 
     chosen = durations_s(plan)
     assert given(chosen) == pytest.approx(whole_cost(plan), abs=1e-3)
-    asked = np.array([p.duration_s for p in walk.sequence.phases])
-    assert given(0.5 * (chosen + asked)) > given(chosen) + 1e-3
-    assert given(0.9 * chosen + 0.1 * asked) > given(chosen) + 1e-3
+    stated_s = np.array([p.duration_s for p in walk.sequence.phases])
+    assert given(0.5 * (chosen + stated_s)) > given(chosen) + 1e-3
+    assert given(0.9 * chosen + 0.1 * stated_s) > given(chosen) + 1e-3
 
 
 def test_free_durations_begin_where_the_given_ones_lead(walk: CentroidalProblem, fixed: CentroidalPlan) -> None:
@@ -120,10 +120,10 @@ def test_contacts_move_where_they_may_and_the_plan_verifies_there() -> None:
 
 
 def test_what_begins_or_ends_the_motion_stays() -> None:
-    found = [
+    spans = [
         (stay.contact.effector, stay.first, stay.last) for stay in movable_spans(with_a_contact_between().sequence)
     ]
-    assert found == [("right_foot", 2, 4)]
+    assert spans == [("right_foot", 2, 4)]
 
 
 SOLE = np.array([[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.06, 0.06)])

@@ -25,9 +25,9 @@ from support.robots.sequences import (
     with_a_contact_between,
 )
 
-found = native_availability()
-if isinstance(found, NativeUnavailable):
-    pytest.skip(f"no native solver: {found.reason}", allow_module_level=True)
+availability = native_availability()
+if isinstance(availability, NativeUnavailable):
+    pytest.skip(f"no native solver: {availability.reason}", allow_module_level=True)
 
 CONES = CircularCones()
 

@@ -133,9 +133,9 @@ def test_a_horizon_does_not_end_in_the_air() -> None:
     left, right = foot("left", 0.0), foot("right", 0.0)
     hop = rest_to_rest(sequence(phase(0.6, left, right), phase(0.1), phase(1.6, left, right)))
     state = State(hop.com_start_m, np.zeros(3), np.zeros(3))
-    asked = RecedingHorizon(problem=hop, horizon_s=0.65).horizon_problem(0.0, state)
-    assert [p.duration_s for p in asked.sequence.phases] == pytest.approx([0.6, 0.1, 0.2])
-    assert asked.terminal == "capturable"
+    horizon = RecedingHorizon(problem=hop, horizon_s=0.65).horizon_problem(0.0, state)
+    assert [p.duration_s for p in horizon.sequence.phases] == pytest.approx([0.6, 0.1, 0.2])
+    assert horizon.terminal == "capturable"
 
 
 @pytest.mark.parametrize("wrong", [{"period_s": 0.0}, {"period_s": 3.0}, {"horizon_s": float("nan")}])

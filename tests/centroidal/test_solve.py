@@ -135,10 +135,10 @@ def test_a_solver_out_of_iterations_is_followed_by_the_other_and_neither_raises(
 @pytest.mark.parametrize("name", ["ipopt", "fatrop"])
 def test_a_cost_that_is_not_a_number_never_reaches_a_solver(name: SolverName) -> None:
     programme = transcribe(rest_to_rest(sequence(phase(0.4, foot("left", 0.0), foot("right", 0.0)))))
-    found = run_solver(name, replace(programme, p=np.full_like(programme.p, np.nan)))
-    assert not found.success
-    assert found.status == "the cost is not a number at the start"
-    assert np.isfinite(found.point.w).all()
+    outcome = run_solver(name, replace(programme, p=np.full_like(programme.p, np.nan)))
+    assert not outcome.success
+    assert outcome.status == "the cost is not a number at the start"
+    assert np.isfinite(outcome.point.w).all()
 
 
 def test_the_momentum_that_limbs_take_is_planned_for() -> None:

@@ -42,9 +42,9 @@ def test_to_itself_a_plan_is_its_own_solution(problem: CentroidalProblem, contro
     assert plan.solution is not None
     point = warm_start_point(plan, posed)
     assert point.w == pytest.approx(plan.solution.point.w, abs=1e-12)
-    found = kkt_residuals(of.compiled.nlp, of.p, of.box, point)
-    assert found.feasibility < 1e-9
-    assert found.complementarity < 1e-7
+    residuals = kkt_residuals(of.compiled.nlp, of.p, of.box, point)
+    assert residuals.feasibility < 1e-9
+    assert residuals.complementarity < 1e-7
 
 
 def test_seen_from_another_origin_it_still_solves_the_equations_and_its_first_order_conditions() -> None:
@@ -59,8 +59,8 @@ def test_seen_from_another_origin_it_still_solves_the_equations_and_its_first_or
         start=Start(plan.com_v_m_s[k], plan.l_nms[k]),
     )
     of, point = transcribe(rest), warm_start_point(plan, rest, float(plan.time_s[k]))
-    found = kkt_residuals(of.compiled.nlp, of.p, of.box, point)
-    assert found.feasibility < 1e-9
+    residuals = kkt_residuals(of.compiled.nlp, of.p, of.box, point)
+    assert residuals.feasibility < 1e-9
     slope = of.compiled.nlp.gradient(point.w, of.p).full().ravel()
     J = of.compiled.nlp.jacobian(point.w, of.p).sparse()
     lack = slope + J.T @ point.lambda_g + point.lambda_w

@@ -67,9 +67,9 @@ def a_file(folder: Path) -> Path:
 @pytest.mark.parametrize("name", FAILING)
 def test_a_failing_check_says_what_to_do(name: str, tmp_path: Path) -> None:
     check, settings, fix = FAILING[name]
-    found = check(settings(tmp_path))
-    assert not found.ok
-    assert fix in found.fix
+    results = check(settings(tmp_path))
+    assert not results.ok
+    assert fix in results.fix
 
 
 def test_a_taken_port_says_what_to_do() -> None:

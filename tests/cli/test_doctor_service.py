@@ -65,9 +65,9 @@ def test_waiting_jobs_need_a_worker(settings: Settings) -> None:
 
 @pytest.mark.parametrize("check", [parts.check_tables, parts.check_clock, parts.check_workers])
 def test_a_database_that_is_away(check: object) -> None:
-    found = check(NOWHERE)  # type: ignore[operator]
-    assert not found.ok
-    assert "database" in found.fix
+    results = check(NOWHERE)  # type: ignore[operator]
+    assert not results.ok
+    assert "database" in results.fix
 
 
 def test_a_store_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
@@ -76,9 +76,9 @@ def test_a_store_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
     assert not list(store.iterdir())
     (store / "doctor").write_text("a file where a folder should be")
     for broken in (store.as_uri(), "ftp://x/y", (store / "doctor" / "deeper").as_uri()):
-        found = parts.check_storage(Settings(blob_url=broken))
-        assert not found.ok, broken
-        assert "STRIDELAB_BLOB_URL" in found.fix
+        results = parts.check_storage(Settings(blob_url=broken))
+        assert not results.ok, broken
+        assert "STRIDELAB_BLOB_URL" in results.fix
     assert parts.check_storage(Settings(data_dir=tmp_path / "new")).ok
     assert not (tmp_path / "new").exists()
 
@@ -88,9 +88,9 @@ def test_a_store_that_never_answers(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     with socket.create_server(("127.0.0.1", 0)) as mute:
         keys = tmp_path / "keys"
         keys.write_text(f"endpoint=http://127.0.0.1:{mute.getsockname()[1]}\naccess_key_id=x\nsecret_access_key=y\n")
-        found = parts.check_storage(Settings(blob_url="s3://bucket/prefix", blob_credentials_file=keys))
-    assert not found.ok
-    assert "no answer within" in found.detail
+        results = parts.check_storage(Settings(blob_url="s3://bucket/prefix", blob_credentials_file=keys))
+    assert not results.ok
+    assert "no answer within" in results.detail
 
 
 def test_memory_is_that_of_the_container_or_unit(tmp_path: Path) -> None:
@@ -116,16 +116,16 @@ def test_too_little_memory_for_a_job_is_told_and_the_solver_is_found() -> None:
 
 
 def test_a_worker_is_known_by_its_beat(database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def asked() -> int:
+    def exit_code() -> int:
         return CliRunner().invoke(app, ["doctor", "--worker"]).exit_code
 
     monkeypatch.setenv("STRIDELAB_DATA_DIR", str(tmp_path))
-    assert asked() == 1
+    assert exit_code() == 1
     with worker(database_url, tmp_path):
-        wait_until(lambda: asked() == 0, 30, "a beat")
+        wait_until(lambda: exit_code() == 0, 30, "a beat")
     old = time.time() - 21.0
     os.utime(tmp_path / HEARTBEAT_FILE, (old, old))
-    assert asked() == 1
+    assert exit_code() == 1
 
 
 @pytest.fixture(scope="module")

@@ -50,8 +50,8 @@ def test_the_table_says_what_was_found(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_options_reach_the_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    asked = Estimation(segment_table="dumas2007", cutoffs="0.2,2", window="1.95,2.6")
-    run(Delivery(tmp_path / "out", as_json=True), replace(WALK, mass_kg=61.0), estimation=asked)
+    options = Estimation(segment_table="dumas2007", cutoffs="0.2,2", window="1.95,2.6")
+    run(Delivery(tmp_path / "out", as_json=True), replace(WALK, mass_kg=61.0), estimation=options)
     result = JobResult.model_validate_json(capsys.readouterr().out)
     summary = EstimateComSummary.model_validate(result.summary)
     assert summary.mass_kg == 61.0
@@ -69,13 +69,13 @@ def test_a_forced_second_run_replaces_the_first(tmp_path: Path, capsys: pytest.C
 
 def test_what_is_stated_for_the_smoother_reaches_the_job() -> None:
     stated = Estimation(prior=["plate_force_n=5", "momentum_m_s=0.001,0.002"], no_learn=True, segment_momentum=True)
-    asked = EstimateRequest(WALK, estimation=stated).to_input("r", EstimateComInput)
-    assert asked.smoother is not None
-    assert asked.smoother.priors.model_dump(exclude_none=True) == {
+    job_input = EstimateRequest(WALK, estimation=stated).to_input("r", EstimateComInput)
+    assert job_input.smoother is not None
+    assert job_input.smoother.priors.model_dump(exclude_none=True) == {
         "plate_force_n": 5.0,
         "momentum_m_s": (0.001, 0.002),
     }
-    assert (asked.smoother.learn, asked.smoother.segment_momentum) == (False, True)
+    assert (job_input.smoother.learn, job_input.smoother.segment_momentum) == (False, True)
     plain = EstimateRequest(WALK).to_input("r", EstimateComInput)
     assert plain.smoother is None, "nothing stated leaves the choice of the method open"
 

@@ -35,7 +35,7 @@ APP.command()(travel)
 
 
 @pytest.fixture(autouse=True)
-def nobody_has_gone() -> None:
+def clear_taken() -> None:
     TAKEN.clear()
 
 

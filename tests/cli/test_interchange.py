@@ -69,14 +69,14 @@ def test_what_another_tool_does_not_say_is_given_beside() -> None:
     document = exported("six-stairs")
     del document["stridelab"]
     bare = bad(document)
-    told = refused(InvalidInput, "import-contacts", bare)
-    assert "robot" in told
-    assert "terrain" in told
+    message = refused(InvalidInput, "import-contacts", bare)
+    assert "robot" in message
+    assert "terrain" in message
     code, shown = typed("import-contacts", bare, "--beside", "six-stairs")
     assert code == 0, shown
     assert read_scenario("bad.scenario.json").terrain == read_scenario("six-stairs").terrain
-    told = refused(NotFound, "import-contacts", bare, "--beside", "seven-stairs", "--force")
-    assert "seven-stairs" in told
+    message = refused(NotFound, "import-contacts", bare, "--beside", "seven-stairs", "--force")
+    assert "seven-stairs" in message
 
 
 def test_a_file_is_replaced_on_demand_only() -> None:
@@ -94,8 +94,8 @@ def test_a_file_is_replaced_on_demand_only() -> None:
 def test_what_cannot_be_done_is_not_exported() -> None:
     scenario = read_scenario("flat-walk").model_dump(mode="json")
     scenario["phases"][0]["contacts"][0]["position_m"][2] += 0.2
-    told = refused(InvalidInput, "export-contacts", bad(scenario))
-    assert f"phases[0].contacts[{scenario['phases'][0]['contacts'][0]['effector']}]" in told
+    message = refused(InvalidInput, "export-contacts", bad(scenario))
+    assert f"phases[0].contacts[{scenario['phases'][0]['contacts'][0]['effector']}]" in message
 
 
 @pytest.mark.parametrize(
@@ -115,17 +115,17 @@ def test_what_cannot_be_done_is_not_exported() -> None:
 )
 def test_what_is_no_document_is_said_in_one_line(content: bytes, kind: type[StridelabError], word: str) -> None:
     Path("bad.json").write_bytes(content)
-    told = refused(kind, "import-contacts", "bad.json", "--beside", "flat-walk")
-    assert word in told
-    assert "Traceback" not in told
+    message = refused(kind, "import-contacts", "bad.json", "--beside", "flat-walk")
+    assert word in message
+    assert "Traceback" not in message
     refused(UnreadableFile, "import-contacts", "nowhere.json")
 
 
 def test_two_patches_of_one_effector_are_not_silently_one() -> None:
     made = json.dumps(exported())
     Path("bad.json").write_text(made.replace('"right_foot": {', '"left_foot": {', 1), encoding="utf-8")
-    told = refused(InvalidInput, "import-contacts", "bad.json")
-    assert "left_foot: is there twice" in told
+    message = refused(InvalidInput, "import-contacts", "bad.json")
+    assert "left_foot: is there twice" in message
 
 
 def phase(change: Document) -> Callable[[Document], None]:
@@ -176,8 +176,8 @@ def test_what_cannot_be_is_named_and_nothing_is_written(
 ) -> None:
     made = exported()
     change(made)
-    told = refused(
+    message = refused(
         NotFound if word == "nobody" else InvalidInput, "import-contacts", bad(made), "--out-file", "made.json"
     )
-    assert where in told.replace("\n", "")
-    assert word in told
+    assert where in message.replace("\n", "")
+    assert word in message

@@ -60,9 +60,9 @@ def test_the_page_of_the_new_robot_is_opened(run: Run, opened: list[str]) -> Non
 
 def test_a_script_gets_the_session_and_no_browser(run: Run, opened: list[str]) -> None:
     done: Ran = run("live", "--robot", "g1", "--no-open", "--json", "--server", "http://lab:8000")
-    told = json.loads(done.out)
-    assert told["url"] == "http://lab:8000/live/robots/ab12"
-    assert LiveSession.model_validate({k: v for k, v in told.items() if k != "url"}) == SESSION
+    session = json.loads(done.out)
+    assert session["url"] == "http://lab:8000/live/robots/ab12"
+    assert LiveSession.model_validate({k: v for k, v in session.items() if k != "url"}) == SESSION
     assert not opened
     assert FakeClient.started == [(None, "g1")]
 

@@ -26,11 +26,10 @@ def test_help_names_every_command_and_imports_no_numeric_package() -> None:
         "heavy = {'numpy', 'scipy', 'ezc3d', 'pinocchio', 'pyarrow', 'sqlalchemy', 'httpx'}\n"
         "print('HEAVY', sorted(heavy & set(sys.modules)))"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip().endswith("HEAVY []")
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip().endswith("HEAVY []")
     assert all(
-        name in found.stdout
-        for name in ("serve", "worker", "migrate", "estimate", "simulate", "plan", "demo", "doctor")
+        name in run.stdout for name in ("serve", "worker", "migrate", "estimate", "simulate", "plan", "demo", "doctor")
     )
 
 
@@ -56,7 +55,7 @@ def test_a_bad_file_is_one_clear_line_and_leaves_nothing(run: Run, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "told"),
+    ("arguments", "code", "message"),
     [
         (("estimate", "nowhere.c3d"), 3, "there is no such file"),
         (("compare", "."), 3, "it is not a file"),
@@ -89,7 +88,7 @@ def test_a_bad_file_is_one_clear_line_and_leaves_nothing(run: Run, tmp_path: Pat
     ],
 )
 def test_what_makes_no_sense_is_refused_naming_it(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], code: int, told: str
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], code: int, message: str
 ) -> None:
     from stridelab.service.settings import current_settings
 
@@ -98,7 +97,7 @@ def test_what_makes_no_sense_is_refused_naming_it(
     (tmp_path / "x.c3d").write_bytes(b"\x02\x50")
     ran = run(*arguments)
     assert ran.code == code
-    assert told in ran.err
+    assert message in ran.err
     assert "Traceback" not in ran.err
     assert [path.name for path in tmp_path.iterdir()] == ["x.c3d"]
 

@@ -51,8 +51,8 @@ def test_the_estimate_equals_that_of_known_labels(run: Run, lab: Path, tmp_path:
 def test_several_recordings_use_the_set(run: Run, lab: Path, tmp_path: Path) -> None:
     (tmp_path / "again.c3d").write_bytes((lab / "walk.c3d").read_bytes())
     files = (lab / "walk.c3d", tmp_path / "again.c3d")
-    asked = ("--method", "geometry", "--marker-set", lab / "lab.toml", "--out", tmp_path / "out")
-    assert run("estimate", *files, *asked).code == 0
+    options = ("--method", "geometry", "--marker-set", lab / "lab.toml", "--out", tmp_path / "out")
+    assert run("estimate", *files, *options).code == 0
     assert (tmp_path / "out" / "again-com" / "result.json").is_file()
 
 

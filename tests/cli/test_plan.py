@@ -66,13 +66,13 @@ def test_the_folder_is_named_after_the_scenario(walk: str, tmp_path: Path, monke
 
 
 def test_a_replay_goes_with_the_whole_body() -> None:
-    def asked(**options: Any) -> tuple[bool, bool | ReplayOptions]:
+    def stages_of(**options: Any) -> tuple[bool, bool | ReplayOptions]:
         made = PlanRequest("x", **options).to_input(short_walk())
         return made.whole_body, made.replay
 
-    assert asked() == (True, True)
-    assert asked(replay=False) == (True, False)
-    assert asked(no_whole_body=True) == (False, False)
+    assert stages_of() == (True, True)
+    assert stages_of(replay=False) == (True, False)
+    assert stages_of(no_whole_body=True) == (False, False)
     with pytest.raises(InvalidInput) as refusal:
         PlanRequest("x", no_whole_body=True, replay=True)
     assert refusal.value.faults[0].where == "--replay"
@@ -151,8 +151,8 @@ def test_durations_that_cannot_be_chosen_are_named(options: dict[str, Any], wher
 def test_chosen_durations_are_said_and_kept(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     act(PlanRequest(walk, no_whole_body=True, free_durations=True, duration_range=(0.8, 1.2)), tmp_path / "out")
     assert "durations chosen " in capsys.readouterr().out
-    kept = Scenario.model_validate_json((tmp_path / "out" / "scenario.json").read_text())
-    assert [p.duration_s for p in kept.phases] != [p.duration_s for p in short_walk().phases]
+    written = Scenario.model_validate_json((tmp_path / "out" / "scenario.json").read_text())
+    assert [p.duration_s for p in written.phases] != [p.duration_s for p in short_walk().phases]
 
 
 @pytest.mark.parametrize("options", [{"time_limit_s": 0.0}, {"time_limit_s": 1e4}])
@@ -218,10 +218,10 @@ def test_a_replay_that_is_not_completed_says_what_is_missing(
     summary["replay"] |= {"fall_time_s": None, "remarks": [{"code": "replay-slipped", "message": message}]}
     result = JobResult(kind="plan-motion", input={}, versions={}, references=[], summary=summary, artifacts=[])
     show_plan(result, tmp_path)
-    said = " ".join(capsys.readouterr().out.split())
-    assert "replay not completed: CoM error" in said
-    assert "fell at" not in said
-    assert f"replay-slipped {message}" in said
+    output = " ".join(capsys.readouterr().out.split())
+    assert "replay not completed: CoM error" in output
+    assert "fell at" not in output
+    assert f"replay-slipped {message}" in output
 
 
 def test_the_tables_say_what_failed_and_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -266,8 +266,8 @@ def test_a_motion_that_stops_is_written_with_its_reason_and_ends_as_the_error(
         act(PlanRequest(walk), tmp_path / "out")
     assert refusal.value.code == "whole-body-failed"
     assert (tmp_path / "out" / "motion.html").is_file()
-    kept = json.loads((tmp_path / "out" / "result.json").read_text())["summary"]
-    assert kept["stopped"]["time_s"] == 0.4
+    summary = json.loads((tmp_path / "out" / "result.json").read_text())["summary"]
+    assert summary["stopped"]["time_s"] == 0.4
     assert "stopped at 0.40 s in phase 0: level 0" in capsys.readouterr().out
 
 
@@ -288,10 +288,10 @@ def test_a_service_is_sent_the_scenario_and_its_files_come_home(
     service: ScriptedService, walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     act(PlanRequest(walk), tmp_path / "out", server="http://lab:8000", token="secret")
-    told = dict(service.calls)
-    assert told["client"] == ("http://lab:8000", "secret")
-    kind, asked, keyed = told["submit"]
-    assert (kind, asked.scenario, asked.scenario_id, asked.replay, keyed) == (
+    calls = dict(service.calls)
+    assert calls["client"] == ("http://lab:8000", "secret")
+    kind, job_input, key = calls["submit"]
+    assert (kind, job_input.scenario, job_input.scenario_id, job_input.replay, key) == (
         "plan-motion",
         short_walk(),
         None,
@@ -306,8 +306,8 @@ def test_a_service_is_sent_the_scenario_and_its_files_come_home(
 
 def test_what_is_no_file_is_the_id_of_a_scenario_there(service: ScriptedService, tmp_path: Path) -> None:
     act(PlanRequest("0123abcd"), tmp_path / "out", server="http://lab:8000")
-    asked = dict(service.calls)["submit"][1]
-    assert (asked.scenario_id, asked.scenario) == ("0123abcd", None)
+    job_input = dict(service.calls)["submit"][1]
+    assert (job_input.scenario_id, job_input.scenario) == ("0123abcd", None)
 
 
 def test_a_failed_plan_there_is_not_estimable_with_its_stage(

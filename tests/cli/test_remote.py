@@ -33,11 +33,11 @@ def test_upload_job_and_download_in_order(service: ScriptedService, tmp_path: Pa
     result = ask(tmp_path, replace(WALK, height_m=1.7))
     names = [call for call, _ in service.calls]
     assert names == ["client", "upload", "submit", "events", "wait", "result", "download", "close"]
-    told = dict(service.calls)
-    assert told["client"] == ("http://lab:8000", "secret")
-    assert told["upload"][1].height_m == 1.7
-    assert told["submit"][1].recording_id == "id-of-recording.c3d"
-    assert told["submit"][2] is True
+    calls = dict(service.calls)
+    assert calls["client"] == ("http://lab:8000", "secret")
+    assert calls["upload"][1].height_m == 1.7
+    assert calls["submit"][1].recording_id == "id-of-recording.c3d"
+    assert calls["submit"][2] is True
     assert {p.name for p in tmp_path.iterdir()} == {"com.csv", "result.json", "references.bib"}
     assert result.versions == DONE["result"]["versions"], "the versions are those of the machine that computed"
 

@@ -45,10 +45,10 @@ def test_all_items_are_in_one_report_and_computed_once(
     capsys.readouterr()
     assert not everything(out_dir, anew=True, as_json=True)
     captured = capsys.readouterr()
-    told = json.loads(captured.out)
-    assert told["items"]["fig-2.5"] == "failed"
-    assert told["items"]["fig-4.3"] != "failed"
-    assert told["claims"]["met"] > 0
+    report = json.loads(captured.out)
+    assert report["items"]["fig-2.5"] == "failed"
+    assert report["items"]["fig-4.3"] != "failed"
+    assert report["claims"]["met"] > 0
     assert "RuntimeError: the filters are gone" in captured.err
     assert "Not computed: RuntimeError: the filters are gone" in (out_dir / REPORT).read_text(encoding="utf-8")
 

@@ -42,16 +42,16 @@ def test_the_sample_is_replayed(service: Served, tmp_path: Path, capsys: pytest.
     figures = json.loads(capsys.readouterr().out)
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = list(csv.reader(file))
-    told = np.array(rows, dtype=float)
+    estimates = np.array(rows, dtype=float)
     assert tuple(header) == COLUMNS
-    assert len(told) == figures["samples"]
+    assert len(estimates) == figures["samples"]
     assert figures["method"] == "complementary"
-    assert figures["played_s"] >= (told[-1, 0] - told[0, 0]) / 4.0 - 0.01
+    assert figures["played_s"] >= (estimates[-1, 0] - estimates[0, 0]) / 4.0 - 0.01
     _, samples = prepare_samples(REQUEST, Replay(packed=True))
     geometry = np.array([sample.geometry_m for sample in samples])
-    assert told[:, 0] == pytest.approx([sample.time_s for sample in samples], abs=1e-5)
-    assert np.abs(told[:, 1:4] - geometry).max() < 0.05
-    assert np.abs(told[:, 1:3] - geometry[:, :2]).max() > 0.0, "the force says something"
+    assert estimates[:, 0] == pytest.approx([sample.time_s for sample in samples], abs=1e-5)
+    assert np.abs(estimates[:, 1:4] - geometry).max() < 0.05
+    assert np.abs(estimates[:, 1:3] - geometry[:, :2]).max() > 0.0, "the force says something"
 
 
 def test_the_summary_is_a_table(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
@@ -132,12 +132,12 @@ def test_markers_are_replayed(service: Served, tmp_path: Path, capsys: pytest.Ca
         header, *rows = list(csv.reader(file))
     assert tuple(header) == FRAME_COLUMNS
     assert len(rows) == figures["samples"]
-    told = np.array([row[:11] for row in rows], dtype=float)
+    estimates = np.array([row[:11] for row in rows], dtype=float)
     _, samples = prepare_samples(
         EstimateRequest(REQUEST.walk, estimation=Estimation(segment_table="dumas2007")), Replay()
     )
     geometry = np.array([sample.geometry_m for sample in samples])
-    assert np.abs(told[100:, 1:4] - geometry[100:]).max() < 0.015
+    assert np.abs(estimates[100:, 1:4] - geometry[100:]).max() < 0.015
 
 
 def test_the_summary_of_a_live_walk_is_a_table(service: Served, capsys: pytest.CaptureFixture[str]) -> None:

@@ -25,9 +25,9 @@ def test_what_is_no_range_is_named(typed: str) -> None:
 
 def test_ranges_become_the_jobs_input() -> None:
     request = SweepRequest("walk", ["stride=0.6:1.05:50", "friction=0.3:0.8:6"], solver="casadi", node_rate_hz=20.0)
-    asked = request.to_input(short_walk())
-    assert asked.vary == {"stride": (0.6, 1.05, 50), "friction": (0.3, 0.8, 6)}
-    assert (asked.points, asked.solver, asked.node_rate_hz) == (300, "casadi", 20.0)
+    job_input = request.to_input(short_walk())
+    assert job_input.vary == {"stride": (0.6, 1.05, 50), "friction": (0.3, 0.8, 6)}
+    assert (job_input.points, job_input.solver, job_input.node_rate_hz) == (300, "casadi", 20.0)
     with pytest.raises(InvalidInput):
         SweepRequest("walk", ["mass=1:2:3"]).to_input(short_walk())
 

@@ -27,6 +27,6 @@ def test_a_token_from_its_making_to_its_end(database_url: str, monkeypatch: pyte
     assert typed("revoke", "p07")[0] == 0
     assert typed("revoke", "p07")[0] != 0
     assert typed("list")[1] == ""
-    (kept,) = json.loads(typed("list", "--json")[1])
-    assert kept["revoked_at"] is not None
-    assert "hash" not in str(kept)
+    (token,) = json.loads(typed("list", "--json")[1])
+    assert token["revoked_at"] is not None
+    assert "hash" not in str(token)

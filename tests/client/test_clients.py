@@ -44,14 +44,14 @@ def test_a_running_service_is_healthy(lab: Client) -> None:
 
 def test_an_upload_tells_its_progress(lab: Client, tmp_path: Path) -> None:
     path = small_trial(tmp_path / 'Gang "Ü".c3d')
-    told: list[tuple[int, int]] = []
+    progress: list[tuple[int, int]] = []
     subject = SubjectFields(name="P7", height_m=1.71, sex="male")
-    recording = lab.upload(path, subject, progress=lambda sent, total: told.append((sent, total)))
+    recording = lab.upload(path, subject, progress=lambda sent, total: progress.append((sent, total)))
     assert recording.subject == subject
     assert recording.filename == "Gang %22Ü%22.c3d"
     assert recording.bytes == path.stat().st_size
-    assert told[-1] == (path.stat().st_size, path.stat().st_size)
-    assert [sent for sent, _ in told] == sorted({sent for sent, _ in told})
+    assert progress[-1] == (path.stat().st_size, path.stat().st_size)
+    assert [sent for sent, _ in progress] == sorted({sent for sent, _ in progress})
     assert lab.recording(recording.id) == recording
     assert lab.download_file(recording.id, tmp_path / "back.c3d").read_bytes() == path.read_bytes()
     assert lab.download_tracks(recording.id, tmp_path / "tracks.parquet").read_bytes()[:4] == b"PAR1"
@@ -161,11 +161,11 @@ def test_events_until_the_end(lab: Client, service: Served) -> None:
 @pytest.mark.anyio
 async def test_the_asynchronous_client_does_the_same(service: Served, tmp_path: Path) -> None:
     path = small_trial(tmp_path / "walk.c3d", with_plate=False)
-    told: list[int] = []
+    progress: list[int] = []
     async with AsyncClient(service.base_url) as lab:
         assert (await lab.health()).status == "ok"
-        recording = await lab.upload(path, progress=lambda sent, total: told.append(sent))
-        assert told[-1] == recording.bytes
+        recording = await lab.upload(path, progress=lambda sent, total: progress.append(sent))
+        assert progress[-1] == recording.bytes
         job = await lab.submit("estimate-com", {"recording_id": recording.id})
         attempt = service.run(start_job(service.parts, job.id))
         thread = later(lambda: service.run(succeed(service.parts, attempt, [("com.csv", "text/csv", b"x")])))
@@ -210,21 +210,21 @@ class Broken(httpx.SyncByteStream):
 
 def test_an_interrupted_stream_is_resumed_without_losing_or_repeating(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "sleep", lambda _: None)
-    asked: list[str | None] = []
+    requested_ids: list[str | None] = []
 
     def handler(request: httpx.Request) -> httpx.Response:
-        asked.append(request.headers.get("last-event-id"))
-        if len(asked) == 1:
+        requested_ids.append(request.headers.get("last-event-id"))
+        if len(requested_ids) == 1:
             return httpx.Response(200, stream=Broken())
-        if len(asked) == 2:
+        if len(requested_ids) == 2:
             return httpx.Response(503, json={"title": "-", "status": 503, "code": "c", "detail": "d"})
-        if len(asked) == 3:
+        if len(requested_ids) == 3:
             return httpx.Response(200, text=": nothing yet\n\n" + event(3, "running"))
         return httpx.Response(200, text=event(4, "succeeded"))
 
     with answering(handler) as lab:
         assert [e.seq for e in lab.events("j")] == [1, 2, 3, 4]
-    assert asked == [None, "2", "2", "3"]
+    assert requested_ids == [None, "2", "2", "3"]
 
 
 def test_a_service_that_is_gone_is_told_after_some_patience(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -131,12 +131,12 @@ async def test_the_asynchronous_client_does_the_same(drawn: Served, tmp_path: Pa
 
 
 def test_a_robot_may_take_longer_than_other_calls() -> None:
-    asked: list[dict[str, Any]] = []
+    timeouts: list[dict[str, Any]] = []
 
     def handler(request: httpx.Request) -> httpx.Response:
-        asked.append(request.extensions["timeout"])
+        timeouts.append(request.extensions["timeout"])
         return httpx.Response(200, json=FACTS)
 
     with Client("http://lab", timeout_s=5.0, transport=httpx.MockTransport(handler)) as lab:
         lab.robot("talos")
-    assert asked[0]["read"] == 5.0 + LOADING_TIMEOUT_S
+    assert timeouts[0]["read"] == 5.0 + LOADING_TIMEOUT_S

@@ -18,18 +18,18 @@ PACKED = CONFIGURATION.model_copy(update={"format": "float32"})
 def test_the_synchronous_client_streams(lab: Client) -> None:
     with lab.stream_com(PACKED) as stream:
         assert stream.ready.format == "float32"
-        told = [stream.send([sample])[0] for sample in SAMPLES[:5]] + stream.send(SAMPLES[5:])
+        estimates = [stream.send([sample])[0] for sample in SAMPLES[:5]] + stream.send(SAMPLES[5:])
     t = np.array([sample.time_s for sample in SAMPLES])
-    assert [estimate.time_s for estimate in told] == pytest.approx(t, abs=1e-6)
-    assert np.abs(np.array([estimate.com_m for estimate in told]) - MOTION.com.at(t)).max() < 0.01
+    assert [estimate.time_s for estimate in estimates] == pytest.approx(t, abs=1e-6)
+    assert np.abs(np.array([estimate.com_m for estimate in estimates]) - MOTION.com.at(t)).max() < 0.01
 
 
 @pytest.mark.anyio
 async def test_the_asynchronous_client_streams_beside_other_calls(service: Served) -> None:
     async with AsyncClient(service.base_url) as lab, lab.stream_com(CONFIGURATION) as stream:
-        told, health = await asyncio.gather(stream.send(SAMPLES), lab.health())
+        estimates, health = await asyncio.gather(stream.send(SAMPLES), lab.health())
         assert health.status == "ok"
-        assert [estimate.time_s for estimate in told] == [sample.time_s for sample in SAMPLES]
+        assert [estimate.time_s for estimate in estimates] == [sample.time_s for sample in SAMPLES]
         with pytest.raises(ProblemError) as refused:
             await stream.send(SAMPLES[:1])
         assert refused.value.code == "time-not-increasing"
@@ -46,10 +46,10 @@ def test_a_refused_configuration_is_a_problem(lab: Client) -> None:
 
 
 def test_who_does_not_answer_and_who_refuses_are_told_apart(service: Served) -> None:
-    nobody, lost = Client("http://127.0.0.1:9", timeout_s=5.0), Client(f"{service.base_url}/elsewhere")
-    with nobody, pytest.raises(Unreachable, match="does not answer"), nobody.stream_com(CONFIGURATION):
+    unreachable, wrong_path = Client("http://127.0.0.1:9", timeout_s=5.0), Client(f"{service.base_url}/elsewhere")
+    with unreachable, pytest.raises(Unreachable, match="does not answer"), unreachable.stream_com(CONFIGURATION):
         pass
-    with lost, pytest.raises(ProblemError) as refused, lost.stream_com(CONFIGURATION):
+    with wrong_path, pytest.raises(ProblemError) as refused, wrong_path.stream_com(CONFIGURATION):
         pass
     assert (refused.value.code, refused.value.status) == ("stream-refused", 403)
 

@@ -42,8 +42,8 @@ HOW_TO = Path(__file__).parents[2] / "docs" / "how-to"
 def blocks(page: str) -> list[str]:
     """Code of a page that is no shell, in order."""
     text = (HOW_TO / page).read_text(encoding="utf-8")
-    found = re.findall(r"^( *)```(?:python|toml|text)\n(.*?)^ *```$", text, re.MULTILINE | re.DOTALL)
-    return [re.sub(rf"^{indent}", "", block, flags=re.MULTILINE) for indent, block in found]
+    matches = re.findall(r"^( *)```(?:python|toml|text)\n(.*?)^ *```$", text, re.MULTILINE | re.DOTALL)
+    return [re.sub(rf"^{indent}", "", block, flags=re.MULTILINE) for indent, block in matches]
 
 
 def test_the_marker_set_is_read_and_recognised() -> None:
@@ -72,8 +72,8 @@ def test_the_estimator_keeps_the_contract_and_is_exact_without_errors(tmp_path: 
     assert isinstance(estimator, ComEstimator)
     motion, t = walk(), np.arange(500) / 100.0
     geometric = motion.geometric(t, np.zeros(3), np.zeros((len(t), 3)))
-    found = estimator.estimate(geometric, motion.wrench_track(t, Window(0.5, 4.5)), motion.mass_kg)
-    assert np.abs(found.com_m - motion.com.at(found.time_s)).max() < 1e-3
+    estimate = estimator.estimate(geometric, motion.wrench_track(t, Window(0.5, 4.5)), motion.mass_kg)
+    assert np.abs(estimate.com_m - motion.com.at(estimate.time_s)).max() < 1e-3
 
 
 @pytest.fixture
@@ -92,14 +92,14 @@ def kind_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path
 
 
 def test_the_job_kind_is_found_and_described(kind_files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = registry.discover_kinds(kinds)
-    assert set(found) - set(registry.KINDS) == {"weigh-recording"}
-    monkeypatch.setattr(submit, "KINDS", found)
+    kinds_in_folder = registry.discover_kinds(kinds)
+    assert set(kinds_in_folder) - set(registry.KINDS) == {"weigh-recording"}
+    monkeypatch.setattr(submit, "KINDS", kinds_in_folder)
     app, router = FastAPI(), APIRouter(prefix="/jobs")
     submit.add_kinds(router)
     app.include_router(router)
     operation = app.openapi()["paths"]["/jobs/weigh-recording"]["post"]
-    kind = found["weigh-recording"]
+    kind = kinds_in_folder["weigh-recording"]
     assert operation["description"].startswith(f"{kind.title}. {kind.description} ")
     assert operation["requestBody"]["content"]["application/json"]["examples"] == kind.examples
     routes = [route for route in router.routes if isinstance(route, APIRoute)]
@@ -114,8 +114,8 @@ def test_describing_the_job_kind_imports_no_numerics(kind_files: Path) -> None:
         "assert 'stridelab.service.kinds.weigh_recording.run' in COMPUTING;"
         "print(sorted({'numpy', 'scipy', 'ezc3d', 'pinocchio', 'pyarrow'} & set(sys.modules)))"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"
 
 
 def test_the_job_kind_weighs_the_stored_sample(kind_files: Path, database_url: str, tmp_path: Path) -> None:

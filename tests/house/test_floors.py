@@ -108,18 +108,18 @@ def imported_modules(package: Path) -> dict[str, set[str]]:
 
 
 def _targets(tree: ast.AST, known: Mapping[str, Path]) -> set[str]:
-    found: set[str] = set()
+    targets: set[str] = set()
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             continue
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            targets |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             inner = {f"{node.module}.{alias.name}" for alias in node.names}
-            found |= {name if name in known else node.module for name in inner}
+            targets |= {name if name in known else node.module for name in inner}
         else:
-            found |= _targets(node, known)
-    return found & set(known)
+            targets |= _targets(node, known)
+    return targets & set(known)
 
 
 def circle(modules: Mapping[str, set[str]]) -> list[str]:

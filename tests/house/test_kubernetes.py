@@ -40,13 +40,13 @@ ALL = {(one["kind"], one["metadata"]["name"]): one for part in PARTS for one in 
 
 
 def pod(component: str) -> dict[str, Any]:
-    (found,) = (
+    (workload,) = (
         one["spec"]["template"]["spec"]
         for one in ALL.values()
         if one["kind"] in {"Deployment", "Job"} and one["metadata"]["name"] == f"stridelab-{component}"
     )
-    assert isinstance(found, dict)
-    return found
+    assert isinstance(workload, dict)
+    return workload
 
 
 def shared_settings() -> dict[str, str]:

@@ -18,8 +18,8 @@ COMPILERS = ("c++", "g++", "clang++")
 
 def native(folder: Path, **settings: str) -> subprocess.CompletedProcess[str]:
     """The script with a cache of its own, whatever the tests were started with."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("STRIDELAB_NATIVE", "CXX"))}
-    environment = kept | {"XDG_CACHE_HOME": str(folder / "a cache")} | settings
+    variables = {name: value for name, value in os.environ.items() if not name.startswith(("STRIDELAB_NATIVE", "CXX"))}
+    environment = variables | {"XDG_CACHE_HOME": str(folder / "a cache")} | settings
     return subprocess.run([SCRIPT], env=environment, capture_output=True, text=True, check=False, timeout=120)
 
 

@@ -44,10 +44,10 @@ def queries() -> list[str]:
 
 
 def test_every_metric_and_label_that_is_asked_for_is_told() -> None:
-    asked = set()
+    queried = set()
     for query in queries():
         for name, selection in re.findall(r"\b(stridelab_[a-z_]+)(?:\{([^}]*)\})?", query):
-            asked.add(name)
+            queried.add(name)
             assert name in LABELS, f"{name} is told by nobody"
             for label, value in re.findall(r'([a-z_]+)\s*=~?\s*"([^"]*)"', selection):
                 assert label in LABELS[name], f"{name} has no label {label}"
@@ -56,8 +56,8 @@ def test_every_metric_and_label_that_is_asked_for_is_told() -> None:
             names = re.findall(r"\bstridelab_[a-z_]+", query)
             assert {label.strip() for label in grouped.split(",")} <= LABELS[names[0]], query
         assert query.count("(") == query.count(")")
-    told = {name.removesuffix("_bucket") for name in LABELS if not name.endswith(("_sum", "_count"))}
-    assert {name.removesuffix("_bucket") for name in asked} == told, "a metric that nobody looks at"
+    exported = {name.removesuffix("_bucket") for name in LABELS if not name.endswith(("_sum", "_count"))}
+    assert {name.removesuffix("_bucket") for name in queried} == exported, "a metric that nobody looks at"
 
 
 def test_every_metric_is_explained() -> None:

@@ -62,7 +62,7 @@ def test_public_names_are_field_words(path: Path) -> None:
 @each_of(PYTHON)
 def test_docstrings_and_messages_are_plain_english(path: Path) -> None:
     text = sentences(ast.parse(path.read_text(encoding="utf-8")))
-    assert [(line, match[0]) for line, said in text if (match := NEVER_WRITTEN.search(said))] == []
+    assert [(line, match[0]) for line, sentence in text if (match := NEVER_WRITTEN.search(sentence))] == []
 
 
 @each_of(TEMPLATES)

@@ -53,9 +53,9 @@ def test_no_more_processes_than_pieces_and_none_for_nothing() -> None:
 @pytest.mark.parametrize("processes", [1, 2])
 def test_libraries_keep_to_one_thread(processes: int) -> None:
     """With more, sums may depend on how many there are."""
-    for found in map_in_order(parallel_work.threads, 2, processes):
-        assert found
-        assert set(found) == {1}
+    for counts in map_in_order(parallel_work.threads, 2, processes):
+        assert counts
+        assert set(counts) == {1}
 
 
 def test_an_error_comes_over_as_it_is() -> None:

@@ -25,8 +25,8 @@ def done(*hows: str, timeout_s: float = 30.0) -> dict[int, object]:
 
 
 def test_every_item_has_a_process_of_its_own() -> None:
-    found = done("work", "work", "work", "work", "work")
-    answers = [found[n] for n in range(5)]
+    outcomes = done("work", "work", "work", "work", "work")
+    answers = [outcomes[n] for n in range(5)]
     assert [a["twice"] for a in answers if isinstance(a, dict)] == [0, 2, 4, 6, 8]
     pids = {a["pid"] for a in answers if isinstance(a, dict)}
     assert len(pids) == 5
@@ -34,9 +34,9 @@ def test_every_item_has_a_process_of_its_own() -> None:
 
 
 def test_what_goes_wrong_costs_its_item_alone() -> None:
-    found = done("crash", "work", "exit", "hang", "refuse", "break", "large", timeout_s=3.0)
-    assert len(found) == 7
-    codes = {n: e.code for n, e in found.items() if isinstance(e, StridelabError)}
+    outcomes = done("crash", "work", "exit", "hang", "refuse", "break", "large", timeout_s=3.0)
+    assert len(outcomes) == 7
+    codes = {n: e.code for n, e in outcomes.items() if isinstance(e, StridelabError)}
     assert codes == {
         0: "computation-crashed",
         2: "computation-crashed",
@@ -44,10 +44,10 @@ def test_what_goes_wrong_costs_its_item_alone() -> None:
         4: "no-step",
         5: "computation-crashed",
     }
-    refusal = found[4]
+    refusal = outcomes[4]
     assert isinstance(refusal, NotEstimable)
     assert refusal.faults[0].where == "walk.c3d"
-    large = found[6]
+    large = outcomes[6]
     assert isinstance(large, dict)
     assert len(large["text"]) == 3_000_000
 
@@ -72,8 +72,8 @@ def test_no_items_give_no_answers() -> None:
 @pytest.mark.parametrize("processes", [1, 3])
 def test_any_number_at_a_time(processes: int) -> None:
     items = [{"how": "work", "n": n} for n in range(4)]
-    found = dict(map_isolated(behave, items, preload=["support.parallel_work"], processes=processes))
-    assert sorted(found) == [0, 1, 2, 3]
+    outcomes = dict(map_isolated(behave, items, preload=["support.parallel_work"], processes=processes))
+    assert sorted(outcomes) == [0, 1, 2, 3]
 
 
 def test_no_more_at_a_time_than_cores_that_may_be_used(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -55,16 +55,16 @@ def runs_of(folder: Path) -> Counter[int]:
 def test_what_goes_wrong_on_a_node_costs_its_item_alone(nodes: DaskCluster) -> None:
     hows = ("work", "crash", "exit", "hang", "refuse", "large", "work")
     items = [{"how": how, "n": n} for n, how in enumerate(hows)]
-    found = dict(map_isolated(parallel_work.behave, items, preload=PRELOAD, timeout_s=3.0))
-    codes = {n: e.code for n, e in found.items() if isinstance(e, StridelabError)}
+    outcomes = dict(map_isolated(parallel_work.behave, items, preload=PRELOAD, timeout_s=3.0))
+    codes = {n: e.code for n, e in outcomes.items() if isinstance(e, StridelabError)}
     assert codes == {
         1: "computation-crashed",
         2: "computation-crashed",
         3: "computation-timed-out",
         4: "no-step",
     }
-    assert isinstance(found[4], NotEstimable)
-    assert found[4].faults[0].where == "walk.c3d"
+    assert isinstance(outcomes[4], NotEstimable)
+    assert outcomes[4].faults[0].where == "walk.c3d"
     assert wait_until(lambda: not nodes.pieces())
 
 
@@ -73,8 +73,8 @@ def test_pieces_come_in_order_from_processes_of_the_nodes() -> None:
     answers = list(map_in_order(parallel_work.square, 11, 2))
     assert [square for square, _ in answers] == [k * k for k in range(11)]
     assert os.getpid() not in {pid for _, pid in answers}
-    found = list(map_in_order(parallel_work.threads, 4, 2))
-    assert {n for threads in found for n in threads} == {1}
+    pieces = list(map_in_order(parallel_work.threads, 4, 2))
+    assert {n for threads in pieces for n in threads} == {1}
     with pytest.raises(NotEstimable, match="no posture"):
         list(map_in_order(parallel_work.refuse, 4, 2))
     with pytest.raises(MemoryError):
@@ -171,8 +171,8 @@ def test_a_sweep_is_the_same_in_every_bit_wherever_it_ran(tmp_path: Path, monkey
     from support.robots.plans import short_walk
 
     scenario = short_walk()
-    asked = SweepInput(scenario=scenario, vary={"stride": (0.3, 0.9, 3)}, solver="ipopt", node_rate_hz=5.0)
-    task = SweepTask(scenario=scenario, input=asked)
+    job_input = SweepInput(scenario=scenario, vary={"stride": (0.3, 0.9, 3)}, solver="ipopt", node_rate_hz=5.0)
+    task = SweepTask(scenario=scenario, input=job_input)
     tables = []
     for name in ("nodes", "here"):
         folder = tmp_path / name
@@ -217,11 +217,11 @@ def test_the_exception_is_one_port(nodes: DaskCluster, tmp_path: Path, monkeypat
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         addresses = {"addresses": [["127.0.0.1", nodes.port], ["127.0.0.1", port]]}
-        found = run_confined(target, addresses, tmp_path, replace(STRICT, connects=nodes.port))
+        reachable = run_confined(target, addresses, tmp_path, replace(STRICT, connects=nodes.port))
         strict = run_confined(target, addresses, tmp_path, STRICT)
-    assert found[f"127.0.0.1:{nodes.port}"] == "connected"
+    assert reachable[f"127.0.0.1:{nodes.port}"] == "connected"
     if KernelFeatures.detect_features().landlock_abi >= NETWORK_ABI:
-        assert found[f"127.0.0.1:{port}"] == "PermissionError"
+        assert reachable[f"127.0.0.1:{port}"] == "PermissionError"
     assert set(strict.values()) == {"PermissionError"}
 
 
@@ -229,6 +229,6 @@ def test_the_exception_is_one_port(nodes: DaskCluster, tmp_path: Path, monkeypat
 def test_time_limits_hold_while_others_wait() -> None:
     began_s = time.monotonic()
     items = [{"how": "hang", "n": n} for n in range(2)]
-    found = dict(map_isolated(parallel_work.behave, items, preload=PRELOAD, timeout_s=1.0))
-    assert {error.code for error in found.values() if isinstance(error, StridelabError)} == {"computation-timed-out"}
+    outcomes = dict(map_isolated(parallel_work.behave, items, preload=PRELOAD, timeout_s=1.0))
+    assert {error.code for error in outcomes.values() if isinstance(error, StridelabError)} == {"computation-timed-out"}
     assert time.monotonic() - began_s < 30

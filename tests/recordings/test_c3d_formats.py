@@ -50,8 +50,8 @@ def assert_same(made: Recording, expected: Recording, within_m: float) -> None:
     for label, track in expected.markers_m.items():
         np.testing.assert_allclose(made.markers_m[label], track, atol=within_m)
     assert made.force_rate_hz == expected.force_rate_hz
-    for plate, wanted in zip(made.plates, expected.plates, strict=True):
-        np.testing.assert_allclose(plate.force_n, wanted.force_n, atol=1e-3)
+    for plate, expected_plate in zip(made.plates, expected.plates, strict=True):
+        np.testing.assert_allclose(plate.force_n, expected_plate.force_n, atol=1e-3)
 
 
 @pytest.mark.parametrize("step_mm", STEPS_MM)

@@ -69,9 +69,9 @@ def held(fall_g: float) -> MovingBody:
 
 
 def motion_of(body: MovingBody) -> VerticalMotion:
-    found = vertical_motion(body.recording, LANDMARKS, body.com_m)
-    assert found is not None
-    return found
+    motion = vertical_motion(body.recording, LANDMARKS, body.com_m)
+    assert motion is not None
+    return motion
 
 
 def sprint(contact_s: float, flight_s: float) -> MovingBody:

@@ -50,11 +50,11 @@ def refuse(_: bytes, __: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("read", "said"),
+    ("read", "reported"),
     [(crash, "died"), (hang, "longer"), (swell, "MemoryError"), (blunder, "KeyError"), (refuse, "refused")],
 )
-def test_the_fuzzer_sees_what_it_looks_for(read, said: str, tmp_path: Path) -> None:
-    assert said in outcome(Reader((b"x",), read), b"x", tmp_path, timeout_s=3.0)
+def test_the_fuzzer_sees_what_it_looks_for(read, reported: str, tmp_path: Path) -> None:
+    assert reported in outcome(Reader((b"x",), read), b"x", tmp_path, timeout_s=3.0)
 
 
 def test_a_number_makes_the_same_input_again() -> None:

@@ -34,8 +34,8 @@ def test_the_set_of_every_file(gait, place):
     here = gait / place
     files = [here] if here.is_file() else [*here.rglob("*.c3d"), *here.rglob("*.trc")]
     assert files
-    found = {path.name: identify(labels_of(path)).name for path in files}
-    assert set(found.values()) == {SETS[place]}, found
+    set_names = {path.name: identify(labels_of(path)).name for path in files}
+    assert set(set_names.values()) == {SETS[place]}, set_names
 
 
 def test_no_folder_is_left_out(gait):
@@ -45,6 +45,6 @@ def test_no_folder_is_left_out(gait):
 
 
 def test_a_file_of_an_unknown_set_says_what_is_near(gait):
-    found = identify(labels_of(gait / "ezc3d-testfiles" / "FP_Type3.c3d"))
-    assert len(found.nearest) == 3
-    assert all(found.needed[name] for name, _ in found.nearest)
+    match = identify(labels_of(gait / "ezc3d-testfiles" / "FP_Type3.c3d"))
+    assert len(match.nearest) == 3
+    assert all(match.needed[name] for name, _ in match.nearest)

@@ -35,9 +35,9 @@ LANDED_2_S, LIFTED_1_S, LANDED_3_S, LANDED_4_S = (
 
 
 def motion(body: MovingBody) -> VerticalMotion:
-    found = vertical_motion(body.recording, LANDMARKS, body.com_m)
-    assert found is not None
-    return found
+    vertical = vertical_motion(body.recording, LANDMARKS, body.com_m)
+    assert vertical is not None
+    return vertical
 
 
 def shifted_second_plate(shift_m: tuple[float, float, float]) -> Recording:

@@ -24,7 +24,7 @@ URDF = FILES.urdf.read_text(encoding="utf-8")
 URDF_LIMITS = {
     joint.attrib["name"]: {"velocity_rad_s": float(limit["velocity"]), "torque_nm": float(limit["effort"])}
     for joint in ET.fromstring(URDF).findall("joint")
-    for limit in (found.attrib for found in joint.findall("limit"))
+    for limit in (limit_element.attrib for limit_element in joint.findall("limit"))
 }
 
 
@@ -53,9 +53,9 @@ def without(pattern: str) -> str:
 
 
 def link(name: str) -> str:
-    found = re.search(rf'<link name="{name}">.*?</link>', URDF, re.DOTALL)
-    assert found
-    return found.group()
+    element = re.search(rf'<link name="{name}">.*?</link>', URDF, re.DOTALL)
+    assert element
+    return element.group()
 
 
 def in_link(name: str, pattern: str, replacement: str) -> str:
@@ -63,9 +63,9 @@ def in_link(name: str, pattern: str, replacement: str) -> str:
 
 
 def in_joint(name: str, pattern: str, replacement: str) -> str:
-    found = re.search(rf'<joint name="{name}".*?</joint>', URDF, re.DOTALL)
-    assert found
-    return URDF.replace(found.group(), re.sub(pattern, replacement, found.group()))
+    element = re.search(rf'<joint name="{name}".*?</joint>', URDF, re.DOTALL)
+    assert element
+    return URDF.replace(element.group(), re.sub(pattern, replacement, element.group()))
 
 
 def inertia(moment_kg_m2: float) -> str:
@@ -222,9 +222,9 @@ def test_cards_that_do_not_fit_the_description(shelf: Path, card: str, where: st
     error = refusal(shelf, card=card)
     assert isinstance(error, InvalidInput)
     assert error.code == "robot-card-invalid"
-    found = {fault.where: fault.message for fault in error.faults}
-    assert where in found
-    assert what in found[where]
+    faults = {fault.where: fault.message for fault in error.faults}
+    assert where in faults
+    assert what in faults[where]
 
 
 def test_limits_of_the_card_can_be_the_cause(shelf: Path) -> None:

@@ -171,13 +171,13 @@ def test_a_reader_of_glb_finds_the_same_nodes_shapes_and_colours(
     assert sorted(read_back.graph.nodes_geometry) == sorted(mesh.name for mesh in meshes)
     for mesh in meshes:
         T_world_node, geometry = read_back.graph[mesh.name]
-        found = read_back.geometry[geometry]
+        read_mesh = read_back.geometry[geometry]
         assert (T_world_node == np.eye(4)).all()
-        assert found.bounds[0] == pytest.approx(mesh.vertices_m.min(axis=0), abs=1e-6)
-        assert found.bounds[1] == pytest.approx(mesh.vertices_m.max(axis=0), abs=1e-6)
-        assert (found.faces == mesh.faces).all()
-        assert (found.visual.vertex_attributes["color"] == srgb_to_linear(mesh.colours)).all()
-        assert found.visual.material.metallicFactor == 0.0
+        assert read_mesh.bounds[0] == pytest.approx(mesh.vertices_m.min(axis=0), abs=1e-6)
+        assert read_mesh.bounds[1] == pytest.approx(mesh.vertices_m.max(axis=0), abs=1e-6)
+        assert (read_mesh.faces == mesh.faces).all()
+        assert (read_mesh.visual.vertex_attributes["color"] == srgb_to_linear(mesh.colours)).all()
+        assert read_mesh.visual.material.metallicFactor == 0.0
 
 
 def test_colours_of_a_screen_become_linear_light() -> None:

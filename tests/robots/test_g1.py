@@ -94,7 +94,7 @@ def test_hulls_judge_like_the_meshes(g1: Robot) -> None:
     for _ in range(300):
         q[7:] = rng.uniform(g1.model.lowerPositionLimit[7:], g1.model.upperPositionLimit[7:])
         verdicts.append((meshes.any_collision(q), hulls.any_collision(q)))
-    truth, found = np.array(verdicts).T
+    truth, by_hulls = np.array(verdicts).T
     assert 0.7 < truth.mean() < 0.85
-    assert np.mean(truth & ~found) < 0.005
-    assert np.mean(found & ~truth) < 0.025
+    assert np.mean(truth & ~by_hulls) < 0.005
+    assert np.mean(by_hulls & ~truth) < 0.025

@@ -132,9 +132,9 @@ def test_collision_pairs_are_those_that_the_srdf_leaves(talos: Robot) -> None:
     disabled = {
         frozenset((pair.attrib["link1"], pair.attrib["link2"])) for pair in ET.parse(srdf).iter("disable_collisions")
     }
-    kept = {frozenset((names[pair.first], names[pair.second])) for pair in talos.collision.collisionPairs}
-    assert not kept & disabled
-    assert len(kept) == len(talos.collision.collisionPairs) == 296
+    remaining_pairs = {frozenset((names[pair.first], names[pair.second])) for pair in talos.collision.collisionPairs}
+    assert not remaining_pairs & disabled
+    assert len(remaining_pairs) == len(talos.collision.collisionPairs) == 296
     assert len(parts) == 33
     assert not [name for name in names if "finger" in name or "_ft_" in name or "rgbd" in name]
 

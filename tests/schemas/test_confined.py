@@ -72,8 +72,8 @@ def received(folder: Path) -> dict[str, Any]:
 
 def swept(_folder: Path) -> Any:
     scenario, vary = short_walk(), {"stride": (0.5, 0.6, 2)}
-    asked = SweepInput(scenario=scenario, vary=vary, solver="ipopt", node_rate_hz=5.0)
-    return SweepTask(scenario=scenario, input=asked)
+    job_input = SweepInput(scenario=scenario, vary=vary, solver="ipopt", node_rate_hz=5.0)
+    return SweepTask(scenario=scenario, input=job_input)
 
 
 def receding(_folder: Path) -> Any:
@@ -112,14 +112,14 @@ def commissioned(folder: Path) -> Any:
 
 def imitated(folder: Path) -> Any:
     task = estimate_task(TRIAL, folder)
-    asked = ImitateInput(recording_id="r", robot="talos", step_share=0.7, pace=0.5, wheel=False)
-    return ImitateTask.model_validate(task.model_dump() | {"input": asked})
+    job_input = ImitateInput(recording_id="r", robot="talos", step_share=0.7, pace=0.5, wheel=False)
+    return ImitateTask.model_validate(task.model_dump() | {"input": job_input})
 
 
 def reported(folder: Path) -> Any:
     members = measured(folder).members
-    asked = GaitReportInput(recording_ids=["r"], title="Confined")
-    return GaitReportTask(members=members, input=asked, created_on=date(2026, 5, 4))
+    job_input = GaitReportInput(recording_ids=["r"], title="Confined")
+    return GaitReportTask(members=members, input=job_input, created_on=date(2026, 5, 4))
 
 
 STAGED: dict[str, Callable[[Path], Any]] = {

@@ -74,8 +74,10 @@ def test_methods_with_force_name_geometry_and_where_forces_come_from(walk: Path,
 
 def test_the_wheel_is_fitted_to_every_step_of_the_geometry(walk: Path, tmp_path: Path) -> None:
     task = estimate_task(walk, tmp_path, method="geometry")
-    asked = FitCycloidTask.model_validate({**task.model_dump(), "input": {**task.input.model_dump(), "steps": "all"}})
-    assert fit_cycloid.run(asked, tmp_path, quiet).summary["steps"]
+    all_steps = FitCycloidTask.model_validate(
+        {**task.model_dump(), "input": {**task.input.model_dump(), "steps": "all"}}
+    )
+    assert fit_cycloid.run(all_steps, tmp_path, quiet).summary["steps"]
 
 
 def test_a_broken_upload_is_refused_by_its_own_name_and_line(walk: Path, tmp_path: Path) -> None:

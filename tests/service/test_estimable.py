@@ -31,20 +31,20 @@ NOBODY = SubjectFields()
 def offers(
     known: RecordingFacts, subject: SubjectFields | None = None, *, alone: bool = True
 ) -> dict[str, EstimateOffer]:
-    found = estimate_offers(known, known.subject if subject is None else subject, no_other_mass_source=alone)
-    assert [offer.method for offer in found] == list(METHODS)
-    for offer in found:
+    estimate_offered = estimate_offers(known, known.subject if subject is None else subject, no_other_mass_source=alone)
+    assert [offer.method for offer in estimate_offered] == list(METHODS)
+    for offer in estimate_offered:
         assert offer.possible == (offer.code is None) == (offer.reason is None)
-    return {offer.method: offer for offer in found}
+    return {offer.method: offer for offer in estimate_offered}
 
 
 def codes(
     known: RecordingFacts, subject: SubjectFields | None = None, *, alone: bool = True
 ) -> tuple[str | None, str | None]:
     """Codes of the methods with force, which are one, and of the geometry."""
-    found = offers(known, subject, alone=alone)
-    (force,) = {offer.code for method, offer in found.items() if method != "geometry"}
-    return force, found["geometry"].code
+    offered = offers(known, subject, alone=alone)
+    (force,) = {offer.code for method, offer in offered.items() if method != "geometry"}
+    return force, offered["geometry"].code
 
 
 def test_the_limits_are_those_of_the_estimators() -> None:
@@ -98,7 +98,7 @@ def renamed(recording: Recording) -> Recording:
     return replace(recording, markers_m={f"Q{i}": track for i, track in enumerate(recording.markers_m.values())})
 
 
-def nobody(recording: Recording) -> Recording:
+def without_subject(recording: Recording) -> Recording:
     return replace(recording, subject=Subject())
 
 
@@ -115,7 +115,7 @@ def beside(recording: Recording) -> Recording:
 CASES: dict[str, tuple[Callable[[Recording], Recording], dict[int, dict[str, Any]]]] = {
     "whole": (lambda r: r, {}),
     "no plates": (bare, {}),
-    "no plates, nobody known": (lambda r: nobody(bare(r)), {}),
+    "no plates, nobody known": (lambda r: without_subject(bare(r)), {}),
     "plates off": (lambda r: r, {1: {"use": False}, 2: {"use": False}}),
     "one plate off": (lambda r: r, {1: {"use": False}}),
     "unloaded": (unloaded, {}),
@@ -129,7 +129,7 @@ CASES: dict[str, tuple[Callable[[Recording], Recording], dict[int, dict[str, Any
     "0.38 s": (lambda r: cut(r, 200, 238), {}),
     "0.42 s": (lambda r: cut(r, 200, 242), {}),
     "short on the plates": (lambda r: cut(r, 100, 222), {}),
-    "no mass": (lambda r: nobody(cut(r, 195, 240)), {}),
+    "no mass": (lambda r: without_subject(cut(r, 195, 240)), {}),
 }
 
 UNSEEN = {"0.42 s"}
@@ -143,7 +143,7 @@ def test_what_is_said_beforehand_is_what_the_job_says(case: str, tmp_path: Path)
     write_c3d(tmp_path / "trial.c3d", change(recording))
     switches = {index: PlateSwitch(**switch) for index, switch in plates.items()}
     known = facts_of(examine_trial(RecordingSource(file="trial.c3d", filename="trial.c3d", plates=switches), tmp_path))
-    found = offers(known)
+    offered = offers(known)
     for method in ("smoother", "complementary", "geometry"):
         folder = tmp_path / method
         task = estimate_task(tmp_path / "trial.c3d", folder, method=method)
@@ -153,7 +153,7 @@ def test_what_is_said_beforehand_is_what_the_job_says(case: str, tmp_path: Path)
             estimate_com.run(task, folder, quiet)
         except StridelabError as error:
             refusal = error
-        offer = found[method]
+        offer = offered[method]
         if refusal is None or case in UNSEEN:
             assert offer.possible, f"{method} gives an estimate"
         else:

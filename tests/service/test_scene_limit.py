@@ -32,15 +32,15 @@ def scene_of(lab: Lab) -> str:
 
 def browser(lab: Lab, secret: str, scene: str) -> ClientConnection:
     """The websocket of a browser that has the scene open."""
-    found = connect(
+    websocket = connect(
         lab.served.base_url.replace("http", "ws") + scene,
         subprotocols=[websockets.Subprotocol(f"viser-v{viser.__version__}")],
         additional_headers={"Authorization": f"Bearer {secret}"},
         max_size=None,
         proxy=None,
     )
-    found.recv(120)
-    return found
+    websocket.recv(120)
+    return websocket
 
 
 def test_a_user_who_watches_as_many_scenes_as_allowed_is_told_to_close_one(lab: Lab) -> None:

@@ -17,8 +17,8 @@ MOTIONS = ["robot_walk", "brisk_walk", "robot_run"]
 
 @pytest.fixture(params=MOTIONS)
 def moved(request: pytest.FixtureRequest) -> RobotWalk:
-    found: RobotWalk = request.getfixturevalue(request.param)
-    return found
+    walk: RobotWalk = request.getfixturevalue(request.param)
+    return walk
 
 
 def plates_sum(simulated: SimulatedRecording) -> tuple[np.ndarray, np.ndarray]:

@@ -50,13 +50,13 @@ class DaskCluster:
 
     def pieces(self) -> list[psutil.Process]:
         """Processes that compute an item now: the children of the workers' fork servers."""
-        found = []
+        processes = []
         for worker in self.workers:
             with contextlib.suppress(psutil.NoSuchProcess):
                 for process in psutil.Process(worker.pid).children(recursive=True):
                     if "multiprocessing.forkserver" in " ".join(process.cmdline()):
-                        found += process.children()
-        return found
+                        processes += process.children()
+        return processes
 
     def count_transitions(self) -> int:
         """A number that grows with every task of the cluster."""

@@ -15,19 +15,19 @@ KEY = re.compile(r"[a-z]+(?:19|20)\d\d[a-z]*")
 
 def cited_in_code() -> set[str]:
     """String literals of the form of a key, in every module."""
-    found: set[str] = set()
+    keys: set[str] = set()
     for path in (ROOT / "backend" / "stridelab").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and KEY.fullmatch(node.value):
-                found.add(node.value)
-    return found
+                keys.add(node.value)
+    return keys
 
 
 def cited_in_models() -> set[str]:
-    found: set[str] = set()
+    keys: set[str] = set()
     for path in (ROOT / "models").rglob("*.toml"):
-        found.update(tomllib.loads(path.read_text(encoding="utf-8")).get("references", ()))
-    return found
+        keys.update(tomllib.loads(path.read_text(encoding="utf-8")).get("references", ()))
+    return keys
 
 
 def cited_in_docs() -> set[str]:

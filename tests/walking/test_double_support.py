@@ -34,8 +34,8 @@ def test_whatever_the_double_support_is_the_rule_says_half_a_turn(case):
     lowest = float(case.time_s[np.argmax(np.cos(case.theta_rad))])
     start, end = double_support_of_wheel(fit, case.time_s, near_s=lowest)
     assert start is not None or end is not None  # most of a turn always holds one of them
-    for found in (start, end):
-        assert found is None or case.time_s[0] <= found <= case.time_s[-1]
+    for boundary in (start, end):
+        assert boundary is None or case.time_s[0] <= boundary <= case.time_s[-1]
     if start is not None and end is not None:
         assert end - start == pytest.approx(np.pi / case.omega_rad_s, rel=1e-5)
 

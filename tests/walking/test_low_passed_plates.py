@@ -23,15 +23,15 @@ AROUND_S = 0.3
 def whole_stances(path: Path) -> list[Stance]:
     """Plates of a file cut to one whole stance each, with their rate; before and after there is noise of 1 N."""
     recording, rng = read_recording(path), np.random.default_rng(0)
-    rate_hz, found = recording.force_rate_hz, []
+    rate_hz, stances = recording.force_rate_hz, []
     for plate in recording.plates:
         for start_s, end_s in loaded_intervals(plate, rate_hz):
             i, j = round(start_s * rate_hz), round(end_s * rate_hz)
             if i > 0 and j < len(plate.force_n) - 1 and end_s - start_s > 0.4:
                 before, after = rng.standard_normal((2, round(AROUND_S * rate_hz), 3))
                 force_n = np.concatenate([before, plate.force_n[i : j + 1], after])
-                found.append((replace(plate, force_n=force_n, moment_nm=np.zeros_like(force_n)), rate_hz))
-    return found
+                stances.append((replace(plate, force_n=force_n, moment_nm=np.zeros_like(force_n)), rate_hz))
+    return stances
 
 
 @pytest.fixture(scope="module")

@@ -46,9 +46,9 @@ def dense(case_path: np.ndarray, start: PathFit, branch: int):
 
     w = start.wheel
     guess = np.concatenate([[w.x0_m, w.R_m * 1.05, w.r_m * 0.9, w.z0_m + 0.002], start.theta_rad + 0.05])
-    found = least_squares(residual, guess, xtol=1e-14, ftol=1e-14, gtol=1e-14, x_scale="jac")
-    assert len(found.fun) == 2 * n
-    return residual, found
+    solution = least_squares(residual, guess, xtol=1e-14, ftol=1e-14, gtol=1e-14, x_scale="jac")
+    assert len(solution.fun) == 2 * n
+    return residual, solution
 
 
 @pytest.mark.parametrize("branch", [1, -1])
@@ -58,10 +58,10 @@ def test_a_general_solver_finds_the_same_wheel_and_covariance(branch, disturbed_
     s = np.linspace(0.0, 1.0, len(case.time_s))
     path = case.path_m + disturbed_m * np.column_stack([np.sin(9 * s), np.cos(14 * s)])
     fit = fit_path(case.time_s, path, case.period_s, branch)
-    residual, found = dense(path, fit, branch)
-    assert_allclose(parameters(fit.wheel), found.x[:4], rtol=2e-6)
-    assert_allclose(fit.theta_rad, found.x[4:], atol=2e-5)
-    assert np.sum(fit.error_m**2) <= 2 * found.cost * (1 + 1e-9)
+    residual, solution = dense(path, fit, branch)
+    assert_allclose(parameters(fit.wheel), solution.x[:4], rtol=2e-6)
+    assert_allclose(fit.theta_rad, solution.x[4:], atol=2e-5)
+    assert np.sum(fit.error_m**2) <= 2 * solution.cost * (1 + 1e-9)
     J = central_differences(residual, np.concatenate([parameters(fit.wheel), fit.theta_rad]))
     noise = np.sum(fit.error_m**2) / (len(path) - 4)
     assert_allclose(fit.covariance_m2, noise * np.linalg.inv(J.T @ J)[:4, :4], rtol=1e-4, atol=1e-12)

@@ -25,9 +25,9 @@ def estimate(wheel: Wheel = HUMAN, seconds: slice = slice(None)) -> ComEstimate:
     com = np.outer(path[:, 0], AHEAD)
     com[:, 2] = path[:, 1]
     nothing = np.zeros_like(com)
-    kept = com[seconds], nothing[seconds], nothing[seconds], nothing[seconds]
+    track = com[seconds], nothing[seconds], nothing[seconds], nothing[seconds]
     t = T[seconds]
-    return ComEstimate("given", t, *kept, window=Window(float(t[0]), float(t[-1])), references=())
+    return ComEstimate("given", t, *track, window=Window(float(t[0]), float(t[-1])), references=())
 
 
 def gait_step(start_s: float, length_m: float | None = 0.6) -> GaitStep:

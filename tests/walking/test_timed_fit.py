@@ -50,8 +50,10 @@ def test_a_bounded_general_solver_finds_nothing_better(branch, unevenness):
     for theta0 in np.linspace(-np.pi, np.pi, 5):
         for omega in (0.8, 1.0, 1.25):
             start = np.array([path[0, 0] - 0.1 * theta0, 0.1, 0.01, path[:, 1].mean(), theta0, omega * turn])
-            found = least_squares(errors, start, args=(t, path, branch), bounds=(low, high), x_scale="jac", xtol=1e-12)
-            costs.append(2 * found.cost)
+            solution = least_squares(
+                errors, start, args=(t, path, branch), bounds=(low, high), x_scale="jac", xtol=1e-12
+            )
+            costs.append(2 * solution.cost)
     assert np.sum(fit.error_m**2) <= min(costs) * (1 + 1e-6)
 
 

@@ -109,15 +109,15 @@ def test_a_foothold_out_of_reach_is_moved_nearer() -> None:
     walk = sequence(
         phase(0.8, left, right), phase(0.6, left), phase(0.6, left, far), phase(0.6, left), phase(0.8, left, right)
     )
-    found = nearest_feasible(rest_to_rest(walk), "placements")
-    assert found is not None
-    assert found.is_feasible
-    assert set(found.shifts_m) == {(2, "right_foot")}
-    assert found.shifts_m[2, "right_foot"][1] > 0.1
-    assert found.longer_s == pytest.approx(np.zeros(5))
-    moved = found.sequence.phases[2].contacts["right_foot"].placement.position_m
-    assert moved == pytest.approx(far.placement.position_m + found.shifts_m[2, "right_foot"])
-    assert over(rest_to_rest(walk), found.sequence).converged
+    repair = nearest_feasible(rest_to_rest(walk), "placements")
+    assert repair is not None
+    assert repair.is_feasible
+    assert set(repair.shifts_m) == {(2, "right_foot")}
+    assert repair.shifts_m[2, "right_foot"][1] > 0.1
+    assert repair.longer_s == pytest.approx(np.zeros(5))
+    moved = repair.sequence.phases[2].contacts["right_foot"].placement.position_m
+    assert moved == pytest.approx(far.placement.position_m + repair.shifts_m[2, "right_foot"])
+    assert over(rest_to_rest(walk), repair.sequence).converged
 
 
 def test_a_solver_that_stopped_early_is_stuck(problem: CentroidalProblem) -> None:
@@ -136,10 +136,10 @@ def test_a_foothold_stays_on_its_stone() -> None:
     stone = Box("stone", Placement.from_wxyz((0.2, -1.3, -0.05)), np.array([0.3, 0.22, 0.1]))
     alone = phase(0.6, left)
     walk = sequence(phase(0.8, left, right), alone, phase(0.6, left, far), alone, phase(0.8, left, right))
-    found = nearest_feasible(rest_to_rest(replace(walk, terrain=Terrain((stone,)))), "placements")
-    assert found is not None
-    assert not found.is_feasible
-    corners = found.sequence.phases[2].contacts["right_foot"].placement.position_m
+    repair = nearest_feasible(rest_to_rest(replace(walk, terrain=Terrain((stone,)))), "placements")
+    assert repair is not None
+    assert not repair.is_feasible
+    corners = repair.sequence.phases[2].contacts["right_foot"].placement.position_m
     assert np.abs(corners - far.placement.position_m).max() <= 0.08
 
 

@@ -62,10 +62,10 @@ def test_what_postures_reach_is_feasible(talos: Robot, standing: StanceTruth, co
     """The CoM of drawn postures: feasible by construction. High above and far aside: not."""
     c = standing.sample_com(contacts, 60, seed=5)
     many = ContactBatch.from_placements(talos, [contacts]).select(np.zeros(60, dtype=int))
-    found, shares = standing.search_feasible(many, c, rounds=12, seed=0)
-    assert found.mean() >= 0.95
+    feasible, shares = standing.search_feasible(many, c, rounds=12, seed=0)
+    assert feasible.mean() >= 0.95
     assert (np.diff(shares) >= 0.0).all()
-    assert shares[-1] == found.mean()
+    assert shares[-1] == feasible.mean()
     for away in ((0.0, 0.0, 0.6), (0.0, 1.0, 0.0)):
         assert not standing.search_feasible(many, c + np.array(away), rounds=2, seed=0)[0].any()
 

@@ -64,11 +64,11 @@ def test_what_some_posture_does_is_found_again(robot: Robot) -> None:
     targets["right_hand"] = Target(tree.contact_frame_pose("right_hand", at)[0])
     c, _ = tree.com_and_jacobian(at)
     limits = np.tile(lower, (n, 1)), np.tile(upper, (n, 1))
-    found, solved = tree.solve(targets, np.tile(np.eye(3), (n, 1, 1)), c, reference, limits, reference)
+    postures, solved = tree.solve(targets, np.tile(np.eye(3), (n, 1, 1)), c, reference, limits, reference)
     assert solved.mean() > 0.7
-    assert (found >= lower).all()
-    assert (found <= upper).all()
-    at = tree.forward_kinematics(found)
+    assert (postures >= lower).all()
+    assert (postures <= upper).all()
+    at = tree.forward_kinematics(postures)
     np.testing.assert_allclose(tree.com_and_jacobian(at)[0][solved], c[solved], atol=1e-6)
     for name, target in targets.items():
         p, R = tree.contact_frame_pose(name, at)

@@ -83,9 +83,9 @@ def test_the_mirror_test_can_fail(fresh: ComCloud) -> None:
 
 
 def test_progress_counts_postures_block_by_block(talos: Robot) -> None:
-    told: list[tuple[float, str]] = []
-    sample_com(talos, ["left_foot"], BLOCK + 100, seed=0, progress=lambda f, m: told.append((f, m)))
-    assert told == [(BLOCK / (BLOCK + 100), f"{BLOCK} of {BLOCK + 100} postures"), (1.0, "600 of 600 postures")]
+    progress: list[tuple[float, str]] = []
+    sample_com(talos, ["left_foot"], BLOCK + 100, seed=0, progress=lambda f, m: progress.append((f, m)))
+    assert progress == [(BLOCK / (BLOCK + 100), f"{BLOCK} of {BLOCK + 100} postures"), (1.0, "600 of 600 postures")]
 
 
 def test_every_block_has_a_child_of_the_seed_of_its_own(talos: Robot, fresh: ComCloud) -> None:

@@ -34,13 +34,13 @@ TRUTH = Mixture(
 
 
 def test_em_finds_a_known_mixture() -> None:
-    found, converged = expectation_maximisation(TRUTH.sample(20_000, np.random.default_rng(0)), 3, seed=0)
-    order = np.argsort(-found.weights)
+    mixture, converged = expectation_maximisation(TRUTH.sample(20_000, np.random.default_rng(0)), 3, seed=0)
+    order = np.argsort(-mixture.weights)
     assert converged
-    np.testing.assert_allclose(found.weights[order], TRUTH.weights, atol=0.02)
-    np.testing.assert_allclose(found.means_m[order], TRUTH.means_m, atol=0.01)
-    np.testing.assert_allclose(found.covariances_m2[order], TRUTH.covariances_m2, atol=0.002)
-    (kl,) = kl_divergences(TRUTH, [found], 5000, np.random.default_rng(1))
+    np.testing.assert_allclose(mixture.weights[order], TRUTH.weights, atol=0.02)
+    np.testing.assert_allclose(mixture.means_m[order], TRUTH.means_m, atol=0.01)
+    np.testing.assert_allclose(mixture.covariances_m2[order], TRUTH.covariances_m2, atol=0.002)
+    (kl,) = kl_divergences(TRUTH, [mixture], 5000, np.random.default_rng(1))
     assert kl.kl_nats < 0.005
 
 
@@ -110,9 +110,9 @@ def test_the_smallest_size_within_one_standard_error_of_the_best(
 
 
 def test_a_robot_is_learned_from_its_postures(talos: Robot) -> None:
-    told: list[float] = []
+    fractions: list[float] = []
     names = ["right_hand", "left_foot"]
-    learned = learn_densities(talos, DAY, names, 700, seed=5, progress=lambda f, _: told.append(f), processes=1)
+    learned = learn_densities(talos, DAY, names, 700, seed=5, progress=lambda f, _: fractions.append(f), processes=1)
     card = learned.card
     assert (card.robot, card.robot_sha256, card.seed) == ("talos", talos.sha256, 5)
     assert (card.samples, card.fitted, card.tried) == (700, 560, learned.cloud.tried)
@@ -122,8 +122,8 @@ def test_a_robot_is_learned_from_its_postures(talos: Robot) -> None:
     assert card.effectors["right_hand"].thesis_components == 14
     assert [pair.effectors for pair in card.pairs] == [("right_hand", "left_foot")]
     assert card.versions["scikit-learn"]
-    assert told == sorted(told)
-    assert 0.0 <= told[0] <= told[-1] <= 1.0
+    assert fractions == sorted(fractions)
+    assert 0.0 <= fractions[0] <= fractions[-1] <= 1.0
     again = learn_densities(talos, DAY, names, 700, seed=5, processes=2)
     assert again.card == card, "the seed decides, not how many processes there are"
     assert all((again.cloud.com_m[name] == learned.cloud.com_m[name]).all() for name in names)

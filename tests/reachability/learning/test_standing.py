@@ -40,8 +40,8 @@ def kept(request: pytest.FixtureRequest) -> tuple[Robot, StandingConfigurations,
     return robot, stream, list(islice(stream, 120))
 
 
-def test_the_soles_are_flat_and_a_step_apart(kept: tuple[Robot, StandingConfigurations, list[np.ndarray]]) -> None:
-    robot, stream, postures = kept
+def test_the_soles_are_flat_and_a_step_apart(stances: tuple[Robot, StandingConfigurations, list[np.ndarray]]) -> None:
+    robot, stream, postures = stances
     E, length_m = Stance(), stream.leg_length_m
     for q in postures:
         left, right, _ = soles_and_base(robot, q)
@@ -55,8 +55,8 @@ def test_the_soles_are_flat_and_a_step_apart(kept: tuple[Robot, StandingConfigur
             assert abs(turned_deg(seen)) <= E.toes_deg + 1e-3
 
 
-def test_the_base_is_upright_and_looks_ahead(kept: tuple[Robot, StandingConfigurations, list[np.ndarray]]) -> None:
-    robot, _, postures = kept
+def test_the_base_is_upright_and_looks_ahead(stances: tuple[Robot, StandingConfigurations, list[np.ndarray]]) -> None:
+    robot, _, postures = stances
     for q in postures:
         _, right, base = soles_and_base(robot, q)
         assert np.degrees(np.arccos(base.rotation[2, 2])) <= Stance().upright_deg
@@ -64,9 +64,9 @@ def test_the_base_is_upright_and_looks_ahead(kept: tuple[Robot, StandingConfigur
 
 
 def test_the_knees_are_bent_and_nothing_touches(
-    kept: tuple[Robot, StandingConfigurations, list[np.ndarray]],
+    stances: tuple[Robot, StandingConfigurations, list[np.ndarray]],
 ) -> None:
-    robot, stream, postures = kept
+    robot, stream, postures = stances
     lower, upper = robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:]
     for q in postures:
         assert not SelfCollision.for_robot(robot).any_collision(q)

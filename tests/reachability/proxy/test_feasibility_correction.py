@@ -46,10 +46,10 @@ def test_pairs_fill_the_grown_box(pairs: dict[bool, LabelledPairs]) -> None:
 
 def test_as_many_feasible_ones_as_asked(pairs: dict[bool, LabelledPairs]) -> None:
     drawn = pairs[False]
-    kept = balance_labels(drawn, 150, 0.4, np.random.default_rng(0))
-    assert len(kept.com_m) == 150
-    assert kept.feasible.sum() == 60
-    assert {tuple(c) for c in kept.com_m} <= {tuple(c) for c in drawn.com_m}
+    balanced = balance_labels(drawn, 150, 0.4, np.random.default_rng(0))
+    assert len(balanced.com_m) == 150
+    assert balanced.feasible.sum() == 60
+    assert {tuple(c) for c in balanced.com_m} <= {tuple(c) for c in drawn.com_m}
 
 
 def test_the_correction_separates_and_survives_the_disk(

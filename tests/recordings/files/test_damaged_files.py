@@ -173,8 +173,8 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
         [sys.executable, "-c", READER, str(folder)], env=environment, capture_output=True, text=True, check=False
     )
     assert run.returncode == 0, run.stderr[-2000:]
-    found, peak_mib = json.loads(run.stdout)
-    return {**found, "peak MiB": peak_mib}
+    outcome_by_file, peak_mib = json.loads(run.stdout)
+    return {**outcome_by_file, "peak MiB": peak_mib}
 
 
 REFUSED: dict[str, tuple[str, ...]] = {

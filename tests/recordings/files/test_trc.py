@@ -193,9 +193,9 @@ def test_points_without_a_name_at_the_ends_of_lines_are_left_out(every: int, sta
     lines[4] = "\t\t" + "\t".join(f"{axis}{i + 1}" for i in range(5) for axis in "XYZ")
     lines[6:] = [line + ("\t\t\t\t1.5\t2.5\t3.5\t" if i % every == 0 else "\t") for i, line in enumerate(lines[6:])]
     recording = read_recording(written(tmp_path, "\n".join(lines)))
-    found = {remark.code: remark.message for remark in recording.remarks}
-    assert "up to 2 points" in found["unlabelled-points"]
-    assert ("trc-header-differs" in found) == (stated == "9")
+    messages = {remark.code: remark.message for remark in recording.remarks}
+    assert "up to 2 points" in messages["unlabelled-points"]
+    assert ("trc-header-differs" in messages) == (stated == "9")
     for label, track in read_recording(written(tmp_path, trc())).markers_m.items():
         np.testing.assert_array_equal(recording.markers_m[label], track)
 

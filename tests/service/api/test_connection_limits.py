@@ -77,11 +77,11 @@ def limits(**changes: Any) -> ConnectionLimiter:
 def rest_of(client: socket.socket, timeout_s: float = 10.0) -> bytes:
     """All that the server says until it closes."""
     client.settimeout(timeout_s)
-    said = b""
+    received = b""
     with contextlib.suppress(ConnectionResetError):
         while chunk := client.recv(1 << 16):
-            said += chunk
-    return said
+            received += chunk
+    return received
 
 
 @pytest.mark.parametrize(("sent", "answer"), [(b"", b""), (HALF_HEAD, b"HTTP/1.1 408 "), (HALF_BODY, b"HTTP/1.1 408 ")])
@@ -89,10 +89,10 @@ def test_half_a_request_is_not_waited_for(sent: bytes, answer: bytes) -> None:
     with server(limits()) as address, socket.create_connection(address) as client:
         began = time.monotonic()
         client.sendall(sent)
-        said = rest_of(client)
+        received = rest_of(client)
         assert time.monotonic() - began >= 0.4
-    assert said.startswith(answer)
-    assert (b'"code":"request-timeout"' in said) == bool(sent)
+    assert received.startswith(answer)
+    assert (b'"code":"request-timeout"' in received) == bool(sent)
 
 
 def closed_while_dripping(client: socket.socket) -> bool:
@@ -140,12 +140,12 @@ def test_a_client_that_takes_nothing_of_its_answer_is_closed(monkeypatch: pytest
 def is_answered(client: socket.socket) -> bool:
     """Whether a request is, on a connection that stays open."""
     client.sendall(b"GET / HTTP/1.1\r\nHost: here\r\n\r\n")
-    said = b""
-    while not said.endswith(b"\r\n\r\n0"):
+    received = b""
+    while not received.endswith(b"\r\n\r\n0"):
         chunk = client.recv(1 << 16)
-        assert chunk, said
-        said += chunk
-    return said.startswith(b"HTTP/1.1 200")
+        assert chunk, received
+        received += chunk
+    return received.startswith(b"HTTP/1.1 200")
 
 
 def test_an_idle_connection_is_kept_for_its_time_only() -> None:
@@ -185,9 +185,9 @@ def test_requests_that_are_being_answered_are_not_closed_for_others() -> None:
             client.sendall(busy)
         time.sleep(0.3)
         with socket.create_connection(address) as newcomer:
-            said = rest_of(newcomer)
-        assert said.startswith(b"HTTP/1.1 503 ")
-        assert b'"code":"too-many-connections"' in said
+            received = rest_of(newcomer)
+        assert received.startswith(b"HTTP/1.1 503 ")
+        assert b'"code":"too-many-connections"' in received
         assert all(rest_of(client).startswith(b"HTTP/1.1 200") for client in clients)
         assert answered(address)
 
@@ -215,9 +215,11 @@ def test_the_limit_of_open_files_is_raised() -> None:
     def lower() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (256, before[1]))
 
-    said = subprocess.run([sys.executable, "-c", code], preexec_fn=lower, capture_output=True, text=True, check=True)
-    wanted = module.MAX_OPEN_FILES if before[1] == resource.RLIM_INFINITY else min(before[1], module.MAX_OPEN_FILES)
-    assert said.stdout.split() == [str(wanted)] * 2
+    run = subprocess.run([sys.executable, "-c", code], preexec_fn=lower, capture_output=True, text=True, check=True)
+    expected_limit = (
+        module.MAX_OPEN_FILES if before[1] == resource.RLIM_INFINITY else min(before[1], module.MAX_OPEN_FILES)
+    )
+    assert run.stdout.split() == [str(expected_limit)] * 2
 
 
 @contextlib.contextmanager

@@ -38,8 +38,8 @@ def test_reports_beside_a_deleted_recording_are_named_and_deleted(
     body = {"recording_ids": [reported], field: [beside], "title": "Jane Doe"}
     report = service.run(service.parts.store.submit("gait-report", body)).job_id
     service.run(succeed(service.parts, service.run(start_job(service.parts, report))))
-    kept = service.run(delete.studies_of(service.parts, [beside]))
-    assert kept == [report]
+    studies = service.run(delete.studies_of(service.parts, [beside]))
+    assert studies == [report]
     answer = http.delete(f"/api/v1/recordings/{beside}", params={"with_studies": "true"})
     assert (answer.status_code, answer.headers.get("Stridelab-Kept-In")) == (204, None)
     assert http.get(f"{JOBS}/{report}").status_code == 404

@@ -96,11 +96,11 @@ def test_the_people_of_the_reference_group_are_told_apart(service: Served, tmp_p
     person = add(service)
     twice = [add(service, subject_fields={"name": "P1"}) for _ in range(2)]
     other, unknown = add(service, subject_fields={"name": "P2"}), add(service)
-    asked = GaitReportInput(recording_ids=[person], reference_recording_ids=[twice[0], other, twice[1], unknown])
+    report_input = GaitReportInput(recording_ids=[person], reference_recording_ids=[twice[0], other, twice[1], unknown])
 
     async def run() -> Any:
         async with service.parts.engine.begin() as connection:
-            return await stage(connection, service.parts.blobs, asked, tmp_path)
+            return await stage(connection, service.parts.blobs, report_input, tmp_path)
 
     task = GaitReportTask.model_validate(service.run(run()))
     people = [[one.recording_id for one in group.members] for group in task.reference]

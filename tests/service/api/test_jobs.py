@@ -352,8 +352,8 @@ def test_jobs_say_their_verdict_in_the_list_as_alone(http: httpx.Client, service
     service.run(succeed(service.parts, attempts[0], summary=contradicted))
     service.run(succeed(service.parts, attempts[1], summary=certified))
     service.run(succeed(service.parts, attempts[2]))
-    kept: tuple[dict[str, Any], list[Any]] = ({"summary": contradicted, "references": [], "versions": {}}, [])
-    service.run(fail(service.parts, attempts[3], kept))
+    partial: tuple[dict[str, Any], list[Any]] = ({"summary": contradicted, "references": [], "versions": {}}, [])
+    service.run(fail(service.parts, attempts[3], partial))
     alone = {job_id: http.get(f"{JOBS}/{job_id}").json() for job_id in ids}
     listed = {job["id"]: job for job in http.get(JOBS, params={"limit": 200}).json()["items"]}
     verdicts = [alone[job_id]["verdict"] for job_id in ids]

@@ -78,12 +78,12 @@ def test_every_recording_of_every_subject_is_counted(http: httpx.Client) -> None
 
 
 def test_the_oldest_recordings_are_found_by_their_subject(http: httpx.Client) -> None:
-    found = [one["id"] for one in every(http, "/api/v1/recordings", subject_id="s1")]
-    assert found == [f"r{n}" for n in range(N_OF_OLDEST, 0, -1)]
+    ids = [one["id"] for one in every(http, "/api/v1/recordings", subject_id="s1")]
+    assert ids == [f"r{n}" for n in range(N_OF_OLDEST, 0, -1)]
     first = http.get("/subjects/s1").text
-    assert re.findall(r'name="recording" value="(\w+)"', first) == found[:50]
+    assert re.findall(r'name="recording" value="(\w+)"', first) == ids[:50]
     (older,) = re.findall(r'href="(/subjects/s1\?cursor=[^"]+)"', first)
-    assert re.findall(r'name="recording" value="(\w+)"', http.get(older).text) == found[50:100]
+    assert re.findall(r'name="recording" value="(\w+)"', http.get(older).text) == ids[50:100]
 
 
 def test_recordings_of_nobody_are_offered_to_the_last(http: httpx.Client) -> None:

@@ -133,8 +133,8 @@ def test_the_task_of_an_estimate_carries_the_sets(
 
     async def staged() -> dict[str, Any]:
         async with service.parts.engine.connect() as connection:
-            asked = EstimateComInput(recording_id=recording["id"])
-            return await stage_estimate_com(connection, service.parts.blobs, asked, tmp_path)
+            job_input = EstimateComInput(recording_id=recording["id"])
+            return await stage_estimate_com(connection, service.parts.blobs, job_input, tmp_path)
 
     task = service.run(staged())
     (carried,) = task["recording"]["marker_sets"]

@@ -66,11 +66,11 @@ def test_a_stated_session_stands_until_it_is_taken_back(http: httpx.Client, tria
     stated = session_of(http, trials[0], session_id="gait-lab.2026-03-01", subject_name="P9")
     assert (stated["session_id"], stated["session_stated"]) == ("gait-lab.2026-03-01", True)
     path = f"{RECORDINGS}/{stated['id']}"
-    kept = http.patch(path, json={"subject": {"name": "P10"}}).json()
-    assert kept["session_id"] == "gait-lab.2026-03-01"
-    found = http.patch(path, json={"session_id": None}).json()
+    renamed = http.patch(path, json={"subject": {"name": "P10"}}).json()
+    assert renamed["session_id"] == "gait-lab.2026-03-01"
+    reset = http.patch(path, json={"session_id": None}).json()
     other = session_of(http, trials[1], subject_name="P10")
-    assert (found["session_id"], found["session_stated"]) == (other["session_id"], False)
+    assert (reset["session_id"], reset["session_stated"]) == (other["session_id"], False)
     moved = http.patch(path, json={"session_id": "b"}).json()
     assert (moved["session_id"], moved["session_stated"]) == ("b", True)
 
@@ -86,15 +86,15 @@ def test_a_session_that_is_no_name_is_refused(http: httpx.Client, trials: Sequen
 
 
 def test_the_session_follows_the_person(http: httpx.Client, trials: Sequence[bytes]) -> None:
-    nobody, somebody = session_of(http, trials[0]), session_of(http, trials[1])
+    unnamed, named = session_of(http, trials[0]), session_of(http, trials[1])
     subject = http.post("/api/v1/subjects", json={"name": "S"}).json()["subject_id"]
-    found = {
+    session_ids = {
         http.patch(f"{RECORDINGS}/{one['id']}", json={"subject_id": subject}).json()["session_id"]
-        for one in (nobody, somebody)
+        for one in (unnamed, named)
     }
-    assert len(found) == 1
-    assert found != {None}
-    left = http.patch(f"{RECORDINGS}/{nobody['id']}", json={"subject_id": None}).json()
+    assert len(session_ids) == 1
+    assert session_ids != {None}
+    left = http.patch(f"{RECORDINGS}/{unnamed['id']}", json={"subject_id": None}).json()
     assert left["session_id"] is None
 
 
@@ -145,8 +145,8 @@ def task_of(service: Served, recording_id: str, folder: Path) -> EstimateComTask
 
     async def stage() -> Any:
         async with service.parts.engine.begin() as connection:
-            asked = EstimateComInput(recording_id=recording_id)
-            return await staging.stage_estimate_com(connection, service.parts.blobs, asked, folder)
+            job_input = EstimateComInput(recording_id=recording_id)
+            return await staging.stage_estimate_com(connection, service.parts.blobs, job_input, folder)
 
     return EstimateComTask.model_validate(service.run(stage()))
 
@@ -190,11 +190,11 @@ def test_the_static_trial_of_the_session_is_fetched_unless_another_is_stated(ser
     async def add(**columns: Any) -> str:
         return str(await add_recording(service.parts, facts=still, filename="static.c3d", **columns))
 
-    found, stated = service.run(add(session_id="with-static")), service.run(add())
+    from_session, stated = service.run(add(session_id="with-static")), service.run(add())
     task = task_of(service, walk, tmp_path / "found")
     assert task.static is not None
     assert task.session is not None
-    assert task.session.static_recording_id == found
+    assert task.session.static_recording_id == from_session
     assert task.session.latency_s is None, "nobody else has a clock"
 
     async def link() -> None:
@@ -210,13 +210,13 @@ def test_the_static_trial_of_the_session_is_fetched_unless_another_is_stated(ser
 
 def test_the_map_may_name_labels_of_the_static_trial(http: httpx.Client, service: Served, tmp_path: Path) -> None:
     walk = session_of(http, small_trial(tmp_path / "walk.c3d", seconds=1.7).read_bytes(), session_id="mapped")
-    path, wanted = f"{RECORDINGS}/{walk['id']}", {"marker_map": {"l_knee_medial": "LMEPI"}}
-    assert refusal(http.patch(path, json=wanted)) == (422, "invalid-request")
+    path, patch = f"{RECORDINGS}/{walk['id']}", {"marker_map": {"l_knee_medial": "LMEPI"}}
+    assert refusal(http.patch(path, json=patch)) == (422, "invalid-request")
     known = facts(still=True, labels=["LASI", "LMEPI"]).model_dump(mode="json")
     service.run(add_recording(service.parts, facts=known, session_id="mapped"))
-    changed = http.patch(path, json=wanted)
+    changed = http.patch(path, json=patch)
     assert changed.status_code == 200, changed.text
-    assert changed.json()["marker_map"] == wanted["marker_map"]
+    assert changed.json()["marker_map"] == patch["marker_map"]
     assert "l_knee_medial" not in changed.json()["landmarks"]
     assert refusal(http.patch(path, json={"marker_map": {"l_knee_medial": "NONE"}})) == (422, "invalid-request")
 

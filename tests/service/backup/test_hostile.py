@@ -82,11 +82,11 @@ def test_any_flipped_bit_is_found_or_harmless(backup: Path, tmp_path: Path) -> N
         (tmp_path / "x").write_bytes(changed)
         try:
             with open_archive(tmp_path / "x") as archive:
-                found = {name: b"".join(archive.read_pieces(name)) for name in archive.manifest.members}
+                members = {name: b"".join(archive.read_pieces(name)) for name in archive.manifest.members}
         except UnreadableFile:
             continue
         # dates and the like: what is read is what was written
-        assert found == {name: body for name, body in before.items() if name != MANIFEST}
+        assert members == {name: body for name, body in before.items() if name != MANIFEST}
 
 
 NAMES = [

@@ -63,8 +63,8 @@ def come_and_go(url: str, blobs: Path, stop: threading.Event, busy: threading.Ev
             if number > 20:
                 connection.execute("DELETE FROM recording WHERE id = %s", (f"r{number - 20}",))
                 with connection.transaction():
-                    asked = connection.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (locks.REMOVAL,))
-                    if asked.fetchone() == (True,):
+                    lock_query = connection.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (locks.REMOVAL,))
+                    if lock_query.fetchone() == (True,):
                         shutil.rmtree(blobs / "recordings" / f"r{number - 20}")
                 busy.set()
 
@@ -89,20 +89,20 @@ def test_backups_among_writers_are_whole(
     for number in range(4):
         with postgres.fresh(migrated=False) as url:
             put_back(tmp_path / f"{number}.backup", url)
-            kept = stored(tmp_path / "blobs")
+            files = stored(tmp_path / "blobs")
             there = rows(url)["recording"]
             assert len(there) == taken[number].rows["recording"] >= 19
             for row in there:
-                assert kept[row["blob_key"]].decode() == f"trial {row['id'][1:]}"
-                assert kept[row["tracks_key"]].decode() == f"tracks {row['id'][1:]}"
+                assert files[row["blob_key"]].decode() == f"trial {row['id'][1:]}"
+                assert files[row["tracks_key"]].decode() == f"tracks {row['id'][1:]}"
 
 
 def test_a_backup_waits_for_a_removal_at_work(database_url: str, tmp_path: Path) -> None:
     """Rows of a moment at which their files were just going would name what is not there."""
     store, target = BlobStore.from_url(tmp_path.as_uri()), tmp_path / "lab.backup"
     with psycopg.connect(database_url) as removing, psycopg.connect(database_url, autocommit=True) as watching:
-        asked = removing.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (locks.REMOVAL,))
-        assert asked.fetchone() == (True,)
+        lock_query = removing.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (locks.REMOVAL,))
+        assert lock_query.fetchone() == (True,)
         backup = threading.Thread(target=create_backup, args=(database_url, store, target))
         backup.start()
         waiting = "SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"

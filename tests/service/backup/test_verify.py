@@ -21,8 +21,8 @@ def test_damaged_and_missing_files_are_found_refused_and_repaired(
     monkeypatch.setenv("STRIDELAB_BLOB_URL", blobs.as_uri())
 
     def doctor() -> tuple[int, str]:
-        said = CliRunner().invoke(app, ["doctor", "--files"])
-        return said.exit_code, said.output
+        result = CliRunner().invoke(app, ["doctor", "--files"])
+        return result.exit_code, result.output
 
     with served(database_url, tmp_path / "data") as lab, lab.http() as http:
         made = upload(http, content).json()

@@ -46,7 +46,7 @@ ADD = "INSERT INTO job_event (job_id, state, attempt, fraction, message) VALUES 
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ("DELETE FROM job", "is lost"),
         ("UPDATE job SET state = 'running', finished_at = NULL", "is stuck as running"),
@@ -60,10 +60,10 @@ ADD = "INSERT INTO job_event (job_id, state, attempt, fraction, message) VALUES 
         ("UPDATE job_event SET state = 'failed' WHERE attempt = 1 AND state = 'running'", "went from failed to queued"),
     ],
 )
-def test_what_must_not_be_in_the_tables_is_found(database_url: str, blobs: Path, change: str, said: str) -> None:
+def test_what_must_not_be_in_the_tables_is_found(database_url: str, blobs: Path, change: str, message: str) -> None:
     with psycopg.connect(database_url) as connection:
         connection.execute(change.encode())
-    assert any(said in fault for fault in faults(database_url, blobs, [JOB])), faults(database_url, blobs, [JOB])
+    assert any(message in fault for fault in faults(database_url, blobs, [JOB])), faults(database_url, blobs, [JOB])
     with pytest.raises(AssertionError, match=JOB):
         assert_sound(database_url, blobs, [JOB], timeout_s=0.0)
 

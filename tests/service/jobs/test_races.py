@@ -61,8 +61,8 @@ def test_of_workers_that_race_for_an_orphan_one_gets_it(
             assert lost is not None
             await asyncio.to_thread(shift, database_url, 2 * STALL_S)
             await asyncio.gather(*(consumer.send_heartbeat() for consumer in living))
-            found = await asyncio.gather(*(attempts.requeue_lost(STALL_S) for _ in living))
-            assert [ids for ids in found if ids] == [[job_id]]
+            requeued = await asyncio.gather(*(attempts.requeue_lost(STALL_S) for _ in living))
+            assert [ids for ids in requeued if ids] == [[job_id]]
             taken = [a for a in await asyncio.gather(*(take(consumer) for consumer in living)) if a]
             assert [(one.job_id, one.number) for one in taken] == [(job_id, 2)]
             ends = await asyncio.gather(*(attempts.end_attempt(one, "failed", None, "") for one in (lost, taken[0])))

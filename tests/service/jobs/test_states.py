@@ -283,11 +283,11 @@ class JobMachine(RuleBasedStateMachine):
 
     @invariant()
     def events_tell_one_story(self) -> None:
-        told = self.look.execute(
+        histories = self.look.execute(
             "SELECT job_id, array_agg(state ORDER BY seq), array_agg(attempt ORDER BY seq) FROM job_event GROUP BY 1"
         ).fetchall()
-        assert {row[0] for row in told} == set(self.models)
-        for job_id, states, attempts in told:
+        assert {row[0] for row in histories} == set(self.models)
+        for job_id, states, attempts in histories:
             assert states[-1] == self.models[job_id].state
             assert sum(state in FINAL_STATES for state in states) <= 1
             assert attempts == sorted(attempts)

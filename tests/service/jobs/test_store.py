@@ -72,9 +72,9 @@ def test_same_key_and_body_is_the_same_job(use: Use) -> None:
         with pytest.raises(Conflict):
             await store.submit("long-work", {"a": 1, "b": 2}, owner="o", idempotency_key="k")
         other_owner = await store.submit("work", {"a": 2}, owner="p", idempotency_key="k")
-        nobody = await store.submit("work", {"a": 2}, idempotency_key="k")
+        anonymous = await store.submit("work", {"a": 2}, idempotency_key="k")
         assert other_owner.created
-        assert nobody.created
+        assert anonymous.created
         assert not (await store.submit("work", {"a": 2}, idempotency_key="k")).created
 
     use(act)

@@ -203,9 +203,9 @@ def test_cancelling_a_running_job_frees_the_processor(in_shop: Open) -> None:
             await asyncio.sleep(0.02)
         pid = int(record.message.split()[1])
         assert psutil.pid_exists(pid)
-        asked = await shop.store.request_cancel(job_id)
-        assert asked.state == "running"
-        assert asked.cancel_requested
+        cancellation = await shop.store.request_cancel(job_id)
+        assert cancellation.state == "running"
+        assert cancellation.cancel_requested
         ended = await shop.ended(job_id, 5.0)
         assert ended.state == "cancelled"
         assert ended.error is None

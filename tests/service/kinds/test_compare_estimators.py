@@ -39,9 +39,9 @@ def columns(table: Path, pattern: str) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, CompareEstimatorsSummary]:
-    folder, told = tmp_path_factory.mktemp("compared"), Told()
-    outcome = compare_estimators.run(task(folder, latency="apply"), folder, told)
-    assert told.fractions[-1] == 1.0
+    folder, progress = tmp_path_factory.mktemp("compared"), Told()
+    outcome = compare_estimators.run(task(folder, latency="apply"), folder, progress)
+    assert progress.fractions[-1] == 1.0
     assert [a.name for a in outcome.artifacts] == [f"{t}.{kind}" for t in TABLES for kind in ("parquet", "csv")]
     assert set(outcome.references) <= known_references()
     return folder, CompareEstimatorsSummary.model_validate(outcome.summary)
@@ -51,7 +51,7 @@ def test_every_method_of_this_version_is_compared(compared: tuple[Path, CompareE
     methods = compared[1].methods
     assert set(METHODS) | {"complementary-thesis"} <= set(methods) | set(compared[1].refused)
     assert compared[1].reference == "truth"
-    assert all(found.truth is not None for found in methods.values())
+    assert all(comparison.truth is not None for comparison in methods.values())
 
 
 def test_the_errors_are_those_of_estimate_com(compared: tuple[Path, CompareEstimatorsSummary], tmp_path: Path) -> None:

@@ -48,11 +48,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def outcome(folder: Path) -> dict:
-    told: list[float] = []
-    found = with_json(run)({"input": REQUEST}, folder, lambda fraction, _: told.append(fraction))
-    assert told == sorted(told)
-    assert told[-1] == 1.0
-    return found
+    fractions: list[float] = []
+    result = with_json(run)({"input": REQUEST}, folder, lambda fraction, _: fractions.append(fraction))
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+    return result
 
 
 def test_the_registry_runs_it() -> None:
@@ -113,8 +113,8 @@ def test_every_file_is_an_artifact(outcome: dict, folder: Path) -> None:
 
 def test_the_script_writes_the_bytes_of_the_job(tmp_path: Path) -> None:
     """The files that are bundled: same robot, measure, samples, seed and day, another number of processes."""
-    asked = {"robot": "talos", "samples": 700, "seed": 2}
-    with_json(run)({"input": asked}, tmp_path, lambda *_: None)
+    job_input = {"robot": "talos", "samples": 700, "seed": 2}
+    with_json(run)({"input": job_input}, tmp_path, lambda *_: None)
     day = store.read_card(tmp_path / "mixtures.json").learned_on
     options = ["--samples", "700", "--seed", "2", "--date", day, "--processes", "2", "--folder", str(tmp_path)]
     subprocess.run([sys.executable, str(SCRIPT), "talos", "uniform", *options], check=True)
@@ -123,10 +123,10 @@ def test_the_script_writes_the_bytes_of_the_job(tmp_path: Path) -> None:
 
 
 def test_the_other_measure_learns_from_stances(tmp_path: Path) -> None:
-    asked = {"robot": "talos", "effectors": ["left_foot"], "samples": 500, "measure": "conditioned"}
-    found = with_json(run)({"input": asked}, tmp_path, lambda *_: None)
-    assert found["summary"]["measure"] == "conditioned"
-    assert found["summary"]["effectors"]["left_foot"]["mode_m"][2] > 0.45, "well above a folded posture's 0.13"
+    job_input = {"robot": "talos", "effectors": ["left_foot"], "samples": 500, "measure": "conditioned"}
+    result = with_json(run)({"input": job_input}, tmp_path, lambda *_: None)
+    assert result["summary"]["measure"] == "conditioned"
+    assert result["summary"]["effectors"]["left_foot"]["mode_m"][2] > 0.45, "well above a folded posture's 0.13"
 
 
 def test_a_cancelled_job_leaves_no_process_behind(tmp_path: Path) -> None:

@@ -29,9 +29,9 @@ def carried_out(folder: Path, scenario: Scenario, **asked: Any) -> tuple[PlanRec
     input_ = PlanRecedingInput(scenario=scenario, period_s=PERIOD_S, **asked)
     task = {"scenario": scenario.model_dump(mode="json"), "input": input_.model_dump(mode="json")}
     folder.mkdir(exist_ok=True)
-    told = Told()
-    outcome = with_json(run)(task, folder, told)
-    assert told.fractions[-1] == 1.0
+    progress = Told()
+    outcome = with_json(run)(task, folder, progress)
+    assert progress.fractions[-1] == 1.0
     assert {item["name"] for item in outcome["artifacts"]} == FILES
     return PlanRecedingSummary.model_validate(outcome["summary"]), pq.read_table(folder / "receding.parquet")
 

@@ -23,10 +23,10 @@ from support.command_line import Told
 
 
 def test_an_item_leaves_numbers_tables_and_a_drawing(tmp_path: Path) -> None:
-    told = Told()
-    outcome = kind.run(ReproduceTask(input=ReproduceInput(item="fig-2.6", seeds=1)), tmp_path, told)
+    progress = Told()
+    outcome = kind.run(ReproduceTask(input=ReproduceInput(item="fig-2.6", seeds=1)), tmp_path, progress)
     summary = ReproduceSummary.model_validate(outcome.summary)
-    assert told.fractions[-1] == 1.0
+    assert progress.fractions[-1] == 1.0
     assert (summary.seeds, summary.seed, summary.sampling) == (1, 0, "Seed 0.")
     assert {(claim.evidence, claim.n, claim.aim) for claim in summary.claims} == {("simulated", 1, False)}
     assert summary.thesis["axis_worse_from_hz"] == 0.4

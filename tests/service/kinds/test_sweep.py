@@ -20,10 +20,10 @@ from support.command_line import Told
 from support.robots.plans import changed, short_walk
 
 
-def task(vary: dict[str, Any], scenario: Scenario | None = None, **asked: Any) -> SweepTask:
+def task(vary: dict[str, Any], scenario: Scenario | None = None, **options: Any) -> SweepTask:
     body = scenario or short_walk()
-    asked = {"solver": "ipopt", "node_rate_hz": 5.0, **asked}
-    return SweepTask(scenario=body, input=SweepInput(scenario=body, vary=vary, **asked))
+    options = {"solver": "ipopt", "node_rate_hz": 5.0, **options}
+    return SweepTask(scenario=body, input=SweepInput(scenario=body, vary=vary, **options))
 
 
 def test_the_registry_names_it() -> None:
@@ -32,13 +32,13 @@ def test_the_registry_names_it() -> None:
 
 def test_strides_by_friction(tmp_path: Path) -> None:
     """What is out of reach is refused, what slips has no motion, and what is left has one, on two processes."""
-    told = Told()
+    progress = Told()
     vary = {"stride": (0.5, 5.0, 2), "friction": (0.002, 0.4, 2)}
-    outcome = sweep.run(task(vary), tmp_path, told, 2)
+    outcome = sweep.run(task(vary), tmp_path, progress, 2)
     summary = SweepSummary.model_validate(outcome.summary)
     table = pq.read_table(tmp_path / "sweep.parquet")
     assert {item.name for item in outcome.artifacts} == {"sweep.parquet", "sweep.csv"}
-    assert told.fractions[-1] == 1.0
+    assert progress.fractions[-1] == 1.0
     assert table["stride_m"].to_pylist() == [0.5, 0.5, 5.0, 5.0]
     assert table["friction"].to_pylist() == [0.002, 0.4, 0.002, 0.4]
     assert table["outcome"].to_pylist() == ["infeasible", "feasible", "refused", "refused"]

@@ -312,6 +312,6 @@ def test_what_is_imported_ahead_is_there_and_starts_no_thread(monkeypatch: pytes
             ask["on_progress"] = lambda _fraction, text: heard.append(text)
             return (await pool.run("support.service.computations:inheritance", task, tmp_path, **ask)).value
 
-    found = asyncio.run(inside())
+    inheritance = asyncio.run(inside())
     assert heard == ["start: waiting for the libraries"]  # the first task of a process that has just been started
-    assert found == {"missing": [], "threads_of_the_nursery": 1}
+    assert inheritance == {"missing": [], "threads_of_the_nursery": 1}

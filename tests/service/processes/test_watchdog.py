@@ -56,8 +56,8 @@ def verdict_after(silence: ResponseWatchdog, clock: Clock, limit_s: float) -> tu
     began_s = clock.now_s
     while clock.now_s - began_s < limit_s:
         clock.now_s += 0.2
-        if (said := silence.failure_state()) is not None:
-            return said, clock.now_s - began_s
+        if (failure := silence.failure_state()) is not None:
+            return failure, clock.now_s - began_s
     return None, limit_s
 
 
@@ -66,8 +66,8 @@ def test_a_process_that_waits_and_does_not_answer_hangs(idle: subprocess.Popen[b
     silence = ResponseWatchdog(idle.pid, clock=clock)
     assert verdict_after(silence, clock, STARTING_S - 1) == (None, STARTING_S - 1)
     silence.record_answer()
-    said, after_s = verdict_after(silence, clock, 60.0)
-    assert said == "hangs"
+    failure, after_s = verdict_after(silence, clock, 60.0)
+    assert failure == "hangs"
     assert HUNG_S <= after_s < HUNG_S + 2
     silence.record_answer()
     assert silence.failure_state() is None
@@ -78,8 +78,8 @@ def test_a_stopped_process_is_known_sooner_even_before_its_first_answer(idle: su
     while psutil.Process(idle.pid).status() != psutil.STATUS_STOPPED:
         time.sleep(0.01)
     clock = Clock()
-    said, after_s = verdict_after(ResponseWatchdog(idle.pid, clock=clock), clock, 60.0)
-    assert said == "stopped"
+    failure, after_s = verdict_after(ResponseWatchdog(idle.pid, clock=clock), clock, 60.0)
+    assert failure == "stopped"
     assert STOPPED_S <= after_s < STOPPED_S + 2
 
 
@@ -90,8 +90,8 @@ def test_a_process_that_waits_for_a_processor_has_more_time(
     monkeypatch.setattr(watchdog, "_queued_s", lambda _: 0.95 * clock.now_s)  # a twentieth of a processor
     silence = ResponseWatchdog(idle.pid, clock=clock)
     silence.record_answer()
-    said, after_s = verdict_after(silence, clock, 1000.0)
-    assert said == "hangs"
+    failure, after_s = verdict_after(silence, clock, 1000.0)
+    assert failure == "hangs"
     assert HUNG_S * CERTAIN_FACTOR - 1 < after_s <= HUNG_S * CERTAIN_FACTOR + 1
     monkeypatch.setattr(watchdog, "_queued_s", lambda _: 0.5 * clock.now_s)
     silence.record_answer()
@@ -152,8 +152,8 @@ def test_a_program_without_heartbeats_is_started_again(
     (tmp_path / "beating.py").write_text(BEATING, encoding="utf-8")
     environment = {**os.environ, "PYTHONPATH": ":".join([str(tmp_path), *sys.path])}
     program = _SupervisedProgram("beating", tmp_path / "x.log", environment)
-    said: list[str] = []
-    program.keep_running(said.append)
+    log_lines: list[str] = []
+    program.keep_running(log_lines.append)
     assert program.process is not None
     assert program.watchdog is not None
     program.watchdog._hung_s = 2.0
@@ -161,14 +161,14 @@ def test_a_program_without_heartbeats_is_started_again(
     deadline = time.monotonic() + 60.0
     try:
         while (program.watchdog is None or not program.watchdog._has_answered) and time.monotonic() < deadline:
-            program.keep_running(said.append)
+            program.keep_running(log_lines.append)
             time.sleep(0.05)
         if how == "stopped":
             program.process.send_signal(signal.SIGSTOP)
         while (program.process is None or program.process.pid == first) and time.monotonic() < deadline:
-            program.keep_running(said.append)
+            program.keep_running(log_lines.append)
             time.sleep(0.1)
-        assert said == [f"beating {'is stopped' if how == 'stopped' else 'does not respond'}: restarting it."]
+        assert log_lines == [f"beating {'is stopped' if how == 'stopped' else 'does not respond'}: restarting it."]
         assert program.process is not None
         assert program.process.pid != first
     finally:

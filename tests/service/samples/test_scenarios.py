@@ -19,8 +19,8 @@ from support.service.database import within
 
 async def rows(engine: AsyncEngine) -> dict[str, dict[str, Any]]:
     async with engine.connect() as connection:
-        found = (await connection.execute(select(scenario))).mappings().all()
-    return {row["id"]: dict(row) for row in found}
+        stored_rows = (await connection.execute(select(scenario))).mappings().all()
+    return {row["id"]: dict(row) for row in stored_rows}
 
 
 def write(folder: Path, stem: str, **changes: Any) -> None:
@@ -86,14 +86,14 @@ def test_a_damaged_row_is_repaired_and_users_scenarios_stay(database_url: str, t
             await connection.execute(insert(scenario).values(id=users, body=ONE_STEP))
         assert await scenarios.seed_scenarios(engine, tmp_path)
         (tmp_path / "walk.json").unlink()
-        kept = await rows(engine)
+        repaired_rows = await rows(engine)
         assert await scenarios.seed_scenarios(engine, tmp_path)
-        return kept, await rows(engine)
+        return repaired_rows, await rows(engine)
 
-    kept, left = within(database_url, act)
-    assert kept["walk"]["body"]["name"] == ONE_STEP["name"]
-    assert left == {users: kept[users]}
-    assert left[users]["bundled"] is False
+    repaired_rows, deleted_rows = within(database_url, act)
+    assert repaired_rows["walk"]["body"]["name"] == ONE_STEP["name"]
+    assert deleted_rows == {users: repaired_rows[users]}
+    assert deleted_rows[users]["bundled"] is False
 
 
 @pytest.mark.parametrize("stem", ["0" * 32, "Walk", "a b", "a_b", "a.b", "-a", "x" * 65, "schön"])

@@ -34,11 +34,11 @@ def store_on(system: VolatileFileSystem, folder: Path) -> BlobStore:
 def test_a_file_is_lost_where_nothing_is_synchronised(tmp_path: Path) -> None:
     """The simulation can lose a file: otherwise the tests below would show nothing."""
     (tmp_path / "file").write_bytes(b"content")
-    for syncs, kept in ((False, {}), (True, {"results/a/1/x": b"content"})):
+    for syncs, remaining in ((False, {}), (True, {"results/a/1/x": b"content"})):
         system = VolatileFileSystem(tmp_path / f"blobs-{syncs}", syncs=syncs)
         store = store_on(system, tmp_path / f"blobs-{syncs}")
         asyncio.run(store.put_file("results/a/1/x", tmp_path / "file"))
-        assert system.after_power_cut() == kept
+        assert system.after_power_cut() == remaining
 
 
 @pytest.mark.parametrize("left_out", ["file", "folder", "parent"])

@@ -27,8 +27,8 @@ def test_scenarios_and_jobs_of_revision_0001(postgres: TestDatabases) -> None:
         migrate(url)
         assert is_migrated(url)
         with psycopg.connect(url) as new:
-            kept = new.execute("SELECT body, bundled, updated_at = created_at FROM scenario").fetchall()
-            assert kept == [({"a": 1}, False, True)]
+            scenario_rows = new.execute("SELECT body, bundled, updated_at = created_at FROM scenario").fetchall()
+            assert scenario_rows == [({"a": 1}, False, True)]
             assert new.execute("SELECT id, kind, scenario_id FROM job").fetchall() == [("j", "estimate-com", None)]
             new.execute("UPDATE job SET scenario_id = 's'")
             new.execute("DELETE FROM scenario")
@@ -44,10 +44,12 @@ def test_every_row_survives_the_way_from(postgres: TestDatabases, tmp_path: Path
         before = rows(url)
         migrate(url)
         after = rows(url)
-        for table, kept in before.items():
-            for old in kept:
+        for table, rows_before in before.items():
+            for old in rows_before:
                 old.pop("queue_id", None)  # the row of the queue that revision 0009 drops
-            assert [{name: new[name] for name in old} for old, new in zip(kept, after[table], strict=True)] == kept
+            assert [
+                {name: new[name] for name in old} for old, new in zip(rows_before, after[table], strict=True)
+            ] == rows_before
         migrate(url)  # nothing is left to do
         assert rows(url) == after
         engine = engine_of(url)
@@ -102,8 +104,8 @@ def test_jobs_in_flight_in_the_old_queue_are_run_by_the_new_one(postgres: TestDa
         jobs = Jobs(url)
         with worker(url, tmp_path / "w", STRIDELAB_BLOB_URL=(tmp_path / "blobs").as_uri()):
             ended = {name: jobs.until_final(name) for name in states}
-        found = {name: (record.state, record.attempt) for name, record in ended.items()}
-        assert found == {
+        outcomes = {name: (record.state, record.attempt) for name, record in ended.items()}
+        assert outcomes == {
             "waiting": ("succeeded", 1),
             "fetched": ("succeeded", 1),
             "redelivered": ("succeeded", 2),

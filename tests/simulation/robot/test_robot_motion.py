@@ -21,22 +21,22 @@ MOTIONS = ["robot_walk", "brisk_walk", "robot_run"]
 
 @pytest.fixture(params=MOTIONS)
 def motion(request: pytest.FixtureRequest) -> RobotWalk:
-    found: RobotWalk = request.getfixturevalue(request.param)
-    return found
+    walk: RobotWalk = request.getfixturevalue(request.param)
+    return walk
 
 
 def soles(moved: RobotWalk) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Place and rotation of both contact frames over time, by pinocchio."""
     model, frames = with_contact_frames(moved.robot)
     data = model.createData()
-    found: dict[str, tuple[list, list]] = {"left": ([], []), "right": ([], [])}
+    tracks: dict[str, tuple[list, list]] = {"left": ([], []), "right": ([], [])}
     for q in moved.motion.q:
         pin.framesForwardKinematics(model, data, q)
-        for side, (places, rotations) in found.items():
+        for side, (places, rotations) in tracks.items():
             pose = data.oMf[frames[f"{side}_foot"]]
             places.append(pose.translation.copy())
             rotations.append(pose.rotation.copy())
-    return {side: (np.array(places), np.array(rotations)) for side, (places, rotations) in found.items()}
+    return {side: (np.array(places), np.array(rotations)) for side, (places, rotations) in tracks.items()}
 
 
 def richardson(track: np.ndarray) -> np.ndarray:
@@ -65,8 +65,8 @@ def test_velocities_and_accelerations_are_those_of_the_configurations(motion: Ro
             ahead = pin.difference(model, m.q[k + 2], m.q[k + 2 + i])
             behind = pin.difference(model, m.q[k + 2], m.q[k + 2 - i])
             velocity[k] += weight * (ahead - behind) / (12.0 * DT)
-    for found, exact in ((velocity, m.v[2:-2]), (richardson(m.v), m.a[2:-2])):
-        error = np.abs(found - exact).max(axis=1)
+    for computed, exact in ((velocity, m.v[2:-2]), (richardson(m.v), m.a[2:-2])):
+        error = np.abs(computed - exact).max(axis=1)
         assert np.percentile(error, 90) < 0.01 * np.abs(exact).max()
         assert np.median(error) < 1e-3 * np.abs(exact).max()
 
@@ -132,8 +132,8 @@ def test_zero_moment_point_stays_where_it_was_planned(
     """The soles reach 97 mm forwards and 62 mm sideways: the walk needs no forces that the ground cannot give."""
     moved: RobotWalk = request.getfixturevalue(name)
     t = moved.truth
-    found = zmp_of_motion(t.com_m, t.acceleration_m_s2, t.momentum_rate_nm, t.mass_kg)
-    error_mm = 1e3 * np.abs(found - moved.load.zmp_m).max(axis=0)
+    zmp_m = zmp_of_motion(t.com_m, t.acceleration_m_s2, t.momentum_rate_nm, t.mass_kg)
+    error_mm = 1e3 * np.abs(zmp_m - moved.load.zmp_m).max(axis=0)
     assert np.all(error_mm < [x_mm, y_mm])
 
 

@@ -106,9 +106,9 @@ class ScenePoses:
 
     def __init__(self, page: Page, address: str) -> None:
         self._page = page
-        said: dict[str, Any] = page.evaluate(START, address)
-        self.links = [name for name, _ in said["links"]]
-        self.time_s = np.array(said["time_s"])
+        session: dict[str, Any] = page.evaluate(START, address)
+        self.links = [name for name, _ in session["links"]]
+        self.time_s = np.array(session["time_s"])
 
     def told(self, time_s: np.ndarray) -> np.ndarray:
         """Poses ``(n, links, 7)`` at instants, as they are handed to viser."""
@@ -178,8 +178,8 @@ def until(page: Page, holds: Callable[[], bool]) -> None:
 
 def nodes(page: Page, *names: str) -> dict[str, Any]:
     """Position, quaternion and scale of nodes, as they are drawn."""
-    found: dict[str, Any] = page.evaluate(NODES, list(names))
-    return found
+    poses: dict[str, Any] = page.evaluate(NODES, list(names))
+    return poses
 
 
 def drag(page: Page, node: str, to_m: tuple[float, float, float]) -> None:

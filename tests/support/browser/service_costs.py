@@ -42,14 +42,14 @@ class Consumption:
     @staticmethod
     def of(pid: int | None) -> "Consumption":
         """Those of the service with the process ``pid``."""
-        found: dict[str, psutil.Process] = {}
+        processes: dict[str, psutil.Process] = {}
         for process in psutil.Process(pid).children(recursive=True):
             line = process.cmdline()
             for name, module in ANSWERING.items():
                 if line[-2:] == ["-m", module] and "stridelab.service.processes.parent_death" not in line:
-                    found[name] = process
-        assert set(found) == set(ANSWERING), found
-        return Consumption(found)
+                    processes[name] = process
+        assert set(processes) == set(ANSWERING), processes
+        return Consumption(processes)
 
     def cpu_s(self) -> float:
         """Processor seconds of all of them so far."""
@@ -162,11 +162,11 @@ async def _carry(source: asyncio.StreamReader, sink: asyncio.StreamWriter, wire:
             else:
                 wire.down_bytes += len(piece)
             if wire.is_socket:
-                found = frames.count(piece)
+                n_frames = frames.count(piece)
                 if up is not None:
-                    wire.heard += found
+                    wire.heard += n_frames
                 else:
-                    wire.said += found
+                    wire.said += n_frames
             sink.write(piece)
             await sink.drain()
     finally:
@@ -189,19 +189,19 @@ class Frames:
             if not mark:
                 return 0
             self._opened, self._rest = True, rest
-        found = 0
+        n_frames = 0
         while True:
             passed = min(self._skip, len(self._rest))
             self._skip, self._rest = self._skip - passed, self._rest[passed:]
             if self._skip or len(self._rest) < 2:
-                return found
+                return n_frames
             first, second = self._rest[0], self._rest[1]
             long = LONG.get(second & 0x7F, 0)
             if len(self._rest) < 2 + long:
-                return found
+                return n_frames
             length = int.from_bytes(self._rest[2 : 2 + long]) if long else second & 0x7F
             self._skip = 2 + long + (4 if second & 0x80 else 0) + length
-            found += (first & 0x0F) in FINAL_AND_FIRST
+            n_frames += (first & 0x0F) in FINAL_AND_FIRST
 
 
 ADMIN = "a-secret-of-the-lab"
@@ -224,9 +224,9 @@ class Lab:
 
     def wait_until_prepared(self, robot: str) -> None:
         """Until then the viewer's pages show how far the robot's files are."""
-        while (found := self.admin.get(f"/api/v1/robots/{robot}/preparation").json())["state"] == "preparing":
+        while (preparation := self.admin.get(f"/api/v1/robots/{robot}/preparation").json())["state"] == "preparing":
             time.sleep(0.1)
-        assert found["state"] == "ready", found
+        assert preparation["state"] == "ready", preparation
 
     def audited(self, scenario_id: str) -> list[tuple[str, str]]:
         items = self.admin.get("/api/v1/audit").json()["items"]

@@ -31,10 +31,10 @@ class Reader:
     def value(self, text: str) -> Any:
         self.tokens, at = [], 0
         while text[at:].strip():
-            found = TOKEN.match(text, at)
-            assert found, f"not read: {text[at:]}"
-            self.tokens.append(found.group(1))
-            at = found.end()
+            token = TOKEN.match(text, at)
+            assert token, f"not read: {text[at:]}"
+            self.tokens.append(token.group(1))
+            at = token.end()
         answer = self._compared()
         assert not self.tokens, f"not read: {self.tokens} of {text}"
         return answer
@@ -61,13 +61,13 @@ class Reader:
         return self._named(token)
 
     def _until(self, close: str) -> list[Any]:
-        found = []
+        values = []
         while self.tokens[0] != close:
-            found.append(self._compared())
+            values.append(self._compared())
             if self.tokens[0] == ",":
                 self.tokens.pop(0)
         self.tokens.pop(0)
-        return found
+        return values
 
     def _named(self, token: str) -> Any:
         if token in ENUMERATION:

@@ -264,16 +264,16 @@ def _pair(
 _NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
 
 
-def listed_recordings(kept: Iterable[Recording], query: Mapping[str, str]) -> dict[str, Any]:
+def listed_recordings(stored: Iterable[Recording], query: Mapping[str, str]) -> dict[str, Any]:
     """The page of recordings that ``query`` asks for; a cursor is the number of those before it."""
-    found = [one for one in reversed(list(kept)) if query.get("session_id") in (None, one.session_id)]
+    matching = [one for one in reversed(list(stored)) if query.get("session_id") in (None, one.session_id)]
     if "subject_id" in query:
-        found = [one for one in found if one.subject_id == query["subject_id"]]
+        matching = [one for one in matching if one.subject_id == query["subject_id"]]
     if "linked" in query:
-        found = [one for one in found if (one.subject_id is not None) == (query["linked"] == "true")]
+        matching = [one for one in matching if (one.subject_id is not None) == (query["linked"] == "true")]
     start, limit = int(query.get("cursor", 0)), int(query.get("limit", 50))
-    shown = [one.model_dump(mode="json") for one in found[start : start + limit]]
-    return {"items": shown, "next": str(start + limit) if len(found) > start + limit else None}
+    shown = [one.model_dump(mode="json") for one in matching[start : start + limit]]
+    return {"items": shown, "next": str(start + limit) if len(matching) > start + limit else None}
 
 
 class FakeSubjects:
@@ -310,8 +310,8 @@ class FakeSubjects:
     async def _one(self, request: Request) -> Response:
         key = request.path_params["id"]
         if key not in self.kept:
-            said = Problem(title="404", status=404, code="subject-not-found", detail="There is no such subject.")
-            return Response(said.model_dump_json(), 404, media_type="application/problem+json")
+            problem = Problem(title="404", status=404, code="subject-not-found", detail="There is no such subject.")
+            return Response(problem.model_dump_json(), 404, media_type="application/problem+json")
         if request.method == "DELETE":
             del self.kept[key]
             return Response(status_code=204)

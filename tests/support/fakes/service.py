@@ -112,9 +112,9 @@ class FakeService:
 
     def add_scenario(self, *, bundled: bool = False, given: Scenario | None = None) -> StoredScenario:
         """A stored scenario."""
-        kept = robots.stored(given or robots.scenario(), bundled=bundled)
-        self.scenarios[kept.id] = kept
-        return kept
+        stored_scenario = robots.stored(given or robots.scenario(), bundled=bundled)
+        self.scenarios[stored_scenario.id] = stored_scenario
+        return stored_scenario
 
     def add_plan(
         self,
@@ -172,11 +172,11 @@ class FakeService:
         if job_id in self.plans:
             receding = self.jobs[job_id].kind == "plan-receding"
             made = robots.receding_result if receding else robots.plan_result
-            found = made(given, self.plans[job_id])
+            job_result = made(given, self.plans[job_id])
             if job_id in self.stopped:
-                kept = {"stopped": self.stopped[job_id].model_dump(), "certificate": None, "replay": None}
-                found.summary.update(kept)
-            return found
+                early_summary = {"stopped": self.stopped[job_id].model_dump(), "certificate": None, "replay": None}
+                job_result.summary.update(early_summary)
+            return job_result
         if job_id in self.comparisons:
             with_truth, files = self.comparisons[job_id]
             return results.comparison_result(given, files, with_truth=with_truth)
@@ -241,8 +241,8 @@ class FakeService:
         content = await file.read()
         await form.close()
         if not content.startswith(b"\x02P"):
-            said = f"{name} is neither a C3D file nor a ZIP."
-            return _problem(422, "not-a-recording", said, [(name, "no C3D header")])
+            reason = f"{name} is neither a C3D file nor a ZIP."
+            return _problem(422, "not-a-recording", reason, [(name, "no C3D header")])
         digest = hashlib.sha256(content).hexdigest()
         same = [known for known in self.recordings.values() if known.sha256 == digest]
         if same and "reuse" in request.query_params:
@@ -273,7 +273,7 @@ class FakeService:
 
     async def _jobs(self, request: Request) -> Response:
         query = request.query_params
-        found = [
+        matching = [
             job
             for job in reversed(self.jobs.values())
             if all(
@@ -283,7 +283,7 @@ class FakeService:
             )
         ]
         limit = int(query.get("limit", 50))
-        return _answer({"items": [j.model_dump(mode="json") for j in found[:limit]], "next": None})
+        return _answer({"items": [j.model_dump(mode="json") for j in matching[:limit]], "next": None})
 
     async def _health(self, _: Request) -> Response:
         return _answer(Health(version="0.1.0", uptime_s=12.5).model_dump(mode="json"))
@@ -357,8 +357,8 @@ class FakeService:
         return _answer(Solvers(auto="casadi", solvers=[native]).model_dump(mode="json"))
 
     async def _robots(self, _: Request) -> Response:
-        found = robots.robots(None if self.robot_refusal is None else self.robot_refusal[2])
-        return _answer({"items": [item.model_dump(mode="json") for item in found], "next": None})
+        listed = robots.robots(None if self.robot_refusal is None else self.robot_refusal[2])
+        return _answer({"items": [item.model_dump(mode="json") for item in listed], "next": None})
 
     async def _robot(self, _: Request) -> Response:
         if self.robot_refusal is not None:

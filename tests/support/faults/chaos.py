@@ -138,8 +138,10 @@ def run(jobs: int, kills: int, *, work_s: float, pause_s: tuple[float, float], l
         assert len(set(made.accepted)) == jobs
         assert_sound(service.url, service.folder / "blobs", made.accepted)
         with psycopg.connect(service.url) as connection:
-            found = connection.execute("SELECT sum(attempt - 1), max(attempt) FROM job WHERE kind = 'work'").fetchone()
-        repeated, most = found or (0, 0)
+            retries = connection.execute(
+                "SELECT sum(attempt - 1), max(attempt) FROM job WHERE kind = 'work'"
+            ).fetchone()
+        repeated, most = retries or (0, 0)
     victims = ", ".join(f"{count} {kind}" for kind, count in sorted(made.killed.items()))
     return (
         f"{jobs} jobs under {kills} kills ({victims}): all finished exactly once in {time.monotonic() - began:.0f} s; "
@@ -156,14 +158,14 @@ def _range(text: str | None, number: int) -> list[int]:
 
 def main() -> None:
     """Entry point."""
-    asked = argparse.ArgumentParser(prog="make chaos", description=__doc__)
-    asked.add_argument("--jobs", type=int, default=10_000)
-    asked.add_argument("--kills", type=int, default=100)
-    asked.add_argument("--work", type=float, default=0.2, help="seconds that one job computes")
-    asked.add_argument("--pause", type=float, default=15.0, help="mean seconds between two kills")
-    asked.add_argument("--limit", type=float, default=6 * 3600.0, help="seconds until the run counts as stuck")
-    asked.add_argument("--seed", type=int, default=None)
-    numbered = asked.add_argument_group(
+    parser = argparse.ArgumentParser(prog="make chaos", description=__doc__)
+    parser.add_argument("--jobs", type=int, default=10_000)
+    parser.add_argument("--kills", type=int, default=100)
+    parser.add_argument("--work", type=float, default=0.2, help="seconds that one job computes")
+    parser.add_argument("--pause", type=float, default=15.0, help="mean seconds between two kills")
+    parser.add_argument("--limit", type=float, default=6 * 3600.0, help="seconds until the run counts as stuck")
+    parser.add_argument("--seed", type=int, default=None)
+    numbered = parser.add_argument_group(
         "COMMITs that are lost or late (support.faults.commits), instead of random kills"
     )
     numbered.add_argument("--schedule", type=int, action="append", help=f"one of 0 to {len(SCHEDULES) - 1}")
@@ -171,7 +173,7 @@ def main() -> None:
     numbered.add_argument("--pair", type=int, action="append", help=f"one of 0 to {NUMBERS - 1}, with two jobs")
     numbered.add_argument("--pairs", help="a range of these, as 0:100, or 'all'")
     numbered.add_argument("--at-once", type=int, default=4, help="schedules that run at the same time")
-    given = asked.parse_args()
+    given = parser.parse_args()
     chosen = [*(given.schedule or []), *_range(given.schedules, len(SCHEDULES))]
     pairs = [*(given.pair or []), *_range(given.pairs, NUMBERS)]
     if pairs:

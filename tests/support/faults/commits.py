@@ -327,8 +327,8 @@ def run(schedule: Schedule, url: str, folder: Path) -> str:
         assert_sound(url, folder / "blobs", [job_id])
         removed = within(url, lambda engine: remove_orphans_now(engine, folder / "blobs"))
         assert_sound(url, folder / "blobs", [job_id])
-        kept = list((folder / "blobs" / "results").rglob("*.csv"))
-        assert len(kept) == 1, f"{len(kept)} files after the janitor"
+        result_files = list((folder / "blobs" / "results").rglob("*.csv"))
+        assert len(result_files) == 1, f"{len(result_files)} files after the janitor"
         starts = jobs.get(job_id).attempt
     return f"{record.state} after {starts} starts, {len(removed)} prefixes left to the janitor"
 
@@ -361,12 +361,12 @@ def run_all(
         began = time.monotonic()
         try:
             with server.fresh() as url:
-                said = run_one(number, url, folder / str(number))
+                report = run_one(number, url, folder / str(number))
         except Exception as error:
-            said = f"FAILED: {error or ''.join(traceback.format_exception(error))}"
+            report = f"FAILED: {error or ''.join(traceback.format_exception(error))}"
             with lock:
                 failed.append(number)
-        say(f"schedule {number} {said} [{time.monotonic() - began:.0f} s]")
+        say(f"schedule {number} {report} [{time.monotonic() - began:.0f} s]")
 
     with ThreadPoolExecutor(at_once) as threads:
         list(threads.map(one, numbers))

@@ -153,26 +153,26 @@ class Soak:
         """Everything that has grown by more than it may."""
         first, last = self.samples[0], self.samples[-1]
         jobs = last.accepted - first.accepted
-        found = [f"{self.worse} answers with 5xx, or none"] if self.worse else []
+        faults = [f"{self.worse} answers with 5xx, or none"] if self.worse else []
         for name, most in (("memory_mb", MEMORY_MB), ("files", FILES)):
             for role, fitted in self._fitted(name).items():
                 if fitted > most:
-                    found.append(f"{name} of the {role} has grown by {fitted:.1f}")
+                    faults.append(f"{name} of the {role} has grown by {fitted:.1f}")
         if growth([float(sample.connections) for sample in self._counted()]) > CONNECTIONS:
-            found.append("there are more and more connections")
+            faults.append("there are more and more connections")
         if last.scratch > first.scratch:
-            found.append(f"{last.scratch} folders of work in progress, and nothing is in progress")
+            faults.append(f"{last.scratch} folders of work in progress, and nothing is in progress")
         for name, rows in last.rows.items():
             if rows - first.rows[name] > self._rows_at_most(name):
-                found.append(f"{rows - first.rows[name]} rows of {name} for {jobs} jobs")
+                faults.append(f"{rows - first.rows[name]} rows of {name} for {jobs} jobs")
         if last.blobs - first.blobs > FILES_PER_JOB * jobs:
-            found.append(f"{last.blobs - first.blobs} files for {jobs} jobs")
-        return found
+            faults.append(f"{last.blobs - first.blobs} files for {jobs} jobs")
+        return faults
 
     def _rows_at_most(self, name: str) -> float:
         first, last = self.samples[0], self.samples[-1]
-        told = (last.computed_s - first.computed_s) / PROGRESS_S if name == "job_event" else 0.0
-        return ROWS_PER_JOB.get(name, 0) * (last.accepted - first.accepted) + told
+        progress_rows = (last.computed_s - first.computed_s) / PROGRESS_S if name == "job_event" else 0.0
+        return ROWS_PER_JOB.get(name, 0) * (last.accepted - first.accepted) + progress_rows
 
     def _counted(self) -> list[Sample]:
         """Samples after the warm-up, taken while there was work."""
@@ -191,12 +191,12 @@ LIGHT: tuple[str, dict[str, object]] = ("reproduce", {"item": "fig-2.5"})
 
 def main() -> None:
     """Entry point."""
-    asked = argparse.ArgumentParser(prog="make soak", description=__doc__)
-    asked.add_argument("--minutes", type=float, default=30.0)
-    asked.add_argument("--clients", type=int, default=10)
-    asked.add_argument("--round", type=float, default=20.0, help="seconds between two looks")
-    asked.add_argument("--light", action="store_true", help="jobs that compute nothing")
-    given = asked.parse_args()
+    parser = argparse.ArgumentParser(prog="make soak", description=__doc__)
+    parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--clients", type=int, default=10)
+    parser.add_argument("--round", type=float, default=20.0, help="seconds between two looks")
+    parser.add_argument("--light", action="store_true", help="jobs that compute nothing")
+    given = parser.parse_args()
     light = running_service(STRIDELAB_API_TOKEN=ADMIN)  # the tests' worker, and the real web server's logins
     with light if given.light else real_service() as service:
         os.nice(NICENESS)

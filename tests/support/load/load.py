@@ -237,9 +237,9 @@ class Load:
             async with asyncio.timeout(FOLLOWED_S), line.stream(f"/api/v1/jobs/{job_id}/events") as (status, chunks):
                 is_first = True
                 async for chunk in chunks:
-                    told = chunk.count(b"\ndata: ")
-                    tally.events += told
-                    if told and is_first:
+                    n_events = chunk.count(b"\ndata: ")
+                    tally.events += n_events
+                    if n_events and is_first:
                         tally.note("follow", Answer(status, {}, b""), time.perf_counter() - due_at)
                         is_first = False
         except TimeoutError:
@@ -300,13 +300,17 @@ def _own_s(process: psutil.Process) -> float:
 
 def _in_the_server(folder: Path, route: str) -> list[float]:
     """Milliseconds that the web server itself took for answers of ``route``, from its log, in order of size."""
-    found = []
+    lags = []
     for line in (folder / "logs" / "api.log").read_text(encoding="utf-8").splitlines():
         if f'"{route}"' in line and line.startswith("{"):
-            told: dict[str, Any] = json.loads(line)
-            if told.get("event") == "request" and told["route"] == route and told["method"] == "GET":
-                found.append(float(told["took_ms"]))
-    return sorted(found)
+            line_fields: dict[str, Any] = json.loads(line)
+            if (
+                line_fields.get("event") == "request"
+                and line_fields["route"] == route
+                and line_fields["method"] == "GET"
+            ):
+                lags.append(float(line_fields["took_ms"]))
+    return sorted(lags)
 
 
 def report(tally: Tally, clients: int, seconds: float, web_s: float, inside_ms: list[float]) -> str:
@@ -331,11 +335,11 @@ def report(tally: Tally, clients: int, seconds: float, web_s: float, inside_ms: 
 
 def main() -> None:
     """Entry point."""
-    asked = argparse.ArgumentParser(prog="make load", description=__doc__)
-    asked.add_argument("--clients", type=int, default=200)
-    asked.add_argument("--seconds", type=float, default=120.0)
-    asked.add_argument("--users", type=int, default=8, help="users that the clients share")
-    given = asked.parse_args()
+    parser = argparse.ArgumentParser(prog="make load", description=__doc__)
+    parser.add_argument("--clients", type=int, default=200)
+    parser.add_argument("--seconds", type=float, default=120.0)
+    parser.add_argument("--users", type=int, default=8, help="users that the clients share")
+    given = parser.parse_args()
     with real_service() as service:
         os.nice(NICENESS)
         tokens = users(service.port, given.users)

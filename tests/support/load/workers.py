@@ -64,11 +64,11 @@ def batch_s(url: str, folder: Path, cores: list[int], jobs: int, turns: int) -> 
     return (max(ends) - min(starts)).total_seconds()
 
 
-def add_options(asked: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of ``compare_speeds``."""
-    asked.add_argument("--jobs", type=int, default=20)
-    asked.add_argument("--turns", type=int, default=20_000_000, help="size of a job; a million is about 0.05 s")
-    asked.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--jobs", type=int, default=20)
+    parser.add_argument("--turns", type=int, default=20_000_000, help="size of a job; a million is about 0.05 s")
+    parser.add_argument("--rounds", type=int, default=2)
 
 
 def compare_speeds(given: argparse.Namespace) -> None:
@@ -124,18 +124,18 @@ def measure_delays(kills: int) -> None:
     with databases() as server, tempfile.TemporaryDirectory() as scratch:
         for name, settings in SETTINGS.items():
             with server.fresh() as url:
-                found = [delay_s(url, dict(settings), Path(scratch, f"{name} {k}")) for k in range(kills)]
-            sys.stdout.write(f"settings {name}: {', '.join(f'{s:.1f}' for s in sorted(found))} s\n")
+                delays_s = [delay_s(url, dict(settings), Path(scratch, f"{name} {k}")) for k in range(kills)]
+            sys.stdout.write(f"settings {name}: {', '.join(f'{s:.1f}' for s in sorted(delays_s))} s\n")
             sys.stdout.flush()
 
 
 def main() -> None:
     """Entry point."""
-    asked = argparse.ArgumentParser(description=__doc__)
-    measurements = asked.add_subparsers(dest="measurement", required=True)
+    parser = argparse.ArgumentParser(description=__doc__)
+    measurements = parser.add_subparsers(dest="measurement", required=True)
     add_options(measurements.add_parser("speed", prog="scripts/two-workers"))
     measurements.add_parser("orphans", prog="scripts/orphans").add_argument("kills", type=int, nargs="?", default=3)
-    given = asked.parse_args()
+    given = parser.parse_args()
     if given.measurement == "speed":
         compare_speeds(given)
     else:

@@ -196,7 +196,7 @@ def read_plain(path: Path) -> PlainC3d:
     values = np.frombuffer(content, kind, (last - first + 1) * (4 * n_points + n_analog), (data_block - 1) * BLOCK)
     values = values.reshape(last - first + 1, -1).astype(float)
     groups: dict[int, str] = {}
-    found: list[tuple[int, str, tuple[int, tuple[int, ...], object]]] = []
+    records: list[tuple[int, str, tuple[int, tuple[int, ...], object]]] = []
     for _, number, name, at in _records(content):
         if number < 0:
             groups[-number] = name
@@ -208,8 +208,8 @@ def read_plain(path: Path) -> PlainC3d:
         read = (
             raw if kind_of == -1 else np.frombuffer(raw, {1: "i1", 2: "<i2", 4: "<f4"}[kind_of]).astype(float).tolist()
         )
-        found.append((number, name, (kind_of, shape, read)))
-    parameters = {(groups[number], name): value for number, name, value in found}
+        records.append((number, name, (kind_of, shape, read)))
+    parameters = {(groups[number], name): value for number, name, value in records}
     points = values[:, : 4 * n_points].reshape(len(values), n_points, 4)
     return PlainC3d(n_points, scale, rate_hz, data_block, parameters, points, values[:, 4 * n_points :])
 
@@ -265,8 +265,10 @@ def as_written_by(machine: str, content: bytes) -> bytes:
 
 def parameter_at(content: bytes, group: str, name: str) -> int:
     """Offset of the type of a parameter; its dimensions and values follow."""
-    numbers = {wanted: -number for _, number, wanted, _ in _records(content) if number < 0}
-    return next(at for _, number, wanted, at in _records(content) if (number, wanted) == (numbers[group], name))
+    numbers = {parameter_name: -number for _, number, parameter_name, _ in _records(content) if number < 0}
+    return next(
+        at for _, number, parameter_name, at in _records(content) if (number, parameter_name) == (numbers[group], name)
+    )
 
 
 def with_parameter(content: bytes, group: str, name: str, values: bytes, description: bytes = b"") -> bytes:
@@ -295,16 +297,16 @@ def _turn(made: bytearray, at: int, width: int, count: int, machine: str) -> Non
 
 def _records(content: bytes) -> list[tuple[int, int, str, int]]:
     """Of each record: where its link is, number of its group, name, and what follows the link."""
-    at, found = BLOCK + 4, []
+    at, records = BLOCK + 4, []
     while length := abs(struct.unpack_from("b", content, at)[0]):
         (number,) = struct.unpack_from("b", content, at + 1)
         link = at + 2 + length
-        found.append((link, number, content[at + 2 : link].decode("latin-1"), link + 2))
+        records.append((link, number, content[at + 2 : link].decode("latin-1"), link + 2))
         (step,) = struct.unpack_from("<H", content, link)
         if step == 0:
             break
         at = link + step
-    return found
+    return records
 
 
 def as_dec(content: bytes) -> bytes:
@@ -329,15 +331,15 @@ def _exchange(made: bytearray, at: int, count: int) -> None:
 
 def _floats(content: bytes) -> list[tuple[int, int]]:
     """Where in the parameters floats begin, and how many they are."""
-    at, found = BLOCK + 4, []
+    at, offsets = BLOCK + 4, []
     while length := abs(struct.unpack_from("b", content, at)[0]):
         (group,) = struct.unpack_from("b", content, at + 1)
         link = at + 2 + length
         (step,) = struct.unpack_from("<H", content, link)
         if group > 0 and content[link + 2] == 4:
             n = content[link + 3]
-            found.append((link + 4 + n, int(np.prod(list(content[link + 4 : link + 4 + n]), dtype=int))))
+            offsets.append((link + 4 + n, int(np.prod(list(content[link + 4 : link + 4 + n]), dtype=int))))
         if step == 0:
             break
         at = link + step
-    return found
+    return offsets

@@ -225,8 +225,8 @@ def outcome(reader: Reader, raw: bytes, folder: Path, *, timeout_s: float = TIME
     while time.monotonic() < deadline:
         done, status = os.waitpid(child, os.WNOHANG)
         if done:
-            said = report.read_text(encoding="utf-8")
-            return said if os.WIFEXITED(status) and said else f"died of status {status}: {said}"
+            report_text = report.read_text(encoding="utf-8")
+            return report_text if os.WIFEXITED(status) and report_text else f"died of status {status}: {report_text}"
         time.sleep(0.001)
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
@@ -241,12 +241,12 @@ def _child(reader: Reader, raw: bytes, folder: Path, report: Path) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         reader.read(raw, folder)
-        said = "read"
+        report_text = "read"
     except (StridelabError, ValidationError):
-        said = "refused"
+        report_text = "refused"
     except BaseException:
-        said = traceback.format_exc(limit=-4)
-    report.write_text(said, encoding="utf-8")
+        report_text = traceback.format_exc(limit=-4)
+    report.write_text(report_text, encoding="utf-8")
     os._exit(0)
 
 
@@ -275,13 +275,13 @@ def main() -> int:
     options.add_argument("--count", type=int, default=sys.maxsize, help="inputs per reader")
     options.add_argument("--first", type=int, default=0, help="number of the first input, where another run ended")
     options.add_argument("--reader", help="only this one")
-    asked = options.parse_args()
+    arguments = options.parse_args()
     bad = 0
     with tempfile.TemporaryDirectory(prefix="stridelab-fuzz-") as place:
         for name, reader in readers(Path(place)).items():
-            if asked.reader in (None, name):
+            if arguments.reader in (None, name):
                 counts, findings = fuzz(
-                    name, reader, Path(place), count=asked.count, seconds=asked.seconds, first=asked.first
+                    name, reader, Path(place), count=arguments.count, seconds=arguments.seconds, first=arguments.first
                 )
                 bad += len(findings)
                 print(

@@ -37,12 +37,12 @@ class Contact:
 
 def contacts(n_steps: int) -> list[Contact]:
     """Stance k of alternating feet: it starts at k times 0.5 s - 0.3 s, 0.6 m further each time."""
-    found = []
+    phases = []
     for k in range(n_steps):
         side = "lr"[k % 2]
         y = 0.1 if side == "l" else -0.1
-        found.append(Contact(side, STEP_S * k - 0.3, STEP_S * k - 0.3 + STANCE_S, np.array([STEP_M * k, y, 0.0])))
-    return found
+        phases.append(Contact(side, STEP_S * k - 0.3, STEP_S * k - 0.3 + STANCE_S, np.array([STEP_M * k, y, 0.0])))
+    return phases
 
 
 def foot_position(stances: list[Contact], time_s: np.ndarray) -> np.ndarray:

@@ -78,9 +78,9 @@ SHAPES = {
 
 
 def contact(scenario: Made, phase: int, effector: str) -> Made:
-    found: Made
-    (found,) = (c for c in scenario["phases"][phase]["contacts"] if c["effector"] == effector)
-    return found
+    match: Made
+    (match,) = (c for c in scenario["phases"][phase]["contacts"] if c["effector"] == effector)
+    return match
 
 
 def everywhere(scenario: Made, effector: str, place: tuple[float, float, float], **change: Any) -> None:
@@ -98,9 +98,9 @@ def judged(scenario: Made, change: Change, shapes: Mapping[str, EffectorShape] =
 
 def faults(report: ValidationReport) -> list[tuple[str, str]]:
     """Places and messages, which go on after the place: no message begins with a capital letter."""
-    found = [(fault.where, fault.message) for fault in report.faults]
-    assert not any(message[0].isupper() for _, message in found)
-    return found
+    listed_faults = [(fault.where, fault.message) for fault in report.faults]
+    assert not any(message[0].isupper() for _, message in listed_faults)
+    return listed_faults
 
 
 Task = dict[str, Any]

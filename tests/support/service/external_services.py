@@ -72,11 +72,11 @@ class _Handler(BaseHTTPRequestHandler):
             self._list()
         elif self._object.is_file():
             content = self._object.read_bytes()
-            wanted = re.fullmatch(r"bytes=(\d+)-(\d*)", self.headers.get("Range", ""))
-            if wanted is None:
+            byte_range = re.fullmatch(r"bytes=(\d+)-(\d*)", self.headers.get("Range", ""))
+            if byte_range is None:
                 self._answer(200, content, path=self._object)
             else:
-                first, last = int(wanted[1]), min(int(wanted[2] or len(content)), len(content) - 1)
+                first, last = int(byte_range[1]), min(int(byte_range[2] or len(content)), len(content) - 1)
                 place = f"bytes {first}-{last}/{len(content)}"
                 self._answer(206, content[first : last + 1], path=self._object, place=place)
         else:

@@ -188,15 +188,15 @@ def claim_another_file(task: dict[str, Any], folder: Path, progress: Any) -> dic
     """A reader of bulk uploads that gives a file of the machine for one that was sent."""
     from stridelab.service.kinds.read_batch.run import parse_batch  # a second of imports that most children do without
 
-    found = parse_batch(task, folder, progress)
-    found["files"][0]["file"] = "/etc/hostname"
-    return found
+    parsed = parse_batch(task, folder, progress)
+    parsed["files"][0]["file"] = "/etc/hostname"
+    return parsed
 
 
 def claim_another_hash(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
     """One that says of a file that it is another, which is stored already."""
     from stridelab.service.kinds.read_batch.run import parse_batch  # a second of imports that most children do without
 
-    found = parse_batch(task, folder, progress)
-    found["files"][0]["sha256"] = "ab" * 32
-    return found
+    parsed = parse_batch(task, folder, progress)
+    parsed["files"][0]["sha256"] = "ab" * 32
+    return parsed

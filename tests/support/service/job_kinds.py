@@ -22,8 +22,8 @@ class AnyInput(Contract):
     model_config = ConfigDict(extra="allow", frozen=True)
 
 
-async def stage(_connection: AsyncConnection, _blobs: Blobs, asked: Contract, _folder: Path) -> dict[str, Any]:
-    return asked.model_dump()
+async def stage(_connection: AsyncConnection, _blobs: Blobs, job_input: Contract, _folder: Path) -> dict[str, Any]:
+    return job_input.model_dump()
 
 
 def kind(name: str, function: str, **limits: Any) -> JobKind:

@@ -56,8 +56,8 @@ def free_port() -> int:
 
 
 def environment(**settings: str) -> dict[str, str]:
-    kept = {key: value for key, value in os.environ.items() if not key.startswith("STRIDELAB_")}
-    return {**kept, "PYTHONPATH": str(TESTS), **BRISK, **settings}
+    variables = {key: value for key, value in os.environ.items() if not key.startswith("STRIDELAB_")}
+    return {**variables, "PYTHONPATH": str(TESTS), **BRISK, **settings}
 
 
 def ended(process: psutil.Process) -> bool:
@@ -94,14 +94,14 @@ class Jobs:
     def states(self, job_id: str) -> list[str]:
         return [event.state for event in self.ask(lambda store: store.events_after(job_id))]
 
-    def until(self, job_id: str, wanted: Callable[[JobRecord], bool], timeout_s: float = 60.0) -> JobRecord:
+    def until(self, job_id: str, condition: Callable[[JobRecord], bool], timeout_s: float = 60.0) -> JobRecord:
         deadline = time.monotonic() + timeout_s
 
         async def look(store: JobStore) -> JobRecord:
             while True:
                 try:
                     record = await store.get(job_id)
-                    if wanted(record):
+                    if condition(record):
                         return record
                     seen = f"{record.state}, attempt {record.attempt}"
                 except OSError as error:
@@ -145,13 +145,13 @@ class Service:
             text=True,
             env=environment(STRIDELAB_DATA_DIR=str(self.folder), STRIDELAB_PORT=str(self.port), **settings),
         )
-        said = []
+        startup_lines = []
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            said.append(line)
+            startup_lines.append(line)
             if "is running on" in line:
                 return time.monotonic() - began
-        raise AssertionError("".join(said) or "it ended without a word")
+        raise AssertionError("".join(startup_lines) or "it ended without a word")
 
     @property
     def url(self) -> str:
@@ -249,17 +249,17 @@ def faults(url: str, blobs: Path | str, accepted: Iterable[str] = ()) -> list[st
         events: dict[str, list[Row]] = defaultdict(list)
         for row in connection.execute("SELECT * FROM job_event ORDER BY seq"):
             events[row["job_id"]].append(row)
-    found = [f"{job_id} was accepted and is lost" for job_id in accepted if job_id not in jobs]
+    messages = [f"{job_id} was accepted and is lost" for job_id in accepted if job_id not in jobs]
     for row in jobs.values():
-        found += [f"{row['id']}: {fault}" for fault in (*_of_row(row), *_of_events(row, events[row["id"]]))]
-    return found + _of_files(jobs, _stored(blobs))
+        messages += [f"{row['id']}: {fault}" for fault in (*_of_row(row), *_of_events(row, events[row["id"]]))]
+    return messages + _of_files(jobs, _stored(blobs))
 
 
 def assert_sound(url: str, blobs: Path | str, accepted: Iterable[str] = (), timeout_s: float = 15.0) -> None:
     """Assert that nothing is wrong, as soon as workers have ended what they hold."""
-    wanted, deadline = list(accepted), time.monotonic() + timeout_s
-    while found := faults(url, blobs, wanted):
-        assert time.monotonic() < deadline, "\n".join(found)
+    job_ids, deadline = list(accepted), time.monotonic() + timeout_s
+    while remaining_faults := faults(url, blobs, job_ids):
+        assert time.monotonic() < deadline, "\n".join(remaining_faults)
         time.sleep(0.2)
 
 
@@ -300,15 +300,15 @@ def _of_files(jobs: dict[str, Row], stored: dict[str, int]) -> list[str]:
         if row["result"] is not None
         for artifact in row["result"]["artifacts"]
     }
-    found = [f"{key} should have {size} bytes" for key, size in named.items() if stored.get(key) != size]
+    messages = [f"{key} should have {size} bytes" for key, size in named.items() if stored.get(key) != size]
     for key in stored.keys() - named.keys():
         _, job_id, attempt, *_ = key.split("/")
         row = jobs.get(job_id)
         if job_id in SHIPPED_JOBS:
             continue
         if row is None or (row["state"] == "succeeded" and int(attempt) >= row["attempt"]):
-            found.append(f"{key} is named by no result")
-    return found
+            messages.append(f"{key} is named by no result")
+    return messages
 
 
 def _stored(blobs: Path | str) -> dict[str, int]:

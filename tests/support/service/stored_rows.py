@@ -193,9 +193,9 @@ async def succeed(
         )
 
 
-async def fail(parts: Parts, attempt: Attempt, kept: tuple[Any, list[Any]] | None = None) -> None:
+async def fail(parts: Parts, attempt: Attempt, partial: tuple[Any, list[Any]] | None = None) -> None:
     problem = {"code": "no-plates", "detail": "No plates.", "errors": [{"where": "plates", "message": "none"}]}
-    assert await AttemptStore(parts.engine, KINDS).end_attempt(attempt, "failed", problem, "log", kept)
+    assert await AttemptStore(parts.engine, KINDS).end_attempt(attempt, "failed", problem, "log", partial)
 
 
 async def pause(seconds: float) -> None:

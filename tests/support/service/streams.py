@@ -136,8 +136,8 @@ def opened(socket: ClientConnection, **fields: Any) -> dict[str, Any]:
 
 def answers(socket: ClientConnection, frames: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Send frames one by one; returns their answers."""
-    told = []
+    replies = []
     for item in frames:
         socket.send(json.dumps(item))
-        told.append(received(socket))
-    return told
+        replies.append(received(socket))
+    return replies

@@ -84,8 +84,8 @@ class Lent(ForkServerClient):
         environment = child_environment()
         environment.pop("PYTEST_CURRENT_TEST", None)
         key = tuple(preload), frozenset(environment.items())
-        found = _idle.pop(key, None)
-        return Lent(found if found is not None and found.process.poll() is None else Server(key))
+        idle = _idle.pop(key, None)
+        return Lent(idle if idle is not None and idle.process.poll() is None else Server(key))
 
     async def close(self) -> None:
         if self._is_gone or self._children or self._receive_buffer or self._server.key in _idle:
@@ -147,8 +147,8 @@ class Served:
     def stored_files(self) -> set[str]:
         """Keys of all stored files, and what lies in the spool."""
         blobs = self.data / "blobs"
-        kept = {str(path.relative_to(blobs)) for path in blobs.rglob("*") if path.is_file()}
-        return kept | {f"spool/{path.name}" for path in (self.data / "spool").glob("*/files/*")}
+        paths = {str(path.relative_to(blobs)) for path in blobs.rglob("*") if path.is_file()}
+        return paths | {f"spool/{path.name}" for path in (self.data / "spool").glob("*/files/*")}
 
 
 @contextmanager

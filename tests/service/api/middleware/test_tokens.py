@@ -201,10 +201,10 @@ def test_the_audit_log_tells_who_did_what_and_is_not_changed(lab: Served, admin:
     with lab.http(headers=bearer(made["secret"])) as http:
         http.get(TOKENS)
     admin.delete(f"{TOKENS}/{made['id']}")
-    told = [(e["action"], e["caller"], e["what"]) for e in admin.get("/api/v1/audit").json()["items"]]
-    of_token = [entry for entry in told if entry[2] == made["id"]]  # newest first
+    entries = [(e["action"], e["caller"], e["what"]) for e in admin.get("/api/v1/audit").json()["items"]]
+    of_token = [entry for entry in entries if entry[2] == made["id"]]  # newest first
     assert of_token == [("token-revoked", "admin", made["id"]), ("token-created", "admin", made["id"])]
-    between = told[: told.index(of_token[1])]  # the refusal, unless its rate limit was reached before
+    between = entries[: entries.index(of_token[1])]  # the refusal, unless its rate limit was reached before
     assert set(between) <= {of_token[0], ("refused", "watched", "scope-missing")}
     with psycopg.connect(str(lab.parts.settings.database_url)) as connection:
         with pytest.raises(psycopg.errors.RaiseException):

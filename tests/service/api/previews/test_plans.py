@@ -31,11 +31,11 @@ def child_of(service: Served) -> int:
 
 
 def test_the_solvers_of_this_machine(http: httpx.Client) -> None:
-    said = http.get(SOLVERS).json()
-    native, *others = said["solvers"]
+    solvers = http.get(SOLVERS).json()
+    native, *others = solvers["solvers"]
     assert (native["name"], native["available"], native["missing"] is None) == ("native", not MISSING, not MISSING)
     assert [(one["name"], one["available"]) for one in others] == [("ipopt", True), ("fatrop", True)]
-    assert said["auto"] == ("ipopt" if MISSING else "native")
+    assert solvers["auto"] == ("ipopt" if MISSING else "native")
 
 
 def test_a_child_that_was_killed_is_replaced(service: Served, http: httpx.Client) -> None:
@@ -68,19 +68,19 @@ class TestPreview:
     def test_a_motion_from_rest_to_rest(self, http: httpx.Client) -> None:
         answer = http.post(PREVIEW, json={"scenario": one_step()})
         assert answer.status_code == 200, answer.text
-        said = answer.json()
-        motion = said["motion"]
-        assert (said["solver"], motion["converged"], said["recovered"]) == ("native", True, None)
+        preview = answer.json()
+        motion = preview["motion"]
+        assert (preview["solver"], motion["converged"], preview["recovered"]) == ("native", True, None)
         assert motion["time_s"][0] == 0.0
-        assert motion["time_s"][-1] == pytest.approx(said["duration_s"]) == pytest.approx(3.0)
+        assert motion["time_s"][-1] == pytest.approx(preview["duration_s"]) == pytest.approx(3.0)
         (x0, y0, _), (x1, y1, _) = motion["com_m"][0], motion["com_m"][-1]
         # Over the soles' mean at both ends: the left foot has gone 0.2 m.
         assert (x0, y0, x1, y1) == pytest.approx((0.0, 0.0, 0.1, 0.0), abs=1e-6)
 
     def test_a_stored_scenario_by_its_id(self, service: Served, http: httpx.Client) -> None:
         service.run(scenarios.seed_scenarios(service.parts.engine))
-        said = http.post(PREVIEW, json={"scenario_id": "flat-walk"}).json()
-        assert said["motion"]["converged"]
+        preview = http.post(PREVIEW, json={"scenario_id": "flat-walk"}).json()
+        assert preview["motion"]["converged"]
 
     @pytest.mark.parametrize(
         ("push", "dy_m_s"),
@@ -90,8 +90,8 @@ class TestPreview:
         ],
     )
     def test_a_push_is_recovered_from(self, http: httpx.Client, push: Any, dy_m_s: float | None) -> None:
-        said = http.post(PREVIEW, json={"scenario": one_step(), "push": {"time_s": 1.4, **push}}).json()
-        planned, recovered = said["motion"], said["recovered"]
+        preview = http.post(PREVIEW, json={"scenario": one_step(), "push": {"time_s": 1.4, **push}}).json()
+        planned, recovered = preview["motion"], preview["recovered"]
         assert recovered["converged"], recovered["status"]
         assert recovered["time_s"][0] == pytest.approx(1.4 + push.get("duration_s", 0.0))
         assert recovered["time_s"][-1] == pytest.approx(3.0)
@@ -112,15 +112,15 @@ class TestPreview:
 
     def test_what_the_robot_cannot_do_is_a_good_question(self, http: httpx.Client) -> None:
         answer = http.post(PREVIEW, json={"scenario": with_contact(0, 1, position_m=[0.0, -0.09, 0.3])})
-        said = answer.json()
-        assert (answer.status_code, said["motion"]["converged"], said["motion"]["com_m"]) == (200, False, [])
-        assert said["errors"][0]["where"].startswith("phases[0].contacts[right_foot]")
-        assert "right_foot" in said["motion"]["status"]
+        preview = answer.json()
+        assert (answer.status_code, preview["motion"]["converged"], preview["motion"]["com_m"]) == (200, False, [])
+        assert preview["errors"][0]["where"].startswith("phases[0].contacts[right_foot]")
+        assert "right_foot" in preview["motion"]["status"]
 
     def test_a_motion_that_there_is_not_says_why(self, http: httpx.Client) -> None:
-        said = http.post(PREVIEW, json={"scenario": one_step(friction=0.003)}).json()
-        assert (said["errors"], said["motion"]["converged"], said["motion"]["objective"]) == ([], False, None)
-        assert said["motion"]["status"]
+        preview = http.post(PREVIEW, json={"scenario": one_step(friction=0.003)}).json()
+        assert (preview["errors"], preview["motion"]["converged"], preview["motion"]["objective"]) == ([], False, None)
+        assert preview["motion"]["status"]
 
 
 @pytest.mark.anyio

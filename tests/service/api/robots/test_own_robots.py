@@ -171,20 +171,20 @@ def test_the_list_names_the_owner(http: httpx.Client, small: dict[str, Any], ser
 
 def test_its_whole_body_is_checked_before_anything_is_learned(http: httpx.Client, small: dict[str, Any]) -> None:
     check = "/api/v1/scenarios/check"
-    asked = {"body_checked": True, "posture_of": 1}
-    body = http.post(check, json=one_step(robot="small"), params=asked).json()
+    query = {"body_checked": True, "posture_of": 1}
+    body = http.post(check, json=one_step(robot="small"), params=query).json()
     assert [phase["body"] for phase in body["phases"]] == ["reachable"] * 3
     assert len(body["phases"][1]["link_poses"]) == len(http.get(f"{ROBOTS}/small").json()["links"])
     wide = one_step(robot="small")
     wide["phases"][2]["contacts"][0]["position_m"] = [0.2, 0.95, 0.0]
-    out = http.post(check, json=wide, params=asked).json()
+    out = http.post(check, json=wide, params=query).json()
     assert (out["valid"], [phase["body"] for phase in out["phases"]]) == (False, ["reachable"] * 2 + ["unreachable"])
     wide["phases"][2]["contacts"][0]["position_m"] = [0.0, 0.3, 0.0]
-    assert http.post(check, json=wide, params=asked).json()["phases"][2]["body"] == "reachable"
+    assert http.post(check, json=wide, params=query).json()["phases"][2]["body"] == "reachable"
     stiff = json.loads(json.dumps(small["card"]))
     stiff["limits"]["position_rad"] = {".*_hip_(roll|yaw)": [-0.02, 0.02]}
     assert put_card(http, stiff).status_code == 200
-    assert http.post(check, json=wide, params=asked).json()["phases"][2]["body"] == "unreachable", "of the card before"
+    assert http.post(check, json=wide, params=query).json()["phases"][2]["body"] == "unreachable", "of the card before"
 
 
 def test_jobs_that_name_it_or_its_parts_are_validated(http: httpx.Client, small: dict[str, Any]) -> None:

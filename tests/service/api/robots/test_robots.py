@@ -76,19 +76,19 @@ def test_the_list_loads_every_robot_once(http: httpx.Client, stubbed: Served, di
 
 
 @pytest.mark.parametrize(
-    ("child", "said"), [("bad_card", "there is no frame 'chassis'"), ("crash", "could not be loaded")]
+    ("child", "message"), [("bad_card", "there is no frame 'chassis'"), ("crash", "could not be loaded")]
 )
 def test_a_robot_whose_card_is_broken_is_unavailable_and_can_do_nothing(
-    http: httpx.Client, stubbed: Served, diary: Path, monkeypatch: pytest.MonkeyPatch, child: str, said: str
+    http: httpx.Client, stubbed: Served, diary: Path, monkeypatch: pytest.MonkeyPatch, child: str, message: str
 ) -> None:
     shelve(stubbed, describe=f"support.service.robot_children:{child}")
     listed = http.get(ROBOTS).json()["items"]
     assert [item["name"] for item in listed] == list(card.robot_names())
-    assert all(item["available"] is False and said in item["reason"] for item in listed)
+    assert all(item["available"] is False and message in item["reason"] for item in listed)
     checked = http.post("/api/v1/scenarios/check", json=ONE_STEP).json()
     assert checked["valid"] is False
     assert [fault["where"] for fault in checked["errors"]] == ["robot"]
-    assert said in checked["errors"][0]["message"]
+    assert message in checked["errors"][0]["message"]
     for path, body in (("scenarios", ONE_STEP), ("jobs/plan-motion", {"scenario": ONE_STEP})):
         assert refusal(http.post(f"/api/v1/{path}", json=body)) == (422, "scenario-invalid")
     assert len(diary.read_text().splitlines()) == len(listed), "a failure is remembered for a while"
@@ -154,8 +154,8 @@ def test_meshes_are_drawn_once_and_kept(http: httpx.Client, stubbed: Served, dia
     key = f"robots/talos/{source_sha256('talos')}/links.glb"
     assert key in stubbed.stored_files()
     etag = first.headers["etag"]
-    for asked in (etag, f"W/{etag}", f'"x", {etag}', "*"):
-        again = http.get(path, headers={"If-None-Match": asked})
+    for condition in (etag, f"W/{etag}", f'"x", {etag}', "*"):
+        again = http.get(path, headers={"If-None-Match": condition})
         assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", etag)
     assert http.get(path, headers={"If-None-Match": '"x"'}).content == GLB
 
@@ -275,13 +275,13 @@ def test_robots_are_prepared_one_after_the_other_and_what_fails_costs_nothing(
     http: httpx.Client, stubbed: Served, diary: Path
 ) -> None:
     stubbed.run(stubbed.parts.robots.prepare_all(["talos", "g1"]))
-    told = diary.read_text()
-    assert told.splitlines() == [*ALL_OF_TALOS, *(line.replace("talos", "g1") for line in ALL_OF_TALOS)]
+    diary_text = diary.read_text()
+    assert diary_text.splitlines() == [*ALL_OF_TALOS, *(line.replace("talos", "g1") for line in ALL_OF_TALOS)]
     assert http.get(f"{ROBOTS}/talos/links").status_code == 200
-    assert diary.read_text() == told
+    assert diary.read_text() == diary_text
     shelve(stubbed, describe="support.service.robot_children:missing")
     stubbed.run(stubbed.parts.robots.prepare_all(["hrp2"]))
-    assert diary.read_text() == told
+    assert diary.read_text() == diary_text
 
 
 def test_children_yield_the_processor_until_somebody_waits_for_them(
@@ -295,9 +295,9 @@ def test_children_yield_the_processor_until_somebody_waits_for_them(
     stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
     while http.get(f"{ROBOTS}/g1/preparation").json()["state"] == "preparing":
         time.sleep(0.05)
-    warmed, drawn, asked, also = (int(line) for line in diary.read_text().splitlines())
-    assert (warmed, asked) == (drawn, also)
-    assert warmed - asked == NICENESS
+    warmed, drawn, requested, also = (int(line) for line in diary.read_text().splitlines())
+    assert (warmed, requested) == (drawn, also)
+    assert warmed - requested == NICENESS
 
 
 def test_a_service_that_starts_again_makes_nothing_anew(http: httpx.Client, stubbed: Served, diary: Path) -> None:
@@ -355,10 +355,10 @@ def test_a_preparation_that_fails_says_why_and_is_tried_again_later(
 ) -> None:
     shelve(stubbed, **{child: "support.service.robot_children:no_data"})
     path = f"{ROBOTS}/talos/preparation"
-    while (told := http.get(path).json())["state"] == "preparing":
+    while (preparation := http.get(path).json())["state"] == "preparing":
         time.sleep(0.05)
-    assert told == {"state": "failed", "fraction": 0.0, "message": "The description of TALOS is missing."}
-    assert http.get(path).json() == told
+    assert preparation == {"state": "failed", "fraction": 0.0, "message": "The description of TALOS is missing."}
+    assert http.get(path).json() == preparation
     assert diary.read_text().splitlines().count("no data") == 1
     monkeypatch.setattr(shelf_module, "RETRY_S", 0.0)
     while http.get(path).json()["state"] == "preparing":

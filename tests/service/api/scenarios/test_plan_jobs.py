@@ -40,8 +40,8 @@ def test_a_plan_belongs_to_its_scenario(http: httpx.Client, service: Served, sce
     assert refusal(http.get(JOBS, params={"scenario_id": "a\x00"})) == (422, "invalid-request")
 
     assert http.delete(f"/api/v1/scenarios/{scenario_id}").status_code == 204
-    kept = http.get(f"{JOBS}/{second['id']}").json()
-    assert (kept["state"], kept["scenario_id"]) == ("queued", None)
+    job = http.get(f"{JOBS}/{second['id']}").json()
+    assert (job["state"], job["scenario_id"]) == ("queued", None)
 
 
 def test_a_whole_scenario_belongs_to_none(http: httpx.Client) -> None:

@@ -29,19 +29,19 @@ def guarded(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -
 def test_a_walk_is_answered_frame_by_frame(service: Served) -> None:
     with marker_socket(service) as socket:
         ready = opened(socket)["ready"]
-        told = answers(socket, [frame(k) for k in range(60)])
+        replies = answers(socket, [frame(k) for k in range(60)])
     assert ready["marker_set"] == "isb-head"
     assert ready["landmarks"]["l_asis"] == "L_IAS"
     assert ready["force_used"]
-    assert [one["t_s"] for one in told] == pytest.approx(sample().time_s[:60])
-    last = told[-1]
+    assert [one["t_s"] for one in replies] == pytest.approx(sample().time_s[:60])
+    last = replies[-1]
     assert last["speed_m_s"] == pytest.approx(1.2, abs=0.15)
     assert last["bridged"]["geometry"] == "measured"
-    omega = np.sqrt(9.81 / np.mean([one["height_m"] for one in told]))
+    omega = np.sqrt(9.81 / np.mean([one["height_m"] for one in replies]))
     expected = np.array(last["com_m"])[:2] + np.array(last["velocity_m_s"])[:2] / omega
     assert last["xcom_m"][:2] == pytest.approx(expected, abs=2e-3)
-    assert {one["contact"]["left"] for one in told} | {one["contact"]["right"] for one in told} == {True, False}
-    assert all(one["margin_m"] for one in told)
+    assert {one["contact"]["left"] for one in replies} | {one["contact"]["right"] for one in replies} == {True, False}
+    assert all(one["margin_m"] for one in replies)
 
 
 def test_the_answer_to_the_header_says_what_is_missing_and_what_it_costs(service: Served) -> None:
@@ -61,8 +61,8 @@ def test_a_marker_set_by_name_states_the_order_of_the_markers(service: Served) -
         by_form = {label.replace("_", "").lower(): label for label in sample().markers_m}
         tracks = [sample().markers_m.get(by_form.get(label, "")) for label in ready["labels"]]
         markers = [None if track is None else track[0].tolist() for track in tracks]
-        (told,) = answers(socket, [{"t_s": 0.0, "markers": markers}])
-    assert told["com_m"][2] == pytest.approx(0.9, abs=0.05)
+        (reply,) = answers(socket, [{"t_s": 0.0, "markers": markers}])
+    assert reply["com_m"][2] == pytest.approx(0.9, abs=0.05)
 
 
 @pytest.mark.parametrize(
@@ -125,8 +125,8 @@ def test_what_a_frame_lacks_is_bridged_and_said(service: Served) -> None:
     frames = [*(frame(k) for k in range(20)), frame(30), hidden, wild, frame(25), frame(33, plates=None), frame(34)]
     with marker_socket(service) as socket:
         opened(socket)
-        told = answers(socket, frames)
-    lost, masked, broken, late, unread, whole = told[-6:]
+        replies = answers(socket, frames)
+    lost, masked, broken, late, unread, whole = replies[-6:]
     assert lost["bridged"]["frames_lost"] == 10
     assert set(masked["bridged"]["markers_hidden"]) == {"l_knee_medial", "l_mt1", "c7"}
     assert late["com_m"] is None
@@ -149,22 +149,22 @@ def test_units_and_axes_of_the_laboratory(service: Served) -> None:
     in_lab = [{"t_s": one["t_s"], "markers": turned(one["markers"])} for one in plain]
     with marker_socket(service) as socket:
         opened(socket, plates=[])
-        told = answers(socket, [{k: v for k, v in one.items() if k != "plates"} for one in plain])[-1]
+        last_reply = answers(socket, [{k: v for k, v in one.items() if k != "plates"} for one in plain])[-1]
     with marker_socket(service) as socket:
         opened(socket, units="mm", up_axis="+y", plates=[])
         seen = answers(socket, in_lab)[-1]
     for name in ("com_m", "velocity_m_s", "xcom_m"):
-        assert seen[name] == pytest.approx(turned(told[name], 1.0), abs=1e-6)
-    assert seen["margin_m"] == pytest.approx(told["margin_m"], abs=1e-6)
-    assert seen["com_sd_m"][1] == pytest.approx(told["com_sd_m"][2], abs=1e-9)
+        assert seen[name] == pytest.approx(turned(last_reply[name], 1.0), abs=1e-6)
+    assert seen["margin_m"] == pytest.approx(last_reply["margin_m"], abs=1e-6)
+    assert seen["com_sd_m"][1] == pytest.approx(last_reply["com_sd_m"][2], abs=1e-9)
 
 
 def test_a_body_that_is_gone_has_no_estimate_until_it_is_back(service: Served) -> None:
     nothing = [frame(k, markers=[None] * len(sample().markers_m), plates=None) for k in range(50, 200)]
     with marker_socket(service) as socket:
         opened(socket)
-        told = answers(socket, [*(frame(k) for k in range(50)), *nothing, *(frame(k) for k in range(200, 230))])
-    gone, back = told[60:200], told[-1]
+        replies = answers(socket, [*(frame(k) for k in range(50)), *nothing, *(frame(k) for k in range(200, 230))])
+    gone, back = replies[60:200], replies[-1]
     assert all(one["com_m"] is None and one["xcom_m"] is None and one["margin_m"] is None for one in gone)
     assert {one["reason"] for one in gone} <= {"pelvis-markers-missing", "markers-hidden", "markers-never-together"}
     assert back["com_m"] is not None
@@ -184,10 +184,10 @@ def test_those_who_watch_see_the_stream_and_its_end(service: Served) -> None:
             marker_socket(service, f"{PATH}/{stream_id}") as second,
         ):
             wait_until(lambda: service.parts.live.describe_all()[0].n_watching == 2, 10, "both watch")
-            (told,) = answers(socket, [frame(0)])
+            (reply,) = answers(socket, [frame(0)])
             pictures = [received(watcher) for watcher in (first, second)]
-            assert [picture["answer"] for picture in pictures] == [told, told]
-            assert pictures[0]["com"] == pytest.approx(told["com_m"], abs=1e-3)
+            assert [picture["answer"] for picture in pictures] == [reply, reply]
+            assert pictures[0]["com"] == pytest.approx(reply["com_m"], abs=1e-3)
             assert len(pictures[0]["markers"]) == len(sample().markers_m)
             assert {"l_knee", "r_hip", "vertex"} <= set(pictures[0]["joints"])
             assert len(pictures[0]["base"]) >= 4
@@ -266,17 +266,17 @@ def test_a_static_pose_gives_the_widths_that_the_walk_does_not_show(service: Ser
     pose = {label: track[0].tolist() for label, track in sample().markers_m.items()}
     with service.http() as http, (SAMPLE / "recording.c3d").open("rb") as file:
         stored = http.post("/api/v1/recordings", files={"file": ("pose.c3d", file)}).json()["id"]
-    told = []
+    tracks = []
     for fields in ({}, {"labels": labels}, {"labels": labels, "static_pose": pose},
                    {"labels": labels, "static_recording_id": stored}):  # fmt: skip
         with marker_socket(service) as socket:
             opened(socket, plates=[], **fields)
             used = fields.get("labels", list(sample().markers_m))
             markers = [sample().markers_m[label][0].tolist() for label in used]
-            told.append(answers(socket, [{"t_s": 0.0, "markers": markers}])[0]["com_m"])
-    whole, without, sent, kept = np.array(told)
+            tracks.append(answers(socket, [{"t_s": 0.0, "markers": markers}])[0]["com_m"])
+    whole, without, sent, reused = np.array(tracks)
     assert np.abs(sent - whole).max() < 1e-3
-    assert np.abs(kept - whole).max() < 1e-3
+    assert np.abs(reused - whole).max() < 1e-3
     assert np.abs(without - whole).max() > 2.0 * np.abs(sent - whole).max()
     with marker_socket(service) as socket:
         assert opened(socket, static_recording_id="0" * 32)["problem"]["code"] == "recording-not-found"

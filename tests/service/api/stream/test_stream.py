@@ -66,7 +66,7 @@ def test_json_and_packed_streams_tell_the_same_and_the_truth(service: Served) ->
         assert ready["method"] == "complementary"
         assert (ready["low_hz"], ready["high_hz"], ready["format"]) == (0.2, 1.0, "json")
         socket.send(json.dumps({"samples": [s.model_dump() for s in samples]}))
-        told = heard(socket)["samples"]
+        replies = heard(socket)["samples"]
     with socket_of(service) as socket:
         assert configure(socket, format="float32")["ready"]["format"] == "float32"
         raw = b""
@@ -80,9 +80,9 @@ def test_json_and_packed_streams_tell_the_same_and_the_truth(service: Served) ->
     t = np.array([s.time_s for s in samples])
     assert estimates[:, 0] + 0.5 == pytest.approx(t, abs=1e-6)
     for name, columns in (("com_m", slice(1, 4)), ("velocity_m_s", slice(4, 7)), ("sd_m", slice(7, 10))):
-        assert np.array([s[name] for s in told]) == pytest.approx(estimates[:, columns], abs=2e-5), name
+        assert np.array([s[name] for s in replies]) == pytest.approx(estimates[:, columns], abs=2e-5), name
     assert np.abs(estimates[:, 1:4] - MOTION.com.at(t)).max() < 0.01
-    assert [s["time_s"] for s in told] == t.tolist()
+    assert [s["time_s"] for s in replies] == t.tolist()
 
 
 def test_the_smoother_answers_a_stream(service: Served) -> None:
@@ -92,12 +92,12 @@ def test_the_smoother_answers_a_stream(service: Served) -> None:
         assert ready["method"] == "smoother"
         assert "low_hz" not in ready
         socket.send(json.dumps({"samples": [s.model_dump() for s in samples]}))
-        told = heard(socket)["samples"]
+        replies = heard(socket)["samples"]
         socket.send(json.dumps({"samples": [SAMPLE]}))
         assert heard(socket)["problem"]["code"] == "time-not-increasing"
         assert goodbye(socket) == (4422, "time-not-increasing")
     true_m = MOTION.com.at(np.array([s.time_s for s in samples]))
-    assert np.abs(np.array([s["com_m"] for s in told]) - true_m).max() < 0.01
+    assert np.abs(np.array([s["com_m"] for s in replies]) - true_m).max() < 0.01
     wait_until(lambda: not children(), 10, "its process ends")
 
 
@@ -106,15 +106,15 @@ def test_what_is_missing_is_null_or_nan(service: Served) -> None:
     with socket_of(service) as socket:
         configure(socket)
         socket.send(json.dumps({"samples": [SAMPLE, {"time_s": 0.005}, {"time_s": 0.01, "geometry_m": [0, 0, 1]}]}))
-        told = heard(socket)["samples"]
+        replies = heard(socket)["samples"]
     with socket_of(service) as socket:
         configure(socket, format="float32")
         socket.send(packed(0.0, ROW, (0.005, *nothing, *nothing, *nothing), (0.01, 0.0, 0.0, 1.0, *nothing, *nothing)))
         answer = socket.recv(timeout=60)
     assert isinstance(answer, bytes)
     rows = np.frombuffer(answer[8:], "<f4").reshape(-1, 10)
-    assert [s["com_m"] for s in told] == [[0, 0, 1]] * 3
-    assert [s["sd_m"] for s in told] == pytest.approx(rows[:, 7:10].astype(float), abs=1e-6)
+    assert [s["com_m"] for s in replies] == [[0, 0, 1]] * 3
+    assert [s["sd_m"] for s in replies] == pytest.approx(rows[:, 7:10].astype(float), abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -290,7 +290,7 @@ def test_latency_is_told(service: Served, form: str, capsys: pytest.CaptureFixtu
     """Measured, not asserted: from sending a sample to holding its estimate, sample by sample and in blocks of 10."""
     from stridelab.client import Client
 
-    told = []
+    latencies = []
     with Client(service.base_url) as lab:
         began = time.perf_counter()
         with lab.stream_com(CONFIGURATION.model_copy(update={"format": form})) as stream:
@@ -303,6 +303,8 @@ def test_latency_is_told(service: Served, form: str, capsys: pytest.CaptureFixtu
                     at = time.perf_counter()
                     assert len(stream.send(block)) == size
                     took.append(1e3 * (time.perf_counter() - at))
-                told.append(f"blocks of {size}: median {np.median(took):.2f} ms, 95 % {np.percentile(took, 95):.2f} ms")
+                latencies.append(
+                    f"blocks of {size}: median {np.median(took):.2f} ms, 95 % {np.percentile(took, 95):.2f} ms"
+                )
     with capsys.disabled():
-        print(f"\n{form} stream at {RATE_HZ:g} Hz: opened in {opened_s:.2f} s, {'; '.join(told)}")
+        print(f"\n{form} stream at {RATE_HZ:g} Hz: opened in {opened_s:.2f} s, {'; '.join(latencies)}")

@@ -110,9 +110,9 @@ def test_the_smoother_sees_through_what_the_filter_takes_for_motion() -> None:
         sample["geometry_m"] = row.tolist()
     off = {}
     for method in METHODS:
-        told = json.loads(session(method=method).answer_message(text(samples)).content)["samples"][200:]
-        position, velocity = (np.array([s[name] for s in told]) for name in ("com_m", "velocity_m_s"))
-        band = np.array([s["sd_m"] for s in told])
+        estimates = json.loads(session(method=method).answer_message(text(samples)).content)["samples"][200:]
+        position, velocity = (np.array([s[name] for s in estimates]) for name in ("com_m", "velocity_m_s"))
+        band = np.array([s["sd_m"] for s in estimates])
         assert (np.abs(position - true_m[200:]) < 1.96 * band).mean() > 0.9, method
         off[method] = np.sqrt(np.mean((velocity - true_m_s[200:])[:, :2] ** 2))
     assert off["smoother"] < 0.5 * off["complementary"]
@@ -130,16 +130,16 @@ def test_the_smoother_is_told_the_direction_in_any_length() -> None:
 
 
 @pytest.mark.parametrize(
-    ("asked", "code", "where"),
+    ("options", "code", "where"),
     [
         ({"method": "smoother", "cutoffs": "thesis"}, "cutoffs-not-used", "cutoffs"),
         ({"method": "smoother", "cutoffs": (0.2, 1.0)}, "cutoffs-not-used", "cutoffs"),
         ({"method": "complementary", "ahead": (1.0, 0.0)}, "ahead-not-used", "ahead"),
     ],
 )
-def test_what_would_have_no_effect_is_refused(asked: dict[str, Any], code: str, where: str) -> None:
+def test_what_would_have_no_effect_is_refused(options: dict[str, Any], code: str, where: str) -> None:
     with pytest.raises(InvalidInput) as refused:
-        session(**asked)
+        session(**options)
     assert refused.value.code == code
     assert [fault.where for fault in refused.value.faults] == [where]
 
@@ -227,8 +227,8 @@ def test_the_largest_and_smallest_errors_that_can_be_stated_give_a_finite_band(e
     stated["step_hz"] = max(0.1, min(extreme, 10))
     stated |= {"geometry_m": (extreme,) * 3, "acceleration_m_s2": (extreme,) * 3, "momentum_rate_nm_kg": (extreme,) * 2}
     samples = [sample.model_dump() for sample in walk_samples(1.0)]
-    told = json.loads(session(method=method, priors=stated).answer_message(text(samples)).content)["samples"]
-    assert np.isfinite([s["sd_m"] for s in told]).all()
+    estimates = json.loads(session(method=method, priors=stated).answer_message(text(samples)).content)["samples"]
+    assert np.isfinite([s["sd_m"] for s in estimates]).all()
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -238,10 +238,10 @@ def test_a_stream_goes_on_where_markers_or_plates_are_missing(method: str) -> No
         sample["geometry_m"] = None
     for sample in samples[220:260]:
         sample["force_n"] = sample["moment_nm"] = None
-    told = json.loads(session(method=method).answer_message(text(samples)).content)["samples"]
+    estimates = json.loads(session(method=method).answer_message(text(samples)).content)["samples"]
     true_m = MOTION.com.at(np.array([sample["time_s"] for sample in samples]))
-    assert np.abs(np.array([s["com_m"] for s in told]) - true_m).max() < 0.03
-    assert told[159]["sd_m"][2] > told[119]["sd_m"][2]
+    assert np.abs(np.array([s["com_m"] for s in estimates]) - true_m).max() < 0.03
+    assert estimates[159]["sd_m"][2] > estimates[119]["sd_m"][2]
 
 
 def test_a_parcel_of_any_bytes_passes_through_json() -> None:

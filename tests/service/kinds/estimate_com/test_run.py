@@ -44,11 +44,11 @@ def filtered(folder: Path, **asked: object) -> EstimateComSummary:
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, EstimateComSummary, tuple[str, ...], Told]:
-    folder, told = tmp_path_factory.mktemp("result"), Told()
-    outcome = estimate_com.run(estimate_task(TRIAL, folder, latency="apply"), folder, told)
+    folder, progress = tmp_path_factory.mktemp("result"), Told()
+    outcome = estimate_com.run(estimate_task(TRIAL, folder, latency="apply"), folder, progress)
     assert {a.name for a in outcome.artifacts} == {"com.parquet", "com.csv", "com.c3d"}
     assert {p.name for p in folder.iterdir()} == {"trial", *(a.name for a in outcome.artifacts)}
-    return folder, EstimateComSummary.model_validate(outcome.summary), outcome.references, told
+    return folder, EstimateComSummary.model_validate(outcome.summary), outcome.references, progress
 
 
 def test_the_error_against_the_truth_is_that_of_the_table(result) -> None:  # type: ignore[no-untyped-def]
@@ -142,14 +142,14 @@ def test_the_c3d_is_the_upload_with_two_more_points(result) -> None:  # type: ig
 
 
 def test_a_result_says_where_it_comes_from(result) -> None:  # type: ignore[no-untyped-def]
-    folder, summary, references, told = result
+    folder, summary, references, progress = result
     about = read_metadata(folder / "com.parquet")
     assert about["provenance"]["file"] == "recording.c3d"
     assert about["provenance"]["summary"]["method"] == summary.method == "smoother"
     assert set(references) <= known_references()
     assert {"carpentier2017thesis", "dumas2007"} <= set(references)
-    assert told.fractions[-1] == 1.0
-    assert len(told.messages) >= 5
+    assert progress.fractions[-1] == 1.0
+    assert len(progress.messages) >= 5
 
 
 def test_the_observability_is_that_of_walking(result) -> None:  # type: ignore[no-untyped-def]
@@ -185,9 +185,9 @@ def test_a_users_statement_wins_over_the_file_but_not_over_the_plates(tmp_path: 
     assert filtered(tmp_path / "b").mass_source == "file"
     assert stated.mass_from_force_kg == pytest.approx(60.0, rel=0.02)
     heavy = filtered(tmp_path / "c", subject=SubjectFields(mass_kg=70.0))
-    (said,) = (w.message for w in heavy.warnings if w.code == "mass-disagrees-with-force")
-    assert "70 kg" in said
-    assert f"{heavy.mass_from_force_kg:.1f} ± " in said
+    (message,) = (w.message for w in heavy.warnings if w.code == "mass-disagrees-with-force")
+    assert "70 kg" in message
+    assert f"{heavy.mass_from_force_kg:.1f} ± " in message
     assert heavy.mass_source == "force"
     assert {known.source for known in heavy.masses} == {"stated", "impulse"}
 
@@ -229,8 +229,8 @@ def test_where_the_best_method_refuses_another_stands_in_and_says_why(tmp_path: 
     short = {"window_s": (2.1, 2.52), "latency": "report"}
     summary = summary_of(tmp_path / "a", **short)
     assert summary.method == "complementary"
-    (said,) = (w.message for w in summary.warnings if w.code == "best-method-refused")
-    assert "single support" in said
+    (message,) = (w.message for w in summary.warnings if w.code == "best-method-refused")
+    assert "single support" in message
     for k, named in enumerate(({"method": "smoother"}, {"smoother": {}})):
         with pytest.raises(NotEstimable) as refusal:
             summary_of(tmp_path / str(k), **short, **named)
@@ -245,16 +245,16 @@ def test_what_is_stated_to_the_smoother_is_used_and_what_it_found_is_told(tmp_pa
     assert {"marker_mm", "step_hz", "plate_bias_statistic"} <= usual.diagnostics.keys()
     assert usual.diagnostics["step_hz"] == pytest.approx(1.75, abs=0.1)
     stated = {"marker_m": 0.003, "step_hz": 1.6, "momentum_m_s": (0.001, 0.004)}
-    told = summary_of(tmp_path / "b", smoother={"learn": False, "priors": stated}).diagnostics
-    assert told["marker_mm"] == pytest.approx(3.0)
-    assert told["step_hz"] == 1.6
+    diagnostics = summary_of(tmp_path / "b", smoother={"learn": False, "priors": stated}).diagnostics
+    assert diagnostics["marker_mm"] == pytest.approx(3.0)
+    assert diagnostics["step_hz"] == 1.6
     assert usual.mass_kg is not None
     weight_n = 9.81 * usual.mass_kg
-    assert told["momentum_about_walk_nms"] == pytest.approx(0.001 * weight_n, rel=0.01)
-    assert told["momentum_about_side_nms"] == pytest.approx(0.004 * weight_n, rel=0.01)
+    assert diagnostics["momentum_about_walk_nms"] == pytest.approx(0.001 * weight_n, rel=0.01)
+    assert diagnostics["momentum_about_side_nms"] == pytest.approx(0.004 * weight_n, rel=0.01)
     required = {"learn": False, "priors": stated, "segment_momentum": True}
     rest = summary_of(tmp_path / "c", smoother=required).diagnostics
-    assert rest["momentum_about_side_nms"] == pytest.approx(0.6 * told["momentum_about_side_nms"])
+    assert rest["momentum_about_side_nms"] == pytest.approx(0.6 * diagnostics["momentum_about_side_nms"])
 
 
 def test_a_plate_bias_beyond_the_declared_one_is_remarked(tmp_path: Path) -> None:
@@ -265,9 +265,9 @@ def test_a_plate_bias_beyond_the_declared_one_is_remarked(tmp_path: Path) -> Non
     )
     write_c3d(tmp_path / "biased.c3d", replace(recording, plates=plates))
     for k, (declared_n, doubted) in enumerate(((1.0, True), (20.0, False))):
-        told = {"priors": {"plate_force_n": declared_n}}
+        options = {"priors": {"plate_force_n": declared_n}}
         outcome = estimate_com.run(
-            estimate_task(tmp_path / "biased.c3d", tmp_path / str(k), smoother=told), tmp_path / str(k), quiet
+            estimate_task(tmp_path / "biased.c3d", tmp_path / str(k), smoother=options), tmp_path / str(k), quiet
         )
         assert ("undeclared-plate-bias" in {w["code"] for w in outcome.summary["warnings"]}) == doubted
 
@@ -312,7 +312,7 @@ def test_a_table_can_be_chosen(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("asked", "kind", "code"),
+    ("options", "kind", "code"),
     [
         ({"method": "kalman", "cutoffs": (0.2, 1.0)}, InvalidInput, "cutoffs-not-used"),
         ({"method": "smoother", "cutoffs": "thesis"}, InvalidInput, "cutoffs-not-used"),
@@ -330,10 +330,10 @@ def test_a_table_can_be_chosen(tmp_path: Path) -> None:
     ],
 )
 def test_a_refusal_leaves_no_artifact(
-    tmp_path: Path, asked: dict[str, object], kind: type[StridelabError], code: str
+    tmp_path: Path, options: dict[str, object], kind: type[StridelabError], code: str
 ) -> None:
     with pytest.raises(kind) as refusal:
-        summary_of(tmp_path, **asked)
+        summary_of(tmp_path, **options)
     assert refusal.value.code == code
     assert [p.name for p in tmp_path.iterdir()] == ["trial"]
 

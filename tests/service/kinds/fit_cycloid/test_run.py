@@ -43,19 +43,19 @@ def summary_of(folder: Path, **asked: object) -> FitCycloidSummary:
 
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, FitCycloidSummary, tuple[str, ...], Told]:
-    folder, told = tmp_path_factory.mktemp("wheel"), Told()
-    outcome = fit_cycloid.run(task(folder), folder, told)
+    folder, progress = tmp_path_factory.mktemp("wheel"), Told()
+    outcome = fit_cycloid.run(task(folder), folder, progress)
     assert [a.name for a in outcome.artifacts] == ["steps.parquet", "steps.csv", "wheel.parquet", "wheel.csv"]
     assert {p.name for p in folder.iterdir()} == {"trial", *(a.name for a in outcome.artifacts)}
-    return folder, FitCycloidSummary.model_validate(outcome.summary), outcome.references, told
+    return folder, FitCycloidSummary.model_validate(outcome.summary), outcome.references, progress
 
 
 @pytest.fixture(scope="module")
 def walkway(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Every footprint on a plate of its own, so that many steps are measured."""
     folder = tmp_path_factory.mktemp("walkway")
-    asked = SimulateRecordingInput(duration_s=4.0, lab="walkway", seed=3)
-    simulate_recording.run(SimulateRecordingTask(input=asked), folder, quiet)
+    simulation = SimulateRecordingInput(duration_s=4.0, lab="walkway", seed=3)
+    simulate_recording.run(SimulateRecordingTask(input=simulation), folder, quiet)
     return folder / "recording.c3d"
 
 
@@ -113,7 +113,7 @@ def test_the_table_of_samples_is_the_wheel(fitted) -> None:  # type: ignore[no-u
 
 
 def test_the_table_of_steps_is_the_summary(fitted) -> None:  # type: ignore[no-untyped-def]
-    folder, summary, references, told = fitted
+    folder, summary, references, progress = fitted
     (row,) = pq.read_table(folder / "steps.parquet").to_pylist()
     (step,) = summary.steps
     for name in ("t0_s", "R_m", "r_m", "z0_m", "omega_rad_s", "error_mean_mm", "step_length_m", "speed_m_s"):
@@ -127,7 +127,7 @@ def test_the_table_of_steps_is_the_summary(fitted) -> None:  # type: ignore[no-u
     assert about["units"]["omega_rad_s"] == "rad/s"
     assert about["provenance"]["summary"]["steps"] == [step.model_dump(mode="json")]
     assert set(references) <= known_references()
-    assert told.fractions[-1] == 1.0
+    assert progress.fractions[-1] == 1.0
 
 
 def test_many_steps_scatter_by_themselves(walkway: Path, tmp_path: Path) -> None:
@@ -164,8 +164,8 @@ def test_one_plate_is_refused_with_its_steps(tmp_path: Path) -> None:
 
 
 def test_without_any_force_standing_is_told_before_missing_plates(tmp_path: Path) -> None:
-    asked = SimulateRecordingInput(duration_s=2.0, speed_m_s=0.0, seed=5)
-    simulate_recording.run(SimulateRecordingTask(input=asked), tmp_path, quiet)
+    simulation = SimulateRecordingInput(duration_s=2.0, speed_m_s=0.0, seed=5)
+    simulate_recording.run(SimulateRecordingTask(input=simulation), tmp_path, quiet)
     off = {index: PlateSwitch(use=False) for index in (1, 2, 3, 4)}
     with pytest.raises(NotEstimable) as caught:
         summary_of(tmp_path / "fit", file=tmp_path / "recording.c3d", plates=off)

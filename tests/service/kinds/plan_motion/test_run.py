@@ -71,12 +71,12 @@ def test_the_summary_says_what_every_stage_found(walked: Planned) -> None:
 
 
 def test_progress_goes_through_the_stages_and_tells_the_motions_time(walked: Planned) -> None:
-    told = walked.told
-    named = list(dict.fromkeys(message.partition(":")[0] for message in told.messages))
+    progress = walked.told
+    named = list(dict.fromkeys(message.partition(":")[0] for message in progress.messages))
     assert named == [*STAGES, "done"]
-    assert told.fractions[-1] == 1.0
+    assert progress.fractions[-1] == 1.0
     for stage in ("whole body", "replay"):
-        ticking = [m for m in told.messages if m.startswith(f"{stage}: ")]
+        ticking = [m for m in progress.messages if m.startswith(f"{stage}: ")]
         assert ticking[0] == f"{stage}: 0.0 of {walked.summary.duration_s:.1f} s"
         assert len(ticking) >= 10
         for message in ticking[1:]:
@@ -180,8 +180,8 @@ def test_feet_stand_where_the_scenario_puts_them_and_the_com_is_that_of_the_join
 
 def test_scenario_and_certificate_can_be_read_back(walked: Planned) -> None:
     assert Scenario.model_validate_json((walked.folder / "scenario.json").read_text()) == short_walk()
-    kept = CertificateSummary.model_validate_json((walked.folder / "certificate.json").read_text())
-    assert kept == walked.summary.certificate
+    certificate = CertificateSummary.model_validate_json((walked.folder / "certificate.json").read_text())
+    assert certificate == walked.summary.certificate
 
 
 def test_without_the_whole_body_there_is_the_plan_only(tmp_path: Path) -> None:
@@ -202,11 +202,11 @@ def refused(folder: Path, kind: type[StridelabError], scenario: Scenario | None 
 
 def test_a_solver_that_is_not_there_is_refused_before_any_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plan_problem, "native_unavailable_reason", lambda: "It was not built.")
-    told = Told()
+    progress = Told()
     with pytest.raises(NotEstimable) as failure:
-        plan_motion.run(plan_task(solver="native"), tmp_path, told)
+        plan_motion.run(plan_task(solver="native"), tmp_path, progress)
     assert failure.value.code == "solver-unavailable"
-    assert told.messages == []
+    assert progress.messages == []
 
 
 BAD = {
@@ -250,9 +250,11 @@ def test_densities_of_another_description_are_refused(tmp_path: Path, monkeypatc
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("asked", "taken"), [(None, DEFAULT_MEASURE), ("uniform", "uniform"), ("conditioned",) * 2])
+@pytest.mark.parametrize(
+    ("requested", "taken"), [(None, DEFAULT_MEASURE), ("uniform", "uniform"), ("conditioned",) * 2]
+)
 def test_the_measure_that_is_asked_for_is_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: str | None, taken: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, requested: str | None, taken: str
 ) -> None:
     """Null means the default one."""
     looked: list[str] = []
@@ -263,7 +265,7 @@ def test_the_measure_that_is_asked_for_is_taken(
 
     monkeypatch.setattr(plan_problem, "load_card", stand_in)
     with pytest.raises(NotFound):
-        run(tmp_path, short_walk(), whole_body=False, measure=asked)
+        run(tmp_path, short_walk(), whole_body=False, measure=requested)
     assert looked == [taken]
 
 
@@ -291,8 +293,8 @@ def test_a_body_that_cannot_follow_keeps_plan_and_motion_and_its_own_words(
     assert error is not None
     assert error.code == "whole-body-failed"
     assert [fault.where for fault in error.faults] == ["phases[1]", "stage: whole body"]
-    said = stuck.outcome.to_json()["problem"]
-    assert (said["code"], said["detail"]) == (error.code, error.message)
+    problem = stuck.outcome.to_json()["problem"]
+    assert (problem["code"], problem["detail"]) == (error.code, error.message)
     stopped = stuck.summary.stopped
     assert stopped is not None
     assert (stopped.time_s, stopped.phase, stopped.level) == (1.2, 1, 0)

@@ -53,12 +53,12 @@ def poses() -> np.ndarray:
 def test_without_ffmpeg_a_film_is_refused_before_any_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(video.shutil, "which", lambda _: None)
     require_film(None)
-    told = Told()
+    progress = Told()
     with pytest.raises(NotEstimable) as refusal:
-        plan_motion.run(plan_task(film="mp4"), tmp_path, told)
+        plan_motion.run(plan_task(film="mp4"), tmp_path, progress)
     assert refusal.value.code == "film-unavailable"
     assert "apt-get install ffmpeg" in refusal.value.message
-    assert told.messages == []
+    assert progress.messages == []
 
 
 @pytest.mark.parametrize("film", ["gif", "mp4"])
@@ -68,8 +68,8 @@ def test_every_frame_is_handed_to_ffmpeg(programs: Path, tmp_path: Path, film: v
     assert (artifact.name, artifact.media_type) == (f"motion.{film}", video.MEDIA_TYPES[film])
     assert (tmp_path / artifact.name).is_file()
     assert int((tmp_path / "bytes").read_text()) == 2 * 3 * SIZE_PX[0] * SIZE_PX[1]
-    said = (tmp_path / "arguments").read_text()
-    assert f"-s {SIZE_PX[0]}x{SIZE_PX[1]} -r 25 -i -" in said
+    arguments = (tmp_path / "arguments").read_text()
+    assert f"-s {SIZE_PX[0]}x{SIZE_PX[1]} -r 25 -i -" in arguments
 
 
 def test_what_ffmpeg_says_last_is_the_reason(programs: Path, tmp_path: Path) -> None:

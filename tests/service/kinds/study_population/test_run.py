@@ -43,8 +43,8 @@ def walks(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     files = []
     for n, height_m in enumerate((1.6, 1.8)):
         folder = tmp_path_factory.mktemp("walk")
-        asked = SimulateRecordingInput(duration_s=2.5, height_m=height_m, seed=n)
-        simulate_recording.run(SimulateRecordingTask(input=asked), folder, quiet)
+        simulation = SimulateRecordingInput(duration_s=2.5, height_m=height_m, seed=n)
+        simulate_recording.run(SimulateRecordingTask(input=simulation), folder, quiet)
         files.append((folder / "recording.c3d").rename(folder / f"walk-{n}.c3d"))
     return files
 
