@@ -36,7 +36,7 @@ from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.disturbances import Disturbances
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "execution.md"
-KEPT: TypeAdapter[list[Execution]] = TypeAdapter(list[Execution])
+REPORTS: TypeAdapter[list[Execution]] = TypeAdapter(list[Execution])
 BORNE: TypeAdapter[dict[str, float]] = TypeAdapter(dict[str, float])
 PUSHED: TypeAdapter[list[PushBasinSummary]] = TypeAdapter(list[PushBasinSummary])
 PUSH_SPEEDS_M_S = (0.2, 0.4)
@@ -109,12 +109,12 @@ def main() -> None:
 def carried_out(robot: str, folder: Path, *, anew: bool = False) -> list[Execution]:
     """All scenarios of one robot, kept after each."""
     path = folder / f"{robot}.json"
-    known = {} if anew or not path.is_file() else {e.name: e for e in KEPT.validate_json(path.read_bytes())}
+    known = {} if anew or not path.is_file() else {e.name: e for e in REPORTS.validate_json(path.read_bytes())}
     for name in CASES[robot]:
         if name not in known:
             known[name] = execute_scenario(robot, name)
             sys.stderr.write(f"{robot} {name}: {known[name].failed or known[name].is_certified}\n")
-            path.write_bytes(KEPT.dump_json(list(known.values()), indent=1))
+            path.write_bytes(REPORTS.dump_json(list(known.values()), indent=1))
     return list(known.values())
 
 
@@ -179,7 +179,7 @@ def page(folder: Path) -> Iterable[str]:
     for robot in CASES:
         path = folder / f"{robot}.json"
         if path.is_file():
-            yield from _table(robot, KEPT.validate_json(path.read_bytes()))
+            yield from _table(robot, REPORTS.validate_json(path.read_bytes()))
     for robot in CASES:
         for kind, title, caption in TABLES:
             paths = {name: folder / f"{robot}-{name}-{kind}.json" for name in EXPERIMENTS}

@@ -36,7 +36,7 @@ from stridelab.reproduction.studies import proxy_accuracy
 from stridelab.robots.loader import load_robot
 
 ROOT = Path(__file__).parents[1]
-KEPT, MODELS = ROOT / ".data" / "proxy-validation", ROOT / "models" / "feasibility"
+CACHE, MODELS = ROOT / ".data" / "proxy-validation", ROOT / "models" / "feasibility"
 PARTS = ("pairs", "learn", "areas", "stances")
 RANGES = {"standing": STANDING_POSTURE, "any": ANY_POSTURE}
 CONTACTS = {"two feet": False, "two feet and a hand": True}
@@ -56,7 +56,7 @@ def main() -> None:
     parser.add_argument("--anew", action="store_true")
     parser.add_argument("--tables", action="store_true")
     arguments = parser.parse_args()
-    KEPT.mkdir(parents=True, exist_ok=True)
+    CACHE.mkdir(parents=True, exist_ok=True)
     for name in arguments.robots:
         for part in PARTS:
             if part in arguments.parts:
@@ -163,7 +163,7 @@ def corrected(name: str) -> Mapping[str, Proxy]:
 
 def pairs_path(name: str, contacts: str, within: str, purpose: str) -> Path:
     """Where pairs are kept."""
-    return KEPT / f"pairs-{name}-{contacts.replace(' ', '-')}-{within}-{purpose}.npz"
+    return CACHE / f"pairs-{name}-{contacts.replace(' ', '-')}-{within}-{purpose}.npz"
 
 
 def save(path: Path, pairs: LabelledPairs) -> None:
@@ -198,13 +198,13 @@ def load(path: Path) -> LabelledPairs:
 
 def write(stem: str, figures: object) -> None:
     """Keep numbers as text."""
-    (KEPT / f"{stem}.json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    (CACHE / f"{stem}.json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
 
 
 def tables() -> list[str]:
     """All tables in Markdown."""
     lines: list[str] = []
-    for path in sorted(KEPT.glob("areas-*.json")):
+    for path in sorted(CACHE.glob("areas-*.json")):
         cases = json.loads(path.read_text(encoding="utf-8"))
         heads = [f"{case['contacts']}, {case['truth']}" for case in cases]
         lines += [f"**{path.stem}**", "", f"| score | {' | '.join(heads)} |", "|---" * (1 + len(cases)) + "|"]
@@ -214,7 +214,7 @@ def tables() -> list[str]:
         for key in [key for key in cases[0] if key not in ("areas", "contacts", "truth")]:
             lines.append(f"| {key.replace('_', ' ')} | {' | '.join(f'{case[key]:.3g}' for case in cases)} |")
         lines.append("")
-    for path in sorted(KEPT.glob("stances-*.json")):
+    for path in sorted(CACHE.glob("stances-*.json")):
         lines += [
             f"**{path.stem}**",
             "",

@@ -23,7 +23,7 @@ from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import PEOPLE, QUICK_SEEDS, Section, collect_sections, recipes_of
 
 ROOT = Path(__file__).parents[1]
-PAGE, KEPT = ROOT / "docs" / "reproduction.md", ROOT / ".data" / "reproduction"
+PAGE, CACHE = ROOT / "docs" / "reproduction.md", ROOT / ".data" / "reproduction"
 SEEDS = 50
 
 
@@ -43,7 +43,7 @@ def main() -> None:
     sections = []
     processes = min(available_processes(), PROCESSES_MAX)
     start = time.monotonic()
-    for section in collect_sections(selected, ResultCache(KEPT), lambda _f, _m: None, processes=processes):
+    for section in collect_sections(selected, ResultCache(CACHE), lambda _f, _m: None, processes=processes):
         sections.append(section)
         sys.stderr.write(f"{section.name}: {section.failure or f'{time.monotonic() - start:.0f} s'}\n")
         start = time.monotonic()

@@ -33,7 +33,7 @@ thesis. Every other flight has a rail, 0.70 to 1.00 m above the footholds and 0.
 hand 0.10 to 0.35 m ahead. Each flight is planned with the settings of the service, followed by the whole-body
 controller, checked by the certificate and replayed in the physics simulation.
 """
-KEPT: TypeAdapter[list[SearchResult]] = TypeAdapter(list[SearchResult])
+REPORTS: TypeAdapter[list[SearchResult]] = TypeAdapter(list[SearchResult])
 
 
 def main() -> None:
@@ -47,7 +47,7 @@ def main() -> None:
     variations = random_variations()
     known: dict[int, SearchResult] = {}
     if arguments.out.is_file() and not arguments.anew:
-        known = {case.index: case for case in KEPT.validate_json(arguments.out.read_bytes())}
+        known = {case.index: case for case in REPORTS.validate_json(arguments.out.read_bytes())}
     if not arguments.page:
         arguments.out.parent.mkdir(parents=True, exist_ok=True)
         run(variations[: arguments.number], known, arguments.out)
@@ -70,7 +70,7 @@ def keep(case: SearchResult, known: dict[int, SearchResult], out: Path) -> None:
     what = case.attempt
     searched = f", {case.tried} others tried: {case.instead}" if case.tried else ""
     sys.stderr.write(f"{case.index}: {what.stage or 'carried out'} {what.reason}{searched}\n")
-    out.write_bytes(KEPT.dump_json([known[index] for index in sorted(known)], indent=1))
+    out.write_bytes(REPORTS.dump_json([known[index] for index in sorted(known)], indent=1))
 
 
 def page(variations: tuple[Variation, ...], known: dict[int, SearchResult]) -> Iterable[str]:

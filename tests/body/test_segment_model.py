@@ -72,7 +72,7 @@ def test_the_mirror_image_of_a_body_has_the_mirror_image_of_its_com(name, gone):
 
 
 @pytest.mark.parametrize("table", TABLES)
-def test_the_parts_make_the_whole(table):
+def test_the_segments_sum_to_the_body(table):
     whole = com(landmarks(), table)
     assert sum(part.mass_fraction for part in whole.segments.values()) == pytest.approx(1.0, abs=1e-12)
     summed = sum(part.mass_fraction * part.com_m for part in whole.segments.values())
@@ -119,7 +119,7 @@ def test_a_hidden_marker_costs_only_its_own_frames():
     assert np.isfinite(np.delete(result.com_m, 2, axis=0)).all()
 
 
-def test_a_gap_in_a_cluster_is_bridged_and_said():
+def test_a_gap_in_a_cluster_is_bridged_with_a_remark():
     tracks = landmarks(6)
     tracks["l_asis"] = tracks["l_asis"].copy()
     whole = com(tracks).com_m
@@ -191,7 +191,7 @@ def test_a_carried_table_is_used_as_it_is(table):
     assert set(result.segments) == {"pelvis"}
 
 
-def test_a_carried_table_that_is_not_there_or_names_no_segment():
+def test_a_missing_or_invalid_carried_table_is_refused():
     with pytest.raises(InvalidInput) as refusal:
         com(landmarks(), "carried")
     assert refusal.value.code == "segment-table-not-carried"
@@ -200,7 +200,7 @@ def test_a_carried_table_that_is_not_there_or_names_no_segment():
         com(landmarks(), "carried", carried={"segment_table": text})
 
 
-def test_auto_prefers_dumas_and_an_unstated_sex_is_said_and_paid_for():
+def test_auto_prefers_dumas_and_an_unstated_sex_is_remarked_and_widens_the_band():
     tracks = landmarks()
     trial = recording(tracks)
     known = com(tracks, "auto")
@@ -272,7 +272,7 @@ def test_a_pelvis_placed_from_hip_centres_follows_the_trunk(lean_deg):
     np.testing.assert_allclose(leaning.com_m, placed.com_m @ R.T, atol=1e-9)
 
 
-def test_markers_that_are_never_seen_together():
+def test_markers_that_are_never_visible_together_are_refused():
     tracks = without(
         landmarks(8), "heel", "mt1", "mt2", "mt5", "toe", "trochanter", "fibula_head", "tuberosity", "medial"
     )

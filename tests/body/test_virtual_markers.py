@@ -40,7 +40,7 @@ def test_three_visible_markers_are_enough_and_two_are_not():
     assert np.isnan(t[1]).all()
 
 
-def test_markers_on_a_line_say_nothing_about_the_rotation():
+def test_markers_on_a_line_do_not_determine_the_rotation():
     line = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.3, 1e-4, 0.0]])
     R, _ = rigid_motion(line, line[None])
     assert np.isnan(R).all()
@@ -61,7 +61,7 @@ def test_a_marker_of_the_static_trial_alone_is_rebuilt_exactly():
     np.testing.assert_allclose(complete["l_ankle_medial"], truth, atol=1e-9)
 
 
-def test_a_gap_is_filled_and_what_was_seen_stays():
+def test_a_gap_is_filled_and_visible_samples_are_unchanged():
     _, walk = shank()
     truth = walk["l_ankle_lateral"].copy()
     walk["l_ankle_lateral"] = truth.copy()

@@ -25,9 +25,7 @@ def walked(walk: CentroidalProblem) -> CentroidalPlan:
     return solve(walk)
 
 
-def test_what_is_left_of_a_motion_is_the_best_motion_from_there(
-    walk: CentroidalProblem, walked: CentroidalPlan
-) -> None:
+def test_the_rest_of_an_optimal_motion_is_optimal(walk: CentroidalProblem, walked: CentroidalPlan) -> None:
     """Bellman: from the state at the end of the second phase, the same path again."""
     k = int(np.flatnonzero(walked.phase == 2)[0])
     rest = replace(
@@ -147,7 +145,7 @@ def test_bounds_that_leave_nothing_are_named(settings: dict, where: str) -> None
     assert [fault.where for fault in caught.value.faults] == [where]
 
 
-def test_the_wrench_knows_no_force_of_a_point(problem: CentroidalProblem) -> None:
+def test_the_wrench_as_control_has_no_point_forces(problem: CentroidalProblem) -> None:
     with pytest.raises(InvalidInput) as caught:
         replace(problem, control=ContactWrench(), bounds=PathBounds(normal_force_max_n={"right_hand": 50.0}))
     assert caught.value.code == "bounds-need-forces"

@@ -104,7 +104,7 @@ def test_ipopt_and_fatrop_find_the_same_motion(experiment: str, control: Control
 
 
 @pytest.mark.parametrize("free", [{"durations": FreeDurations()}, {"placements": FreePlacements()}], ids=str)
-def test_what_is_free_is_used(free: dict[str, Any]) -> None:
+def test_free_variables_lower_the_cost(free: dict[str, Any]) -> None:
     given, problem = solve(bundled("long-stride"), "ipopt"), bundled("long-stride", **free)
     plan = solve(problem, "ipopt")
     assert_solved(problem, plan)

@@ -181,7 +181,9 @@ def test_the_motion_is_nearly_that_of_constants(spline: CentroidalPlan, plan: Ce
     ("settings", "code"),
     [({"control": ContactWrench()}, "shape-needs-forces"), ({"durations": FreeDurations()}, "shape-needs-durations")],
 )
-def test_what_splines_cannot_do_is_refused(problem: CentroidalProblem, settings: dict[str, Any], code: str) -> None:
+def test_unsupported_options_of_splines_are_refused(
+    problem: CentroidalProblem, settings: dict[str, Any], code: str
+) -> None:
     with pytest.raises(InvalidInput) as refused:
         replace(problem, shape="cubic", **settings)
     assert refused.value.code == code

@@ -34,7 +34,7 @@ def test_recovers_on_the_edge_of_a_sole(at_s: float, push_m_s: float) -> None:
 
 
 @pytest.mark.parametrize(("scenario", "shape"), [("flat-walk", "constant"), ("long-stride", "cubic")])
-def test_plans_for_what_the_limbs_take(scenario: str, shape: Shape) -> None:
+def test_plans_with_the_angular_momentum_of_the_limbs(scenario: str, shape: Shape) -> None:
     """Rates of a swing of 12 Nms, to and fro, cost what ipopt says they do."""
     walk = bundled(scenario, control=CircularCones(), shape=shape)
     time_s = walk.limb_times_s()

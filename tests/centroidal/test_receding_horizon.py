@@ -94,7 +94,7 @@ def failing(now: Callable[[], bool]) -> Callable[..., CentroidalPlan]:
     return stand_in
 
 
-def test_where_a_solve_fails_the_last_plan_goes_on(walk: CentroidalProblem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_if_a_solve_fails_the_last_plan_is_continued(walk: CentroidalProblem, monkeypatch: pytest.MonkeyPatch) -> None:
     asked_s = [0.0]
     genuine = RecedingHorizon.horizon_problem
 

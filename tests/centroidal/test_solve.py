@@ -115,7 +115,7 @@ def test_more_nodes_converge_to_the_same_motion() -> None:
     assert fine.com_m[::2] == pytest.approx(coarse.com_m, abs=5e-3)
 
 
-def test_on_ice_the_far_end_is_out_of_reach_and_it_says_so() -> None:
+def test_on_ice_the_far_end_is_reported_as_out_of_reach() -> None:
     problem = rest_to_rest(two_steps(friction=0.01))
     plan = solve(replace(problem, com_end_m=np.array([3.0, 0.0, COM_HEIGHT_M])))
     assert not plan.converged

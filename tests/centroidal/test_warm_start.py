@@ -84,7 +84,7 @@ def test_a_start_carried_to_a_finer_grid_takes_fewer_iterations(problem: Centroi
 
 
 @pytest.mark.parametrize("control", CONTROLS, ids=str)
-def test_what_is_left_of_a_motion_that_was_pushed(control: Control) -> None:
+def test_a_start_for_the_rest_of_a_pushed_motion_takes_fewer_iterations(control: Control) -> None:
     walk = rest_to_rest(two_steps(), control=control)
     plan = solve(walk, "ipopt")
     k = int(np.flatnonzero(plan.phase == 2)[0])
@@ -97,7 +97,7 @@ def test_what_is_left_of_a_motion_that_was_pushed(control: Control) -> None:
     shorter(walk, rest, plan, float(plan.time_s[k]))
 
 
-def test_what_lies_beyond_the_plan_begins_cold() -> None:
+def test_times_beyond_the_plan_start_cold() -> None:
     walk = rest_to_rest(two_steps())
     plan = solve(walk)
     later = warm_start_point(plan, walk, after_s=100.0)

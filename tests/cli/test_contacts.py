@@ -64,7 +64,7 @@ def test_an_end_that_cannot_be_held_is_named_and_leaves_nothing(tmp_path: Path) 
     assert not (tmp_path / "out").exists()
 
 
-def test_no_way_is_explained_and_leaves_nothing(tmp_path: Path) -> None:
+def test_an_impossible_task_is_explained_and_leaves_nothing(tmp_path: Path) -> None:
     file = tmp_path / "gap.json"
     file.write_text(json.dumps(planks(0.6)))
     code, shown = typed(str(file), "--out", str(tmp_path / "out"))

@@ -11,7 +11,7 @@ from stridelab.cli.doctor.checks import Check
 from stridelab.service.settings import Settings
 
 
-def test_pythons_too_old_and_too_new_are_told() -> None:
+def test_unsupported_python_versions_are_reported() -> None:
     assert [doctor.check_python_version((3, minor)).ok for minor in (10, 11, 13, 14)] == [False, True, True, False]
 
 
@@ -65,14 +65,14 @@ def a_file(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", FAILING)
-def test_a_failing_check_says_what_to_do(name: str, tmp_path: Path) -> None:
+def test_a_failing_check_gives_the_remedy(name: str, tmp_path: Path) -> None:
     check, settings, fix = FAILING[name]
     results = check(settings(tmp_path))
     assert not results.ok
     assert fix in results.fix
 
 
-def test_a_taken_port_says_what_to_do() -> None:
+def test_a_taken_port_is_reported_with_the_remedy() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         check = doctor.check_port(Settings(port=taken.getsockname()[1]))
     assert not check.ok
@@ -93,12 +93,12 @@ def test_a_token_opens_the_network() -> None:
     assert doctor.check_network(Settings(host="0.0.0.0", api_token="x")).ok
 
 
-def test_a_service_that_does_not_answer_fails_the_question(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_service_that_does_not_answer_fails_the_check(capsys: pytest.CaptureFixture[str]) -> None:
     assert not doctor.report_service("http://127.0.0.1:9")
     assert "FAIL" in capsys.readouterr().out
 
 
-def test_settings_that_make_no_sense_are_the_only_finding(
+def test_invalid_settings_are_the_only_result(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("STRIDELAB_PORT", "eighty")

@@ -27,7 +27,7 @@ def settings(database_url: str, tmp_path: Path) -> Settings:
     return Settings(database_url=database_url, data_dir=tmp_path)
 
 
-def test_tables_of_this_program_an_older_and_a_newer_one(settings: Settings, postgres: TestDatabases) -> None:
+def test_the_database_revision_is_compared_with_the_program(settings: Settings, postgres: TestDatabases) -> None:
     assert parts.check_tables(settings).ok
     with psycopg.connect(str(settings.database_url)) as connection:
         connection.execute("UPDATE alembic_version SET version_num = '9999'")
@@ -41,7 +41,7 @@ def test_tables_of_this_program_an_older_and_a_newer_one(settings: Settings, pos
         assert parts.check_workers(Settings(database_url=url)).ok
 
 
-def test_a_clock_a_minute_off_is_told_with_its_fix(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_clock_a_minute_off_is_reported_with_the_remedy(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
     assert parts.check_clock(settings).ok
     now = time.time
     monkeypatch.setattr(parts.time, "time", lambda: now() + 60.0)
@@ -64,13 +64,13 @@ def test_waiting_jobs_need_a_worker(settings: Settings) -> None:
 
 
 @pytest.mark.parametrize("check", [parts.check_tables, parts.check_clock, parts.check_workers])
-def test_a_database_that_is_away(check: object) -> None:
+def test_an_unreachable_database_is_reported(check: object) -> None:
     results = check(NOWHERE)  # type: ignore[operator]
     assert not results.ok
     assert "database" in results.fix
 
 
-def test_a_store_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
+def test_the_store_is_tested_and_left_unchanged(tmp_path: Path) -> None:
     store = tmp_path / "store"
     assert parts.check_storage(Settings(blob_url=store.as_uri())).ok
     assert not list(store.iterdir())
@@ -83,7 +83,7 @@ def test_a_store_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
     assert not (tmp_path / "new").exists()
 
 
-def test_a_store_that_never_answers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_store_that_never_answers_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(parts, "_STORE_TIMEOUT_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as mute:
         keys = tmp_path / "keys"
@@ -107,7 +107,7 @@ def test_memory_is_that_of_the_container_or_unit(tmp_path: Path) -> None:
     assert parts.memory_bytes(tmp_path, own) == 2_000_000
 
 
-def test_too_little_memory_for_a_job_is_told_and_the_solver_is_found() -> None:
+def test_too_little_memory_for_a_job_is_reported_and_the_solver_detected() -> None:
     assert parts.check_memory(Settings()).ok
     short = parts.check_memory(Settings(job_memory_mb=10**9))
     assert not short.ok
@@ -139,7 +139,7 @@ def embedded() -> Iterator[Settings]:
             server.stop()
 
 
-def test_an_embedded_database_is_asked_while_it_runs(embedded: Settings, tmp_path: Path) -> None:
+def test_an_embedded_database_is_checked_while_it_runs(embedded: Settings, tmp_path: Path) -> None:
     assert "revision" in parts.check_tables(embedded).detail
     assert parts.check_clock(embedded).ok
     assert parts.check_workers(embedded).detail == "0 alive, 0 jobs waiting"

@@ -40,7 +40,7 @@ def test_json_is_the_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert len(FitCycloidSummary.model_validate(result.summary).steps) >= 4
 
 
-def test_what_cannot_be_read_or_meant_leaves_nothing(tmp_path: Path) -> None:
+def test_unreadable_files_and_invalid_options_leave_nothing(tmp_path: Path) -> None:
     with pytest.raises(UnreadableFile):
         run(tmp_path / "out", file=tmp_path / "missing.c3d")
     with pytest.raises(InvalidInput):

@@ -39,7 +39,7 @@ def clear_taken() -> None:
     TAKEN.clear()
 
 
-def test_what_is_typed_reaches_the_command_as_the_group() -> None:
+def test_options_reach_the_command_as_one_group() -> None:
     assert CliRunner().invoke(APP, ["Padua", "--days", "5", "--after", "x"]).exit_code == 0
     assert CliRunner().invoke(APP, ["--before", "Bath"]).exit_code == 0
     assert [(False, Journey("Padua", 5), "x"), (True, Journey("Bath"), None)] == TAKEN

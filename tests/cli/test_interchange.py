@@ -65,7 +65,7 @@ def test_a_scenario_exported_and_imported_is_the_same(name: str) -> None:
         ]
 
 
-def test_what_another_tool_does_not_say_is_given_beside() -> None:
+def test_missing_fields_of_other_tools_are_taken_from_a_scenario_beside() -> None:
     document = exported("six-stairs")
     del document["stridelab"]
     bare = bad(document)
@@ -79,7 +79,7 @@ def test_what_another_tool_does_not_say_is_given_beside() -> None:
     assert "seven-stairs" in message
 
 
-def test_a_file_is_replaced_on_demand_only() -> None:
+def test_a_file_is_replaced_only_with_force() -> None:
     Path("mine.json").write_text("mine", encoding="utf-8")
     refused(Conflict, "export-contacts", "flat-walk", "--out-file", "mine.json")
     assert Path("mine.json").read_text(encoding="utf-8") == "mine"
@@ -91,7 +91,7 @@ def test_a_file_is_replaced_on_demand_only() -> None:
     refused(InvalidInput, "export-contacts", "flat-walk", "--out-file", "mine.json/below.json")
 
 
-def test_what_cannot_be_done_is_not_exported() -> None:
+def test_an_infeasible_scenario_is_not_exported() -> None:
     scenario = read_scenario("flat-walk").model_dump(mode="json")
     scenario["phases"][0]["contacts"][0]["position_m"][2] += 0.2
     message = refused(InvalidInput, "export-contacts", bad(scenario))
@@ -113,7 +113,7 @@ def test_what_cannot_be_done_is_not_exported() -> None:
         (b'{"contact_phases": [{"t_init": 0, "t_final": 1' + b"0" * 400 + b"}]}", InvalidInput, "phases[0]"),
     ],
 )
-def test_what_is_no_document_is_said_in_one_line(content: bytes, kind: type[StridelabError], word: str) -> None:
+def test_an_invalid_document_is_refused_in_one_line(content: bytes, kind: type[StridelabError], word: str) -> None:
     Path("bad.json").write_bytes(content)
     message = refused(kind, "import-contacts", "bad.json", "--beside", "flat-walk")
     assert word in message
@@ -121,7 +121,7 @@ def test_what_is_no_document_is_said_in_one_line(content: bytes, kind: type[Stri
     refused(UnreadableFile, "import-contacts", "nowhere.json")
 
 
-def test_two_patches_of_one_effector_are_not_silently_one() -> None:
+def test_two_patches_of_one_effector_are_refused() -> None:
     made = json.dumps(exported())
     Path("bad.json").write_text(made.replace('"right_foot": {', '"left_foot": {', 1), encoding="utf-8")
     message = refused(InvalidInput, "import-contacts", "bad.json")
@@ -171,7 +171,7 @@ def many(made: Document) -> None:
         (many, "phases", "400"),
     ],
 )
-def test_what_cannot_be_is_named_and_nothing_is_written(
+def test_an_impossible_choice_is_named_and_nothing_is_written(
     change: Callable[[Document], None], where: str, word: str
 ) -> None:
     made = exported()

@@ -44,7 +44,7 @@ def test_the_files_are_those_of_the_job_and_the_same_again(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(("option", "value"), [("--samples", "3"), ("--seed", "-1"), ("--measure", "gaussian")])
-def test_an_option_that_makes_no_sense_is_named(tmp_path: Path, option: str, value: str) -> None:
+def test_an_invalid_option_is_named(tmp_path: Path, option: str, value: str) -> None:
     code, shown = typed("talos", option, value, "--out", str(tmp_path / "out"))
     assert code == 2
     assert option in shown

@@ -75,7 +75,7 @@ def test_a_script_gets_the_session_and_no_browser(run: Run, opened: list[str]) -
         (("six-stairs", "--server", "http://nowhere"), "service-unreachable"),
     ],
 )
-def test_what_cannot_be_started_is_refused(run: Run, opened: list[str], arguments: tuple[str, ...], code: str) -> None:
+def test_an_impossible_session_is_refused(run: Run, opened: list[str], arguments: tuple[str, ...], code: str) -> None:
     done: Ran = run("live", *arguments)
     assert done.code != 0
     assert code in done.err.replace("\n", "")

@@ -87,7 +87,7 @@ def test_a_bad_file_is_one_clear_line_and_leaves_nothing(run: Run, tmp_path: Pat
         (("worker",), 2, "STRIDELAB_DATABASE_URL"),
     ],
 )
-def test_what_makes_no_sense_is_refused_naming_it(
+def test_invalid_arguments_are_refused_by_name(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], code: int, message: str
 ) -> None:
     from stridelab.service.settings import current_settings
@@ -102,7 +102,7 @@ def test_what_makes_no_sense_is_refused_naming_it(
     assert [path.name for path in tmp_path.iterdir()] == ["x.c3d"]
 
 
-def test_settings_that_make_no_sense_are_named(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_invalid_settings_are_named(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     from stridelab.service.settings import current_settings
 
     monkeypatch.setenv("STRIDELAB_PORT", "eighty")
@@ -126,7 +126,7 @@ def cli_conflict() -> type[StridelabError]:
     return Conflict
 
 
-def test_ctrl_c_is_quiet(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_ends_without_a_traceback(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(**_: object) -> None:
         raise KeyboardInterrupt
 
@@ -144,7 +144,7 @@ def test_an_error_takes_the_code_of_its_nearest_class() -> None:
     assert exit_code(StridelabError("a", "b")) == 1
 
 
-def test_a_service_that_does_not_answer_is_said(run: Run, tmp_path: Path) -> None:
+def test_an_unreachable_service_is_reported(run: Run, tmp_path: Path) -> None:
     (tmp_path / "x.c3d").write_bytes(b"\x02\x50")
     ran = run("estimate", "x.c3d", "--server", "http://127.0.0.1:9")
     assert ran.code == 10

@@ -142,13 +142,15 @@ def test_options_of_the_solver_are_those_of_the_job() -> None:
         ({"duration_range": (0.7, float("nan"))}, "--duration-range"),
     ],
 )
-def test_durations_that_cannot_be_chosen_are_named(options: dict[str, Any], where: str) -> None:
+def test_invalid_bounds_of_durations_are_named(options: dict[str, Any], where: str) -> None:
     with pytest.raises(InvalidInput) as refusal:
         PlanRequest("x", **options)
     assert refusal.value.faults[0].where == where
 
 
-def test_chosen_durations_are_said_and_kept(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_solved_durations_are_reported_and_written(
+    walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     act(PlanRequest(walk, no_whole_body=True, free_durations=True, duration_range=(0.8, 1.2)), tmp_path / "out")
     assert "durations chosen " in capsys.readouterr().out
     written = Scenario.model_validate_json((tmp_path / "out" / "scenario.json").read_text())
@@ -156,7 +158,7 @@ def test_chosen_durations_are_said_and_kept(walk: str, tmp_path: Path, capsys: p
 
 
 @pytest.mark.parametrize("options", [{"time_limit_s": 0.0}, {"time_limit_s": 1e4}])
-def test_a_time_limit_that_cannot_be_is_named(options: dict[str, Any]) -> None:
+def test_an_invalid_time_limit_is_named(options: dict[str, Any]) -> None:
     with pytest.raises(InvalidInput) as refusal:
         PlanRequest("x", **options)
     assert refusal.value.faults[0].where == "--time-limit"
@@ -172,7 +174,7 @@ def test_an_unknown_value_is_named_on_the_command_line(walk: str, option: str, v
     assert option in re.sub(r"\x1b\[[0-9;]*m", "", answer.output)
 
 
-def test_a_scenario_that_cannot_be_leaves_nothing(tmp_path: Path) -> None:
+def test_an_infeasible_scenario_leaves_nothing(tmp_path: Path) -> None:
     bad = changed(short_walk(), lambda body: body["phases"][2]["contacts"][0]["position_m"].__setitem__(2, 0.3))
     (tmp_path / "bad.json").write_text(bad.model_dump_json())
     with pytest.raises(InvalidInput) as refusal:
@@ -211,9 +213,7 @@ def fallen() -> dict[str, Any]:
     return summary.model_dump(mode="json")
 
 
-def test_a_replay_that_is_not_completed_says_what_is_missing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_incomplete_replay_reports_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     summary, message = fallen(), "A loaded foot slips by 68 mm; at most 20 mm are allowed."
     summary["replay"] |= {"fall_time_s": None, "remarks": [{"code": "replay-slipped", "message": message}]}
     result = JobResult(kind="plan-motion", input={}, versions={}, references=[], summary=summary, artifacts=[])
@@ -224,7 +224,7 @@ def test_a_replay_that_is_not_completed_says_what_is_missing(
     assert f"replay-slipped {message}" in output
 
 
-def test_the_tables_say_what_failed_and_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_tables_name_failed_checks_and_their_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = Artifact(name="motion.html", media_type="text/html", bytes=1)
     result = JobResult(kind="plan-motion", input={}, versions={}, references=[], summary=fallen(), artifacts=[page])
     show_plan(result, tmp_path)
@@ -284,7 +284,7 @@ def service(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ScriptedService:
     return made
 
 
-def test_a_service_is_sent_the_scenario_and_its_files_come_home(
+def test_the_scenario_is_sent_to_the_service_and_the_files_are_downloaded(
     service: ScriptedService, walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     act(PlanRequest(walk), tmp_path / "out", server="http://lab:8000", token="secret")
@@ -304,13 +304,13 @@ def test_a_service_is_sent_the_scenario_and_its_files_come_home(
     assert "certificate not passed" in capsys.readouterr().out
 
 
-def test_what_is_no_file_is_the_id_of_a_scenario_there(service: ScriptedService, tmp_path: Path) -> None:
+def test_an_argument_that_is_no_file_is_the_id_of_a_stored_scenario(service: ScriptedService, tmp_path: Path) -> None:
     act(PlanRequest("0123abcd"), tmp_path / "out", server="http://lab:8000")
     job_input = dict(service.calls)["submit"][1]
     assert (job_input.scenario_id, job_input.scenario) == ("0123abcd", None)
 
 
-def test_a_failed_plan_there_is_not_estimable_with_its_stage(
+def test_a_plan_that_fails_on_the_service_is_not_estimable_with_its_stage(
     service: ScriptedService, walk: str, tmp_path: Path
 ) -> None:
     service.ends = ("failed", problem(422, "plan-not-converged"))
@@ -321,7 +321,7 @@ def test_a_failed_plan_there_is_not_estimable_with_its_stage(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_motion_that_stops_there_comes_home_before_the_error(
+def test_a_motion_that_stops_on_the_service_is_downloaded_before_the_error(
     service: ScriptedService, walk: str, tmp_path: Path
 ) -> None:
     service.ends = ("failed", problem(422, "whole-body-failed"))

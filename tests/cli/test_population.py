@@ -79,7 +79,7 @@ def table(folder: Path, text: str) -> Path:
     return folder / "who.csv"
 
 
-def test_two_walks_and_a_broken_file(run: Run, tmp_path: Path) -> None:
+def test_a_study_of_two_walks_and_a_broken_file_names_the_broken_one(run: Run, tmp_path: Path) -> None:
     """The job itself: the sample walk, and the same walk with more padding behind it, as two people."""
     trial = (SAMPLE / "recording.c3d").read_bytes()
     for name, content in (("a.c3d", trial), ("b.c3d", trial + bytes(512)), ("broken.c3d", b"no recording")):
@@ -195,7 +195,7 @@ def test_a_bad_table_is_named_by_line_and_column(
     assert {path.name for path in tmp_path.iterdir()} == {"lab", "who.csv"}
 
 
-def test_missing_empty_and_twice_given_files(run: Run, fake: FakeStudy, lab: Path, tmp_path: Path) -> None:
+def test_missing_empty_and_repeated_files_are_refused(run: Run, fake: FakeStudy, lab: Path, tmp_path: Path) -> None:
     missing = run(tmp_path / "missing.c3d")
     assert missing.code == 3
     assert "missing.c3d" in missing.err
@@ -226,7 +226,7 @@ def test_a_study_that_fails_leaves_nothing(run: Run, fake: FakeStudy, lab: Path,
     assert {path.name for path in tmp_path.iterdir()} == {"lab"}
 
 
-def test_nothing_that_can_be_fitted(run: Run, tmp_path: Path) -> None:
+def test_a_study_without_any_fit_is_refused(run: Run, tmp_path: Path) -> None:
     (tmp_path / "broken.c3d").write_bytes(b"no recording")
     ran = run(tmp_path / "broken.c3d")
     assert (ran.code, "(nothing-fitted)" in ran.err) == (4, True)
@@ -312,7 +312,7 @@ def test_a_refusal_of_the_service_is_an_exit_code(
     assert not (tmp_path / "population").exists()
 
 
-def test_a_job_that_fails_on_the_service(run: Run, service: LabService, lab: Path, tmp_path: Path) -> None:
+def test_a_failed_job_of_the_service_is_an_error(run: Run, service: LabService, lab: Path, tmp_path: Path) -> None:
     service.ends = ("failed", problem(422, "nothing-fitted"))
     ran = run(lab, "--server", "http://lab:8000")
     assert (ran.code, "(nothing-fitted)" in ran.err) == (4, True)

@@ -65,7 +65,7 @@ def test_all_items_are_in_one_report_and_computed_once(
         (["--all", "--seeds", "201"], "--seeds"),
     ],
 )
-def test_what_cannot_be_meant_is_refused_before_anything_is_computed(
+def test_invalid_arguments_are_refused_before_anything_is_computed(
     arguments: list[str],
     where: str,
     tmp_path: Path,
@@ -82,7 +82,7 @@ def test_what_cannot_be_meant_is_refused_before_anything_is_computed(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_place_that_cannot_be_written_is_told_first(tmp_path: Path) -> None:
+def test_an_unwritable_folder_is_reported_before_any_work(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(InvalidInput) as refused:
         everything(tmp_path / "file")

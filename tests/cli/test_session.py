@@ -88,7 +88,7 @@ def test_the_order_of_the_files_does_not_matter(folder: Path, results: Path, tmp
     assert [one["input"]["recording_id"] for one in printed] == ["walk2.c3d", "walk0.c3d", "walk1.c3d"]
 
 
-def test_what_cannot_be_estimated_is_named_and_the_others_are_not_held_up(folder: Path, tmp_path: Path) -> None:
+def test_a_walk_without_an_estimate_is_named_and_the_others_are_estimated(folder: Path, tmp_path: Path) -> None:
     broken = tmp_path / "broken.c3d"
     broken.write_bytes(b"no recording at all")
     answer = run(folder / "walk0.c3d", folder / "walk1.c3d", broken, "--out", tmp_path / "out")
@@ -101,7 +101,7 @@ def test_what_cannot_be_estimated_is_named_and_the_others_are_not_held_up(folder
     ("words", "code"),
     [(("--server", "http://127.0.0.1:1"), "option-invalid"), (("--latency", "x"), "option-invalid")],
 )
-def test_what_makes_no_sense_is_refused(folder: Path, tmp_path: Path, words: tuple[str, ...], code: str) -> None:
+def test_invalid_values_are_refused(folder: Path, tmp_path: Path, words: tuple[str, ...], code: str) -> None:
     answer = run(folder, *words, "--out", tmp_path / "out")
     assert answer.exit_code != 0
     assert isinstance(answer.exception, StridelabError | SystemExit)
@@ -124,7 +124,7 @@ def member(name: str, parent: str, height_m: float | None = None, day: str | Non
     return Member(Path(parent) / name, name, TrialFacts(name, name, name, facts(subject=known, recorded_on=day)))
 
 
-def test_who_belongs_together() -> None:
+def test_recordings_are_grouped_by_person_and_day() -> None:
     first = [member("a1", "/lab/a", 1.7), member("a2", "/lab/a", 1.7), member("a_static", "/lab/a")]
     second = [member("b1", "/lab/b", 1.8), member("b_static", "/lab/b")]
     sessions = sessions_of([*first, *second])

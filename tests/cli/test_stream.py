@@ -61,7 +61,7 @@ def test_the_summary_is_a_table(service: Served, capsys: pytest.CaptureFixture[s
         assert name in shown
 
 
-def test_the_smoother_is_asked_for_by_name(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_smoother_is_selected_by_name(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
     replay = Replay(method="smoother", ahead="1,0", speed=1000.0, block=50)
     stream_samples(REQUEST, replay, as_json=True, server=service.base_url, token=None)
     assert json.loads(capsys.readouterr().out)["method"] == "smoother"
@@ -84,7 +84,7 @@ def test_a_senseless_method_or_direction_is_refused_before_anything_is_sent(
     assert where in [fault.where for fault in refused.value.faults]
 
 
-def test_nobody_there_is_said_in_one_line() -> None:
+def test_an_unreachable_service_is_reported_in_one_line() -> None:
     with pytest.raises(Unavailable) as refused:
         stream_samples(REQUEST, Replay(speed=1000.0), as_json=False, server="http://127.0.0.1:9", token=None)
     assert refused.value.code == "service-unreachable"

@@ -16,7 +16,7 @@ from support.robots.plans import short_walk
 @pytest.mark.parametrize(
     "typed", ["stride", "stride=1", "stride=1:2", "stride=1:2:x", "stride=a:2:3", "stride=1:2:3:4"]
 )
-def test_what_is_no_range_is_named(typed: str) -> None:
+def test_an_invalid_range_is_named(typed: str) -> None:
     with pytest.raises(InvalidInput) as refusal:
         parse_ranges([typed])
     assert refusal.value.faults[0].where == "--vary"

@@ -42,7 +42,7 @@ def test_a_running_service_is_healthy(lab: Client) -> None:
     assert lab.health().status == "ok"
 
 
-def test_an_upload_tells_its_progress(lab: Client, tmp_path: Path) -> None:
+def test_an_upload_reports_its_progress(lab: Client, tmp_path: Path) -> None:
     path = small_trial(tmp_path / 'Gang "Ü".c3d')
     progress: list[tuple[int, int]] = []
     subject = SubjectFields(name="P7", height_m=1.71, sex="male")
@@ -71,7 +71,7 @@ def test_recordings_are_listed_changed_and_deleted(lab: Client, service: Served)
     assert (refused.value.status, refused.value.code) == (404, "recording-not-found")
 
 
-def test_a_refusal_carries_code_sentence_and_places(lab: Client, service: Served) -> None:
+def test_a_refusal_has_code_sentence_and_places(lab: Client, service: Served) -> None:
     recording_id = service.run(add_recording(service.parts))
     with pytest.raises(ProblemError) as refused:
         lab.patch_recording(recording_id, RecordingPatch(plates={9: PlateSwitch(use=False)}))
@@ -137,12 +137,12 @@ def test_waiting_returns_as_soon_as_the_job_has_finished(lab: Client, service: S
     thread.join()
 
 
-def test_waiting_gives_up_when_told_to(lab: Client, service: Served) -> None:
+def test_waiting_ends_at_its_time_limit(lab: Client, service: Served) -> None:
     with pytest.raises(TimeoutError, match="still queued"):
         lab.wait(service.run(add_job(service.parts)), timeout_s=0.2)
 
 
-def test_events_until_the_end(lab: Client, service: Served) -> None:
+def test_events_are_received_until_the_job_ends(lab: Client, service: Served) -> None:
     job_id = service.run(add_job(service.parts))
     attempt = service.run(start_job(service.parts, job_id))
 
@@ -227,7 +227,7 @@ def test_an_interrupted_stream_is_resumed_without_losing_or_repeating(monkeypatc
     assert requested_ids == [None, "2", "2", "3"]
 
 
-def test_a_service_that_is_gone_is_told_after_some_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unreachable_service_is_reported_after_some_retries(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "sleep", lambda _: None)
     tries = 0
 
@@ -264,12 +264,12 @@ def test_waiting_survives_a_restart_of_the_service(monkeypatch: pytest.MonkeyPat
         assert lab.wait("j").state == "succeeded"
 
 
-def test_a_newer_service_may_say_more() -> None:
+def test_unknown_fields_of_a_newer_service_are_ignored() -> None:
     with answering(lambda _: httpx.Response(200, json={**JOB, "mood": "good"})) as lab:
         assert lab.job("j") == Job.model_validate(JOB)
 
 
-def test_nonsense_is_told_as_such() -> None:
+def test_an_answer_that_is_not_json_is_reported() -> None:
     with (
         answering(lambda _: httpx.Response(200, text="<html>")) as lab,
         pytest.raises(ClientError, match="cannot parse"),
@@ -285,7 +285,7 @@ def test_a_refusal_of_a_proxy_is_a_problem_too() -> None:
     assert (refused.value.status, refused.value.code) == (502, "http-error")
 
 
-def test_a_full_queue_says_when_to_come_back() -> None:
+def test_a_full_queue_is_refused_with_retry_after() -> None:
     problem = Problem(title="Too Many Requests", status=429, code="queue-full", detail="Full.")
     answer = httpx.Response(429, json=problem.model_dump(), headers={"Retry-After": "5"})
     with answering(lambda _: answer) as lab, pytest.raises(ProblemError) as refused:
@@ -293,7 +293,7 @@ def test_a_full_queue_says_when_to_come_back() -> None:
     assert refused.value.retry_after_s == 5.0
 
 
-def test_token_and_odd_ids_travel_safely() -> None:
+def test_tokens_and_unusual_ids_are_sent_safely() -> None:
     seen: list[httpx.Request] = []
 
     def handler(request: httpx.Request) -> httpx.Response:
@@ -306,7 +306,7 @@ def test_token_and_odd_ids_travel_safely() -> None:
     assert seen[0].url.raw_path == b"/api/v1/jobs/..%2Fx%3Fy%23z?wait=2"
 
 
-def test_the_announced_length_of_an_upload_is_true(tmp_path: Path) -> None:
+def test_the_announced_length_of_an_upload_is_that_of_its_body(tmp_path: Path) -> None:
     path = tmp_path / 'a"b\\ü\n.c3d'
     path.write_bytes(b"\x00" * 600_001)
     subject = SubjectFields(name="Ü\r\nx", mass_kg=60.5, age_years=0.0)

@@ -45,7 +45,7 @@ def test_a_refused_configuration_is_a_problem(lab: Client) -> None:
     assert refused.value.code == "cutoffs-out-of-range"
 
 
-def test_who_does_not_answer_and_who_refuses_are_told_apart(service: Served) -> None:
+def test_unreachable_and_refusing_services_are_distinguished(service: Served) -> None:
     unreachable, wrong_path = Client("http://127.0.0.1:9", timeout_s=5.0), Client(f"{service.base_url}/elsewhere")
     with unreachable, pytest.raises(Unreachable, match="does not answer"), unreachable.stream_com(CONFIGURATION):
         pass
@@ -68,6 +68,6 @@ def test_packing_is_the_documented_layout() -> None:
 
 
 @pytest.mark.parametrize("raw", [b"", b"123", "hello", "[]", '{"samples": [{}]}'])
-def test_an_answer_that_is_none_is_an_error_of_the_client(raw: str | bytes) -> None:
+def test_an_invalid_answer_is_an_error_of_the_client(raw: str | bytes) -> None:
     with pytest.raises(ClientError, match="cannot parse"):
         decode_estimates(raw)

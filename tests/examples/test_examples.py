@@ -36,7 +36,7 @@ def test_the_first_writes_a_recording_and_its_truth(folder: Path) -> None:
     assert set(np.load(folder / "truth.npz").files) == {"time_s", "com_m", "force_n"}
 
 
-def test_estimating_from_a_c3d_takes_ten_lines_and_finds_the_truth(example: Example, folder: Path) -> None:
+def test_estimating_from_a_c3d_takes_ten_lines_and_recovers_the_truth(example: Example, folder: Path) -> None:
     (script,) = EXAMPLES.glob("02_*.py")
     statements = [n for n in ast.parse(script.read_text(encoding="utf-8")).body if not isinstance(n, ast.ImportFrom)]
     assert len(statements) - 1 <= 10, "without the docstring"
@@ -49,7 +49,7 @@ def test_estimating_from_a_c3d_takes_ten_lines_and_finds_the_truth(example: Exam
         assert np.abs(com_m - truth["com_m"][k]).max() < 0.03
 
 
-def test_the_comparison_finds_the_delay_and_the_smoother_best(example: Example) -> None:
+def test_the_comparison_recovers_the_delay_and_ranks_the_smoother_first(example: Example) -> None:
     output = example("03")
     assert figures(output.splitlines()[0])[0] == pytest.approx(12.0, abs=1.5)
     tables = [part.splitlines()[1:] for part in output.split("RMS error")[1:]]

@@ -54,7 +54,7 @@ def test_the_marker_set_is_read_and_recognised() -> None:
     assert identify(["SpineC7", *labels], own_sets=[known]).name == "example-lab"
 
 
-def test_the_scenario_passes_the_judge() -> None:
+def test_the_scenario_passes_validation() -> None:
     builder, line = blocks("add-a-scenario.md")
     names = vars(stairs) | vars(bundled)
     exec(builder, names)
@@ -91,7 +91,7 @@ def kind_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path
         del sys.modules[name]
 
 
-def test_the_job_kind_is_found_and_described(kind_files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_job_kind_is_discovered_and_described(kind_files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kinds_in_folder = registry.discover_kinds(kinds)
     assert set(kinds_in_folder) - set(registry.KINDS) == {"weigh-recording"}
     monkeypatch.setattr(submit, "KINDS", kinds_in_folder)

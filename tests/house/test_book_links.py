@@ -38,7 +38,7 @@ def test_links_lead_to_a_file_and_a_heading(page: Path) -> None:
     assert broken(page) == []
 
 
-def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:
+def test_a_broken_link_is_detected(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("# One\n\n# One\n\n[a](#one_1) [b](#two) [c](none.md)\n\n![d](none.png)\n\n`[e](none.md)`\n")
     assert broken(page) == ["#two", "none.md", "none.png"]

@@ -27,7 +27,7 @@ class Part(NamedTuple):
     """A public class or function: its name with those around it, its docstring, and its node."""
 
     name: str
-    said: str
+    docstring: str
     node: ast.ClassDef | Function
 
 
@@ -83,10 +83,10 @@ def raised(node: Function, errors: frozenset[str]) -> Iterator[str]:
 
 def unsaid(part: Part, errors: frozenset[str]) -> list[str]:
     """What the docstring of a part lacks."""
-    lacking = [] if part.said.strip() or part.node.name in MAKES else ["a docstring"]
+    lacking = [] if part.docstring.strip() or part.node.name in MAKES else ["a docstring"]
     if isinstance(part.node, ast.ClassDef):
         return lacking
-    named = behind_raises(part.said)
+    named = behind_raises(part.docstring)
     return lacking + [name for name in dict.fromkeys(raised(part.node, errors)) if f"``{name}``" not in named]
 
 
@@ -133,7 +133,7 @@ def test_arrays_of_public_parts_have_their_shape_in_the_type(path: Path) -> None
 
 def test_codes_in_docstrings_are_written_in_one_way() -> None:
     texts = [
-        (path.relative_to(BACKEND), part.name, behind_raises(part.said))
+        (path.relative_to(BACKEND), part.name, behind_raises(part.docstring))
         for path in sorted(BACKEND.rglob("*.py"))
         for part in parts(ast.parse(path.read_text(encoding="utf-8")).body)
     ]
@@ -142,7 +142,7 @@ def test_codes_in_docstrings_are_written_in_one_way() -> None:
     assert ODD_CODE.search("``NotFound`` (no-such-thing)")
 
 
-def test_what_is_not_said_is_found() -> None:
+def test_incomplete_docstrings_are_detected() -> None:
     source = '''
 class Silent:
     def __post_init__(self) -> None:

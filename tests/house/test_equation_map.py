@@ -38,7 +38,7 @@ def natural(number: str) -> tuple[int, int, str]:
     return int(chapter), int(rest.rstrip("abcdef")), rest.lstrip("0123456789")
 
 
-def test_the_list_is_whole_and_in_order() -> None:
+def test_the_list_of_equations_is_complete_and_in_order() -> None:
     assert sorted(set(ORDER), key=natural) == ORDER
     wholes = list(dict.fromkeys(e.whole for e in LISTED))
     assert wholes == [f"{chapter}.{k}" for chapter, last in ((2, 31), (3, 4), (4, 20)) for k in range(1, last + 1)]

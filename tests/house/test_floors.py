@@ -137,7 +137,7 @@ def test_no_modules_import_each_other_in_a_circle(package: Path) -> None:
     assert circle(imported_modules(package)) == []
 
 
-def test_a_circle_is_seen(tmp_path: Path) -> None:
+def test_a_circle_of_imports_is_detected(tmp_path: Path) -> None:
     package = tmp_path / "wheel"
     package.mkdir()
     (package / "__init__.py").write_text("")
@@ -149,7 +149,7 @@ def test_a_circle_is_seen(tmp_path: Path) -> None:
     assert circle(imported_modules(package)) == []
 
 
-def test_contributors_are_told_every_floor() -> None:
+def test_contributing_lists_every_floor() -> None:
     text = " ".join((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split())
     for wing in (WINGS, ROBOT_WING):
         assert re.search(r"\b" + ", ".join(wing), text), f"CONTRIBUTING.md does not list {', '.join(wing)}"

@@ -59,7 +59,7 @@ def environment(component: str) -> dict[str, str]:
     return shared_settings() | {one["name"]: one["value"] for one in container.get("env", [])}
 
 
-def test_the_example_takes_every_part_that_there_is() -> None:
+def test_the_kubernetes_example_uses_every_part() -> None:
     lab = kustomization("lab")
     taken = {name.removeprefix("../") for name in (*lab["resources"], *lab["components"]) if name.startswith("../")}
     assert taken == set(PARTS) - {"lab"} == {path.name for path in FOLDER.iterdir()} - {"lab"}
@@ -112,7 +112,7 @@ def test_commands_exist() -> None:
                 assert {word for word in called if word.startswith("--")} <= known
 
 
-def test_a_request_finds_its_way_to_the_web_server() -> None:
+def test_a_request_is_routed_to_the_web_server() -> None:
     ingress, service = ALL["Ingress", "stridelab"], ALL["Service", "stridelab-api"]
     (path,) = ingress["spec"]["rules"][0]["http"]["paths"]
     assert path["backend"]["service"]["name"] == "stridelab-api"

@@ -43,7 +43,7 @@ def queries() -> list[str]:
     return panels + [rule["expr"] for group in ALERTS["groups"] for rule in group["rules"]]
 
 
-def test_every_metric_and_label_that_is_asked_for_is_told() -> None:
+def test_every_queried_metric_and_label_is_exported() -> None:
     queried = set()
     for query in queries():
         for name, selection in re.findall(r"\b(stridelab_[a-z_]+)(?:\{([^}]*)\})?", query):
@@ -67,7 +67,7 @@ def test_every_metric_is_explained() -> None:
     assert families == set(re.findall(r"`(stridelab_[a-z_]+)`", listed))
 
 
-def test_prometheus_asks_where_the_service_answers() -> None:
+def test_prometheus_scrapes_the_address_of_the_service() -> None:
     scraped = {job["job_name"]: job for job in PROMETHEUS["scrape_configs"]}
     api = ALL["services"]["api"]
     assert scraped["stridelab"]["static_configs"][0]["targets"] == [f"api:{api['environment']['STRIDELAB_PORT']}"]
@@ -94,7 +94,7 @@ def test_grafana_finds_prometheus_and_the_dashboard() -> None:
     assert len(set(places)) == len(places)
 
 
-def test_every_alert_says_what_is_the_matter() -> None:
+def test_every_alert_has_a_description() -> None:
     for group in ALERTS["groups"]:
         for rule in group["rules"]:
             assert rule["annotations"]["summary"].endswith(".")

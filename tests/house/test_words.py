@@ -81,7 +81,7 @@ def test_vague_words_are_rare() -> None:
     assert 1000 * words / lines < MOST_VAGUE_PER_1000_LINES
 
 
-def test_names_of_functions_say_what_they_do() -> None:
+def test_names_of_functions_are_more_than_one_word() -> None:
     names = [node.name.strip("_") for path in PYTHON for node in functions(ast.parse(path.read_text(encoding="utf-8")))]
     one_word = [name for name in names if "_" not in name]
     participles = [name for name in one_word if name in PARTICIPLES or re.fullmatch(r"\w+[^e]ed", name)]

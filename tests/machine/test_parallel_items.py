@@ -33,7 +33,7 @@ def test_every_item_has_a_process_of_its_own() -> None:
     assert os.getpid() not in pids
 
 
-def test_what_goes_wrong_costs_its_item_alone() -> None:
+def test_a_failing_item_does_not_affect_the_others() -> None:
     outcomes = done("crash", "work", "exit", "hang", "refuse", "break", "large", timeout_s=3.0)
     assert len(outcomes) == 7
     codes = {n: e.code for n, e in outcomes.items() if isinstance(e, StridelabError)}
@@ -52,7 +52,7 @@ def test_what_goes_wrong_costs_its_item_alone() -> None:
     assert len(large["text"]) == 3_000_000
 
 
-def test_whoever_stops_listening_leaves_no_process_behind() -> None:
+def test_a_closed_iterator_leaves_no_process_of_an_item() -> None:
     answers = map_isolated(
         behave, [{"how": h, "n": 1} for h in ("work", "hang", "hang")], preload=["support.parallel_work"]
     )
@@ -70,7 +70,7 @@ def test_no_items_give_no_answers() -> None:
 
 
 @pytest.mark.parametrize("processes", [1, 3])
-def test_any_number_at_a_time(processes: int) -> None:
+def test_any_number_of_processes_gives_the_same_outcomes(processes: int) -> None:
     items = [{"how": "work", "n": n} for n in range(4)]
     outcomes = dict(map_isolated(behave, items, preload=["support.parallel_work"], processes=processes))
     assert sorted(outcomes) == [0, 1, 2, 3]

@@ -52,7 +52,7 @@ def runs_of(folder: Path) -> Counter[int]:
     return Counter(int(path.name.partition("-")[0]) for path in folder.iterdir())
 
 
-def test_what_goes_wrong_on_a_node_costs_its_item_alone(nodes: DaskCluster) -> None:
+def test_a_failing_item_on_a_node_does_not_affect_the_others(nodes: DaskCluster) -> None:
     hows = ("work", "crash", "exit", "hang", "refuse", "large", "work")
     items = [{"how": how, "n": n} for n, how in enumerate(hows)]
     outcomes = dict(map_isolated(parallel_work.behave, items, preload=PRELOAD, timeout_s=3.0))
@@ -82,7 +82,7 @@ def test_pieces_come_in_order_from_processes_of_the_nodes() -> None:
 
 
 @pytest.mark.usefixtures("nodes")
-def test_as_many_as_the_cluster_has() -> None:
+def test_the_number_of_processes_is_that_of_the_cluster() -> None:
     assert available_processes() == 2
     assert (worthwhile_processes(1), worthwhile_processes(1000)) == (1, 2)
 
@@ -118,7 +118,7 @@ def test_a_client_that_is_killed_leaves_no_process_on_a_node(nodes: DaskCluster,
     assert sum(runs_of(tmp_path).values()) == 2
 
 
-def test_a_scheduler_that_goes_away_costs_what_was_not_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lost_scheduler_fails_only_the_unfinished_items(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     noted = tmp_path / "noted"
     noted.mkdir()
     with dask_cluster(tmp_path, workers=2) as nodes:
@@ -211,7 +211,9 @@ def test_a_confined_job_spans_the_nodes_if_its_kind_may(nodes: DaskCluster, tmp_
     assert summaries[0] == summaries[1]
 
 
-def test_the_exception_is_one_port(nodes: DaskCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_confined_job_reaches_one_port_only(
+    nodes: DaskCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
     target = "support.parallel_work:connect_to"
     with socket.create_server(("127.0.0.1", 0)) as other:

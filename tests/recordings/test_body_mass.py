@@ -41,7 +41,7 @@ def test_a_drop_jump_weighs_the_jumper() -> None:
     assert 0.01 * MASS_KG < estimate.sd_kg < 0.05 * MASS_KG
 
 
-def test_who_stands_is_weighed_as_on_a_scale() -> None:
+def test_a_standing_person_is_weighed_as_on_a_scale() -> None:
     masses = estimates(stand())
     assert masses["standing"].mass_kg == pytest.approx(MASS_KG, abs=0.05)
     assert masses["standing"].total_sd_kg == pytest.approx(np.hypot(masses["standing"].sd_kg, 0.01 * MASS_KG))
@@ -103,7 +103,7 @@ def test_two_trials_are_combined_by_their_errors() -> None:
     assert combined_mass([]) is None
 
 
-def test_no_plate_and_no_window_weigh_nobody() -> None:
+def test_without_plate_or_window_there_is_no_mass() -> None:
     body = stand()
     assert weigh(body.recording, ()) == ()
     assert weigh(replace(body.recording, plates=()), (Window(0.0, 2.0),)) == ()

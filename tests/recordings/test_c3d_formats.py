@@ -88,7 +88,7 @@ def test_unsigned_analog_counts(machine: str, tmp_path: Path) -> None:
     assert_same(recording, read(tmp_path, signed), 0.06e-3)
 
 
-def test_an_offset_below_zero_is_subtracted_with_its_sign(tmp_path: Path) -> None:
+def test_a_negative_offset_is_subtracted_with_its_sign(tmp_path: Path) -> None:
     expected = read(tmp_path, float_file(tmp_path))
     content = bytearray(float_file(tmp_path))
     at = parameter_at(bytes(content), "ANALOG", "OFFSET")
@@ -108,7 +108,7 @@ def test_a_section_that_states_too_few_blocks_is_followed_up_to_the_data(stated:
     assert_same(read(tmp_path, bytes(content)), read(tmp_path, float_file(tmp_path)), 1e-9)
 
 
-def test_a_last_record_whose_offset_leads_out_of_the_section(tmp_path: Path) -> None:
+def test_a_last_record_with_an_offset_out_of_the_section_is_read(tmp_path: Path) -> None:
     """Nothing but zeros follows it, so that all parameters have been read."""
     content = bytearray(float_file(tmp_path))
     group, name = "EZC3D", "CONTACT"
@@ -166,13 +166,13 @@ def test_a_name_in_small_letters_names_the_same_parameter(tmp_path: Path) -> Non
     assert_same(read(tmp_path, bytes(content)), read(tmp_path, float_file(tmp_path)), 1e-9)
 
 
-def test_offsets_written_as_floats(tmp_path: Path) -> None:
+def test_offsets_may_be_floats(tmp_path: Path) -> None:
     content = float_file(tmp_path)
     made = with_parameter(content, "ANALOG", "OFFSET", bytes([4, 1, 6]) + bytes(24))
     assert_same(read(tmp_path, made), read(tmp_path, content), 1e-9)
 
 
-def test_rates_whose_quotient_is_not_whole(tmp_path: Path) -> None:
+def test_a_rate_ratio_that_is_not_whole_is_handled(tmp_path: Path) -> None:
     """The header states 10 samples a frame; 1000 / 105 Hz would be 9, and every frame after the first one garbage."""
     content = bytearray(float_file(tmp_path))
     for at, value in ((20, 105.0), (parameter_at(bytes(content), "POINT", "RATE") + 2, 105.0)):
@@ -183,7 +183,7 @@ def test_rates_whose_quotient_is_not_whole(tmp_path: Path) -> None:
     assert recording.force_rate_hz == pytest.approx(1050.0)
 
 
-def test_rates_that_only_the_header_states(tmp_path: Path) -> None:
+def test_rates_may_be_given_by_the_header_only(tmp_path: Path) -> None:
     """As BTS writes it: without POINT:RATE, ezc3d took the analog samples for points, metres off."""
     whole = float_file(tmp_path)
     content = bytearray(whole)
@@ -193,7 +193,7 @@ def test_rates_that_only_the_header_states(tmp_path: Path) -> None:
     assert_same(read(tmp_path, bytes(content)), read(tmp_path, whole), 1e-9)
 
 
-def test_frames_that_the_parameters_count_otherwise(tmp_path: Path) -> None:
+def test_frame_counts_of_parameters_and_header_may_differ(tmp_path: Path) -> None:
     """The header and the size of the file say 20 frames."""
     content = bytearray(float_file(tmp_path))
     at = parameter_at(bytes(content), "POINT", "FRAMES")
@@ -201,7 +201,7 @@ def test_frames_that_the_parameters_count_otherwise(tmp_path: Path) -> None:
     assert read(tmp_path, bytes(content)).n_frames == 20
 
 
-def test_points_that_the_header_counts_wrong(tmp_path: Path) -> None:
+def test_a_wrong_point_count_in_the_header_is_corrected(tmp_path: Path) -> None:
     """Its 3 points would leave most of the file behind the frames; POINT:USED fits."""
     content = bytearray(float_file(tmp_path))
     struct.pack_into("<H", content, 2, 3)
@@ -215,7 +215,7 @@ def test_a_long_description_is_read(tmp_path: Path) -> None:
     assert_same(read(tmp_path, made), read(tmp_path, content), 1e-9)
 
 
-def test_what_the_library_says_is_not_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_messages_of_the_library_are_not_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(_: str) -> None:
         raise MemoryError("std::bad_alloc")
 

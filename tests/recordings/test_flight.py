@@ -124,7 +124,7 @@ def test_the_window_of_a_hopper_runs_through_all_flights() -> None:
     assert mass.mass_kg == pytest.approx(MASS_KG, rel=0.01)
 
 
-def test_flight_is_seen_from_lift_off_to_landing() -> None:
+def test_flight_is_detected_from_lift_off_to_landing() -> None:
     body = hop()
     time_s = np.mod(body.recording.time_s, 0.7)
     flight = flight_frames(body.recording, find_feet(body.recording, LANDMARKS), motion_of(body))

@@ -84,5 +84,5 @@ def test_knees_of_the_static_trial_alone_are_announced(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["openpose", "mediapipe", "skeleton", "hip-markers"])
-def test_joint_names_say_that_the_pelvis_is_not_marked(name: str) -> None:
+def test_joint_names_as_labels_give_a_simplified_pelvis(name: str) -> None:
     assert "pelvis-simplified" in {remark.code for remark in identify(labels_of(name)).degraded}

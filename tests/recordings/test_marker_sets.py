@@ -49,7 +49,7 @@ def test_all_required_sets_are_shipped():
 @pytest.mark.parametrize(
     "dressed", [str.lower, str.upper, lambda x: f"Anna: {x}", lambda x: x.replace("_", " ."), "a:b:{}".format]
 )
-def test_labels_match_whatever_their_dress(dressed):
+def test_labels_match_regardless_of_case_prefix_and_separators(dressed):
     labels = [dressed(label) for label in ISB]
     match = identify(labels)
     assert match.name == "isb"
@@ -69,7 +69,7 @@ def test_opencap_marker_based_and_video_labels(labels):
     assert "head-missing" in {remark.code for remark in match.degraded}
 
 
-def test_what_is_missing_is_listed_with_its_cost():
+def test_missing_landmarks_are_listed_with_their_cost():
     match = identify(ISB)
     assert [remark.code for remark in match.degraded] == ["head-missing"]
     assert "mm" in match.degraded[0].message
@@ -105,7 +105,7 @@ def test_an_unknown_set_names_the_nearest_ones_and_what_they_lack():
     assert [s for _, s in match.nearest] == sorted((s for _, s in match.nearest), reverse=True)
 
 
-def test_no_labels_at_all():
+def test_without_labels_no_set_matches():
     match = identify([])
     assert match.name is None
     assert all(score == 0.0 for _, score in match.nearest)

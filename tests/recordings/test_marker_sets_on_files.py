@@ -38,13 +38,13 @@ def test_the_set_of_every_file(gait, place):
     assert set(set_names.values()) == {SETS[place]}, set_names
 
 
-def test_no_folder_is_left_out(gait):
+def test_every_folder_of_files_is_tested(gait):
     files = [*gait.rglob("*.c3d"), *gait.rglob("*.trc")]
     covered = [path for path in files if any(str(path.relative_to(gait)).startswith(place) for place in SETS)]
     assert len(covered) == len(files) == 65
 
 
-def test_a_file_of_an_unknown_set_says_what_is_near(gait):
+def test_a_file_of_an_unknown_set_names_the_nearest_sets(gait):
     match = identify(labels_of(gait / "ezc3d-testfiles" / "FP_Type3.c3d"))
     assert len(match.nearest) == 3
     assert all(match.needed[name] for name, _ in match.nearest)

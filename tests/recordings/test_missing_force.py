@@ -114,7 +114,7 @@ def test_without_a_chair_the_same_movement_is_measured_from_end_to_end() -> None
     assert search.windows == (Window(0.0, float(body.recording.time_s[-1])),)
 
 
-def test_a_rail_that_carries_a_third_is_found() -> None:
+def test_a_rail_that_carries_a_third_of_the_weight_is_detected() -> None:
     body = moving_body(lambda t: 0.95 + 0 * t, lambda t: 0.33 * smooth(t, 1.0, 1.3) * (1 - smooth(t, 2, 2.3)), 4.0)
     first, second = find_windows(body.recording, LANDMARKS, motion(body)).windows
     assert 1.0 < first.end_s < 1.2
@@ -151,7 +151,7 @@ def test_hanging_above_the_plate_is_no_flight() -> None:
     assert "force-missing" in {remark.code for remark in search.remarks}
 
 
-def test_a_statement_that_is_too_large_accuses_no_chair() -> None:
+def test_an_overstated_mass_is_not_taken_for_a_chair() -> None:
     """Who stands still on a plate with a steady force is weighed by it: a wrong statement must not end the window."""
     body = stand()
     search = find_windows(body.recording, LANDMARKS, motion(body), stated_kg=1.3 * MASS_KG)
@@ -159,7 +159,7 @@ def test_a_statement_that_is_too_large_accuses_no_chair() -> None:
     assert len(search.windows) == 1
 
 
-def test_a_refusal_says_where_force_is_missing() -> None:
+def test_a_refusal_names_the_interval_of_missing_force() -> None:
     body = moving_body(lambda t: 0.95 + 0 * t, lambda t: 0.3 + 0.4 * (t % 0.4 < 0.2), duration_s=2.0)
     with pytest.raises(NotEstimable) as refusal:
         require_windows(body.recording, LANDMARKS, motion(body), stated_kg=MASS_KG)

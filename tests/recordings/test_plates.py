@@ -287,7 +287,7 @@ def test_unknown_plate_type_is_left_out(tmp_path: Path) -> None:
     assert "plate-unusable" in codes(recording)
 
 
-def test_channels_that_are_not_in_the_file(tmp_path: Path) -> None:
+def test_a_plate_with_missing_channels_is_left_out(tmp_path: Path) -> None:
     plate = PlateChannels(2, type2_channels(np.zeros(3)))
     extra = {("FORCE_PLATFORM", "CHANNEL"): np.arange(4, 10)[:, None]}
     recording = read_recording(write_file(tmp_path / "a.c3d", markers(), plates=[plate], parameters=extra))

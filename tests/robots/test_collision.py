@@ -62,7 +62,7 @@ def test_the_first_hit_and_all_pairs_agree(talos: Robot) -> None:
     assert 0.5 < np.mean(verdicts) < 0.8, "about two thirds of the uniform configurations collide"
 
 
-def test_hulls_judge_like_the_meshes_of_the_whole_robot(talos: Robot) -> None:
+def test_hulls_collide_where_the_meshes_of_the_whole_robot_do(talos: Robot) -> None:
     """Oracle: all 52 meshes as they are. What the hulls miss are parts that the card leaves out, and it is rare.
 
     The shapes of certificate and replay include these parts and miss nothing but what the narrow phase overlooks.

@@ -253,7 +253,7 @@ def test_simple_shapes_have_their_size(shape: str, extent_m: tuple[float, float,
     assert (mesh.vertices_m.max(axis=0) + mesh.vertices_m.min(axis=0)) / 2 == pytest.approx([1.0, 2.0, 3.0])
 
 
-def test_a_shape_that_cannot_be_shown_is_said() -> None:
+def test_a_shape_that_cannot_be_shown_is_reported() -> None:
     import coal
 
     plane = pin.GeometryObject("floor", 1, pin.SE3.Identity(), coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0))

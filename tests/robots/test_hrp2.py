@@ -77,7 +77,7 @@ def test_masses_centre_of_mass_and_inertias_are_the_same(
         assert pin.crba(ours, mine, q) == pytest.approx(pin.crba(published, theirs, q), abs=1e-6)
 
 
-def test_it_touches_itself_about_where_its_meshes_do(published: pin.Model, configurations: np.ndarray) -> None:
+def test_self_collisions_agree_with_those_of_the_meshes(published: pin.Model, configurations: np.ndarray) -> None:
     """The published meshes as they are, of the same pairs of links: 89 % agreement over 4000 configurations."""
     robot = load_robot("hrp2")
     meshes = pin.buildGeomFromUrdf(

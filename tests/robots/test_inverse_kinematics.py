@@ -66,7 +66,7 @@ def test_the_body_turns_with_its_feet(talos: Robot) -> None:
     assert np.allclose(turned.q[7:], straight.q[7:], atol=1e-5)
 
 
-def test_the_posture_stays_where_nothing_asks_otherwise(talos: Robot) -> None:
+def test_unconstrained_joints_stay_in_the_reference_posture(talos: Robot) -> None:
     com = pin.centerOfMass(talos.model, talos.model.createData(), talos.q_reference)
     data = talos.model.createData()
     pin.framesForwardKinematics(talos.model, data, talos.q_reference)
@@ -86,7 +86,7 @@ def test_the_posture_stays_where_nothing_asks_otherwise(talos: Robot) -> None:
     ],
     ids=["too high", "out of the arm's reach"],
 )
-def test_a_stance_out_of_reach_says_so(
+def test_a_stance_out_of_reach_is_reported(
     talos: Robot, placements: dict[str, Placement], com_m: list[float], worst_m: float
 ) -> None:
     posture = stand(talos, placements, np.array(com_m))
@@ -101,7 +101,7 @@ def test_a_stance_out_of_reach_says_so(
     assert posture.worst == max(away, key=lambda name: away[name])
 
 
-def test_the_start_can_be_given(talos: Robot) -> None:
+def test_the_initial_posture_can_be_given(talos: Robot) -> None:
     start = talos.q_reference.copy()
     arm = 7 + talos.joint_names.index("arm_left_4_joint")
     start[arm] = -1.5

@@ -158,7 +158,7 @@ def test_hulls_contain_their_meshes_and_are_convex(talos: Robot) -> None:
         assert {tuple(point) for point in points.round(9)} <= {tuple(v) for v in np.array(mesh.vertices()).round(9)}
 
 
-def test_the_hash_is_that_of_what_matters(talos: Robot) -> None:
+def test_the_hash_depends_on_what_changes_the_robot(talos: Robot) -> None:
     files = data_files(robot_card("talos"))
     text = card_bytes("talos")
     relaid = parse_card(

@@ -150,7 +150,7 @@ echo film > "$path"
 
 
 @pytest.mark.parametrize("name", sorted(STAGED))
-def test_it_does_its_work_confined(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_kind_runs_confined(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     programs, folder = tmp_path / "programs", tmp_path / "work"
     programs.mkdir()
     folder.mkdir()
@@ -191,5 +191,5 @@ def test_it_does_its_work_confined(name: str, tmp_path: Path, monkeypatch: pytes
         assert (folder / read["tracks"]).stat().st_size > 0
 
 
-def test_every_kind_but_that_without_a_sandbox_is_looked_at() -> None:
+def test_every_sandboxed_kind_is_tested() -> None:
     assert set(STAGED) == {name for name, kind in KINDS.items() if kind.sandbox is not None}

@@ -91,7 +91,7 @@ def test_a_broken_upload_is_refused_by_its_own_name_and_line(walk: Path, tmp_pat
     assert refusal.value.faults[0].where == "walk 03.trc"
 
 
-def test_sentences_keep_their_words(walk: Path, tmp_path: Path) -> None:
+def test_the_refusal_of_two_trials_keeps_its_sentence(walk: Path, tmp_path: Path) -> None:
     import zipfile
 
     with zipfile.ZipFile(tmp_path / "trial", "w") as packed:

@@ -25,7 +25,7 @@ from stridelab.service.kinds.parse_upload import recording_facts as facts_of
 from support.command_line import SAMPLE, estimate_task, quiet
 from support.service.stored_rows import facts
 
-NOBODY = SubjectFields()
+NO_SUBJECT = SubjectFields()
 
 
 def offers(
@@ -56,7 +56,7 @@ def test_the_limits_are_those_of_the_estimators() -> None:
 def test_a_stated_static_trial_may_name_the_labels_of_an_unknown_set() -> None:
     unknown = facts(marker_set=None)
     assert codes(unknown) == ("unknown-marker-set", "unknown-marker-set")
-    stated = estimate_offers(unknown, NOBODY, no_other_mass_source=False, static_stated=True)
+    stated = estimate_offers(unknown, NO_SUBJECT, no_other_mass_source=False, static_stated=True)
     assert {offer.code for offer in stated} == {None}
 
 
@@ -137,7 +137,7 @@ UNSEEN = {"0.42 s"}
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_what_is_said_beforehand_is_what_the_job_says(case: str, tmp_path: Path) -> None:
+def test_the_advance_check_agrees_with_the_job(case: str, tmp_path: Path) -> None:
     change, plates = CASES[case]
     recording = read_recording(SAMPLE / "recording.c3d")
     write_c3d(tmp_path / "trial.c3d", change(recording))
@@ -212,4 +212,4 @@ def test_nothing_is_refused_of_recordings_that_give_an_estimate(gait: Path, tmp_
         task = estimate_task(path, folder, method="complementary")
         known = facts_of(examine_trial(task.recording, folder))
         estimate_com.run(task, folder, quiet)
-        assert codes(known, NOBODY if known.subject.mass_kg is None else None) == (None, None), path.name
+        assert codes(known, NO_SUBJECT if known.subject.mass_kg is None else None) == (None, None), path.name

@@ -43,7 +43,7 @@ def browser(lab: Lab, secret: str, scene: str) -> ClientConnection:
     return websocket
 
 
-def test_a_user_who_watches_as_many_scenes_as_allowed_is_told_to_close_one(lab: Lab) -> None:
+def test_a_user_at_the_limit_of_scenes_is_refused_with_advice_to_close_one(lab: Lab) -> None:
     ann, bob = (lab.token(name, "submit")["secret"] for name in ("ann", "bob"))
     scenes = [scene_of(lab) for _ in range(PER_USER + 1)]
 

@@ -7,7 +7,7 @@ from pydantic import SecretStr
 from stridelab.service.settings import Settings, shown_settings
 
 
-def test_every_setting_is_there_with_its_meaning() -> None:
+def test_every_setting_is_listed_with_its_description() -> None:
     items = {item.name: item for item in shown_settings(Settings(port=8123, parse_timeout_s=12.5))}
     assert set(items) == {f"STRIDELAB_{name.upper()}" for name in Settings.model_fields}
     assert all(item.meaning for item in items.values())
@@ -16,7 +16,7 @@ def test_every_setting_is_there_with_its_meaning() -> None:
     assert items["STRIDELAB_MAX_UPLOAD_MB"].changed is False
 
 
-def test_no_secret_and_no_place_of_one_is_shown() -> None:
+def test_no_secret_and_no_path_of_a_secret_is_shown() -> None:
     secret = "correct-horse"
     given = Settings(
         api_token=SecretStr(secret),

@@ -62,7 +62,7 @@ def test_every_footprint_of_the_walkway_has_its_own_plate(steady_walk: Walk) -> 
         assert np.count_nonzero(edges) <= 2, "one contact per plate"
 
 
-def test_pipeline_finds_window_wrench_and_mass(steady_walk: Walk) -> None:
+def test_window_wrench_and_mass_are_those_of_the_simulation(steady_walk: Walk) -> None:
     simulated = record(steady_walk, MeasurementNoise(), 3)
     recording = simulated.recording
     landmarks = identify(list(recording.markers_m)).landmarks

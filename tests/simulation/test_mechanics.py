@@ -44,7 +44,7 @@ def test_impulse_of_the_contact_force_is_the_change_of_momentum(walk: Walk) -> N
     np.testing.assert_allclose(turning, about_origin[-1] - about_origin[0], atol=5e-3 * m)
 
 
-def test_wrench_is_what_newton_euler_finds_at_the_floating_base(walk: Walk) -> None:
+def test_the_wrench_is_that_of_newton_euler_at_the_floating_base(walk: Walk) -> None:
     """The force that joint 1 (the free base) must transmit is the contact wrench; no centroidal formula is involved."""
     model, data = walk.body.model, walk.body.model.createData()
     t = walk.truth

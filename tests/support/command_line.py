@@ -31,7 +31,7 @@ SAMPLE = models_dir() / "recordings" / "sample-walk"
 
 
 @dataclass
-class Told:
+class RecordedProgress:
     """Fractions never fall, end at 1, and every stage says what it does."""
 
     fractions: list[float] = field(default_factory=list)
@@ -50,14 +50,14 @@ def quiet(_fraction: float, _message: str) -> None:
 
 
 def estimate_task(
-    file: Path, folder: Path, *, subject: SubjectFields | None = None, **asked: object
+    file: Path, folder: Path, *, subject: SubjectFields | None = None, **options: object
 ) -> EstimateComTask:
     """Copy ``file`` into ``folder`` and ask for its centre of mass."""
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(file, folder / "trial")
     return EstimateComTask(
         recording=RecordingSource(file="trial", filename=file.name, subject=subject or SubjectFields()),
-        input=EstimateComInput.model_validate({"recording_id": "r", **asked}),
+        input=EstimateComInput.model_validate({"recording_id": "r", **options}),
     )
 
 

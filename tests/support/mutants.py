@@ -55,11 +55,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         return
     seconds = json.loads(DURATIONS.read_text(encoding="utf-8"))
     items.sort(key=lambda item: seconds.get(item.nodeid, 0.0))
-    used, n_kept = 0.0, 0
-    while n_kept < len(items) and (n_kept == 0 or used + seconds.get(items[n_kept].nodeid, 0.0) <= WITHIN_S):
-        used, n_kept = used + seconds.get(items[n_kept].nodeid, 0.0), n_kept + 1
-    config.hook.pytest_deselected(items=items[n_kept:])
-    del items[n_kept:]
+    used, n_selected = 0.0, 0
+    while n_selected < len(items) and (
+        n_selected == 0 or used + seconds.get(items[n_selected].nodeid, 0.0) <= WITHIN_S
+    ):
+        used, n_selected = used + seconds.get(items[n_selected].nodeid, 0.0), n_selected + 1
+    config.hook.pytest_deselected(items=items[n_selected:])
+    del items[n_selected:]
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:

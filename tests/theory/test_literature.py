@@ -35,7 +35,7 @@ def cited_in_docs() -> set[str]:
     return set(re.findall(r"`([a-z]+(?:19|20)\d\d[a-z]*)`", pages))
 
 
-def test_what_is_cited_is_in_the_literature_and_nothing_else_is() -> None:
+def test_the_literature_has_exactly_the_cited_keys() -> None:
     cited = cited_in_code() | cited_in_models() | cited_in_docs()
     assert cited - ENTRIES.keys() == set()
     assert ENTRIES.keys() - cited == set()

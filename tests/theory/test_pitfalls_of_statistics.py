@@ -71,7 +71,7 @@ def test_noise_in_the_measurement_matrix_invents_a_height(seed: int):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_constant_moment_bias_is_told_apart_only_by_noise(seed: int):
+def test_a_constant_moment_bias_is_distinguished_only_by_noise(seed: int):
     intervals = naive_and_repaired(seed, moment_bias_nm=5.2)
     error, sd = intervals["naive"]
     assert error[0] > 80  # mm in x, two metres from the origin

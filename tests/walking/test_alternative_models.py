@@ -62,7 +62,7 @@ def test_in_time_every_curve_wins_on_its_own_data():
     assert {name: ranked(compare_time_models(data))[0] for name, data in won.items()} == {name: name for name in won}
 
 
-def test_aic_counts_what_is_independent_and_every_parameter():
+def test_aic_counts_independent_samples_and_every_parameter():
     data = rolled(1)
     contests = {c.model: c for c in compare_path_models(data)}
     assert {name: c.parameters for name, c in contests.items()} == {

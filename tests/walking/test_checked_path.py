@@ -48,7 +48,7 @@ def test_a_clock_that_stands_or_turns_back_is_refused(fit):
 
 @pytest.mark.parametrize("fit", FITS)
 @pytest.mark.parametrize("period_s", [0.0, -0.5, np.nan, np.inf, 10.0])
-def test_a_step_period_that_is_none_is_refused(fit, period_s):
+def test_an_invalid_step_period_is_refused(fit, period_s):
     with pytest.raises(InvalidInput) as caught:
         fit(CASE.time_s, CASE.path_m, period_s)
     assert caught.value.code == "period-out-of-range"

@@ -56,14 +56,14 @@ def test_markers_time_the_others_without_bias() -> None:
     assert abs(np.mean(late)) < 0.01
 
 
-def test_sides_alternate_in_order_of_time_and_nothing_is_found_twice() -> None:
+def test_sides_alternate_in_order_of_time_and_no_contact_is_reported_twice() -> None:
     contacts = find_contacts(walk([2, 3]), LANDMARKS)
     inside = [c for c in contacts if c.strike_s is not None and c.lift_off_s is not None]
     assert [c.side for c in inside] == ["left", "right", "left", "right"]
     assert [c.strike_s for c in inside] == sorted(c.start_s for c in inside)
 
 
-def test_the_force_s_latency_moves_what_plates_say() -> None:
+def test_the_latency_of_the_force_moves_the_times_of_the_plates() -> None:
     plain, moved = (of_stance(find_contacts(walk([2, 3]), LANDMARKS, latency_s=s), 2) for s in (0.0, 0.018))
     assert plain.start_s - moved.start_s == pytest.approx(0.018)
     assert plain.end_s - moved.end_s == pytest.approx(0.018)
@@ -97,7 +97,7 @@ def test_a_plate_under_half_of_a_contact_does_not_end_it() -> None:
     assert contact.lift_off_s == pytest.approx(strike_s(2) + STANCE_S, abs=MARKERS_S)
 
 
-def test_plates_that_are_switched_off_are_not_asked() -> None:
+def test_plates_that_are_switched_off_time_no_contact() -> None:
     recording = walk([2, 3])
     off = tuple(replace(plate, use=False) for plate in recording.plates)
     assert all(c.strike_source == "markers" for c in find_contacts(replace(recording, plates=off), LANDMARKS))

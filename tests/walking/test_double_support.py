@@ -29,7 +29,7 @@ def test_the_rule_is_the_passage_of_the_hub_s_height(fit):
 
 @settings(max_examples=40, deadline=None)
 @given(walks(uneven=False))
-def test_whatever_the_double_support_is_the_rule_says_half_a_turn(case):
+def test_the_rule_gives_half_a_turn_for_any_double_support(case):
     fit = fit_in_time(case.time_s, case.path_m, case.period_s, case.wheel.branch)
     lowest = float(case.time_s[np.argmax(np.cos(case.theta_rad))])
     start, end = double_support_of_wheel(fit, case.time_s, near_s=lowest)
@@ -50,14 +50,14 @@ def test_a_passage_after_the_last_sample_or_before_the_first_is_not_known():
     )  # from one ridge's flank to the other's
 
 
-def test_of_two_valleys_the_one_that_is_asked_for_is_taken():
+def test_of_two_minima_the_requested_one_is_used():
     t = np.linspace(0.0, 1.0, 1001)
     theta = np.linspace(-np.pi, 3 * np.pi, 1001)
     for near, expected in ((0.2, (0.125, 0.375)), (0.3, (0.125, 0.375)), (0.7, (0.625, 0.875)), (0.95, (0.625, 0.875))):
         assert crossings_at_lowest(t, theta, near) == pytest.approx(expected)
 
 
-def test_unasked_it_is_the_one_at_the_end_of_the_step():
+def test_by_default_the_minimum_at_the_end_of_the_step_is_used():
     """As fast as people can walk: a step begins just before one lowest point and ends before the next."""
     case = walked(theta0_rad=-0.1, turns=0.9)
     fit = fit_path(case.time_s, case.path_m, PERIOD_S)
@@ -68,13 +68,13 @@ def test_unasked_it_is_the_one_at_the_end_of_the_step():
     assert first == (None, pytest.approx(case.time_s[0] + (0.1 + 0.5 * np.pi) / OMEGA, abs=1e-6))
 
 
-def test_the_name_of_the_turn_does_not_matter():
+def test_a_whole_turn_of_theta_does_not_change_the_passages():
     t = np.linspace(0.0, 0.5, 51)
     theta = np.linspace(-4.0, 2.0, 51)
     assert_allclose(crossings_at_lowest(t, theta, 0.4), crossings_at_lowest(t, theta - 6 * np.pi, 0.4), atol=1e-12)
 
 
-def test_a_wheel_that_rolls_back_says_nothing():
+def test_a_wheel_that_rolls_backwards_has_no_crossings():
     t = np.linspace(0.0, 0.5, 51)
     theta = np.linspace(-4.0, 3.0, 51)
     theta[20] = theta[18]

@@ -89,7 +89,7 @@ def test_with_a_millimetre_of_noise_the_wheel_is_within_three_deviations(noisy):
     assert (np.abs(off.mean(axis=0)) < 0.2).all()  # and no bias to speak of
 
 
-def test_the_95_percent_intervals_cover_what_they_say(noisy):
+def test_the_95_percent_intervals_cover_95_percent(noisy):
     wheel, fits = noisy
     truth = parameters(wheel)[1:]
     wide = student.ppf(0.975, len(fits[0].theta_rad) - 4)

@@ -76,7 +76,7 @@ def test_steps_beyond_the_estimate_are_left_out_and_without_any_it_is_an_error()
         assert caught.value.code == "no-whole-step"
 
 
-def test_what_a_person_walks_backwards_is_flagged():
+def test_a_walk_backwards_is_flagged():
     (fit,) = fit_steps(estimate(), [gait_step(0.1)], -AHEAD)
     assert fit.path.wheel.R_m < 0
     assert "backwards" in fit.flags

@@ -101,7 +101,7 @@ def test_one_turn_per_step_makes_the_circumference_the_step_length():
 
 
 @pytest.mark.parametrize(("share", "bound"), [(0.7, "omega-low"), (1.5, "omega-high")])
-def test_a_wheel_that_turns_too_slowly_or_too_fast_is_said_to(share, bound):
+def test_a_wheel_that_turns_too_slowly_or_too_fast_is_flagged(share, bound):
     """The same even wheel, called a step of another length."""
     case = walked(turns=1.3)
     fit = fit_in_time(case.time_s, case.path_m, share * PERIOD_S)

@@ -175,7 +175,7 @@ def test_in_the_step_itself_the_second_passage_is_mostly_not_reached(people):
     assert sum(end is not None for _, end in seen) == 2
 
 
-def test_two_looks_at_one_walk_differ_by_ten_formal_deviations(people):
+def test_two_estimates_of_one_walk_differ_by_ten_formal_deviations(people):
     """White noise would explain half a millimetre of R; overlapping steps of one trial differ by ten."""
     apart = np.array(
         [
@@ -193,7 +193,7 @@ def test_two_looks_at_one_walk_differ_by_ten_formal_deviations(people):
     assert (apart.mean(axis=0) > 8 * formal).all()
 
 
-def test_residuals_of_a_step_are_smooth_which_is_why(people):
+def test_residuals_of_a_step_are_correlated(people):
     """Correlation from one sample (10 ms) to the next; white noise would have none."""
     lag_one = []
     for f in people["C4"]:

@@ -45,7 +45,7 @@ def on_slope(side: str, angle_rad: float, friction: float) -> Contact:
     return Contact(f"{side}_foot", place, "slope", friction)
 
 
-def test_a_problem_that_is_solved_needs_no_help(problem: CentroidalProblem) -> None:
+def test_a_feasible_problem_needs_no_relaxation(problem: CentroidalProblem) -> None:
     assert is_feasible(problem)
     assert set(cone_margins_n(problem).values()) == {0.0}
     miss = end_miss(problem)
@@ -113,7 +113,7 @@ def test_out_of_reach_is_named_with_its_metres() -> None:
     assert near.is_feasible
 
 
-def test_on_a_hand_alone_nobody_stays_where_he_is() -> None:
+def test_on_a_hand_alone_the_robot_does_not_stay_in_place() -> None:
     """The CoM would have to get to the hand, half a metre away, and back; given time, it can (and turns over)."""
     start = np.array([0.0, 0.0, COM_HEIGHT_M])
 
@@ -126,7 +126,7 @@ def test_on_a_hand_alone_nobody_stays_where_he_is() -> None:
     assert is_feasible(alone(3.0))
 
 
-def test_with_nothing_to_stand_on_it_falls_by_the_law() -> None:
+def test_without_contacts_the_robot_falls_freely() -> None:
     T = 0.5
     problem = replace(rest_to_rest(two_steps()), sequence=sequence(phase(T)))
     assert not is_feasible(problem)

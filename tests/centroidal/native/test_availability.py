@@ -108,7 +108,7 @@ def test_a_hundred_metres_away_the_plan_is_the_same() -> None:
     assert there.com_m == pytest.approx(here.com_m + shift, abs=1e-7)
 
 
-def test_twice_the_same_bits(problem: CentroidalProblem) -> None:
+def test_repeated_solves_agree_to_the_last_bit(problem: CentroidalProblem) -> None:
     one, two = (solve(replace(problem, control=CONES), "native") for _ in range(2))
     assert np.array_equal(one.com_m, two.com_m)
     assert np.array_equal(one.forces_n["right_hand"], two.forces_n["right_hand"])
@@ -120,7 +120,7 @@ def test_flight_is_legal() -> None:
     assert_same(rest_to_rest(hop, control=CONES))
 
 
-def test_what_cannot_be_is_told_with_its_phase() -> None:
+def test_an_infeasible_problem_is_reported_with_its_phase() -> None:
     near = phase(0.05, foot("left", 0.0), foot("right", 0.0))
     far = phase(0.05, foot("left", 1.0), foot("right", 1.0))
     plan = solve(rest_to_rest(sequence(near, far), control=CONES), "auto")
@@ -139,7 +139,9 @@ def captured_after(push_m_s: tuple[float, float, float], control: Control = CONE
 
 @pytest.mark.parametrize("push_m_s", [(2.5, 0.0, 0.0), (-1.8, -1.8, 0.0)], ids=str)
 @pytest.mark.parametrize("control", [CONES, ContactWrench()], ids=["forces", "wrench"])
-def test_a_push_that_cannot_be_captured_is_proved_to_be(push_m_s: tuple[float, float, float], control: Control) -> None:
+def test_a_push_that_cannot_be_captured_is_proved_infeasible(
+    push_m_s: tuple[float, float, float], control: Control
+) -> None:
     pushed = captured_after(push_m_s, control)
     assert pushed.terminal == "capturable"
     plan = solve(pushed, "native")
@@ -147,7 +149,7 @@ def test_a_push_that_cannot_be_captured_is_proved_to_be(push_m_s: tuple[float, f
     assert not is_feasible(replace(pushed, control=Pyramids()))
 
 
-def test_what_can_be_captured_is_not_said_to_be_impossible() -> None:
+def test_a_push_that_can_be_captured_is_not_called_infeasible() -> None:
     rng = np.random.default_rng(0)
     proved = agreed = 0
     for _ in range(20):
@@ -173,7 +175,7 @@ def test_what_can_be_captured_is_not_said_to_be_impossible() -> None:
     ],
     ids=str,
 )
-def test_what_it_lacks_is_refused_by_name_and_left_to_casadi(
+def test_unsupported_options_are_refused_by_name_and_left_to_casadi(
     problem: CentroidalProblem, settings: dict[str, Any], named: str
 ) -> None:
     changed = replace(problem, **settings)
@@ -184,7 +186,7 @@ def test_what_it_lacks_is_refused_by_name_and_left_to_casadi(
     assert named in refused.value.message
 
 
-def test_auto_leaves_to_casadi_what_it_lacks(problem: CentroidalProblem) -> None:
+def test_auto_uses_casadi_for_unsupported_options(problem: CentroidalProblem) -> None:
     assert solve(problem).solver == "ipopt"
     assert solve(replace(problem, control=CONES)).solver == "native"
 
@@ -211,7 +213,7 @@ def test_splines_of_intervals_of_different_lengths() -> None:
     assert_same(rest_to_rest(uneven, **SPLINES))
 
 
-def test_splines_that_cannot_be_are_told() -> None:
+def test_infeasible_splines_are_reported() -> None:
     near = phase(0.05, foot("left", 0.0), foot("right", 0.0))
     far = phase(0.05, foot("left", 1.0), foot("right", 1.0))
     plan = solve(rest_to_rest(sequence(near, far), **SPLINES), "native")
@@ -261,7 +263,7 @@ def test_a_horizon_recovers_from_a_push() -> None:
     assert availability.com_m[-1] == pytest.approx(problem.com_end_m, abs=1e-6)
 
 
-def test_iterations_are_told(problem: CentroidalProblem) -> None:
+def test_iterations_are_reported(problem: CentroidalProblem) -> None:
     iterations: list[int] = []
     plan = solve(replace(problem, control=CONES), "native", on_iteration=lambda at: iterations.append(at.number))
     assert iterations == list(range(plan.iterations + 1))
@@ -282,7 +284,7 @@ def test_iterations_are_told(problem: CentroidalProblem) -> None:
         (16, lambda planes: np.zeros((2, 3)), "planes"),
     ],
 )
-def test_numbers_that_are_no_problem_raise(problem: CentroidalProblem, index: int, worse: Any, says: str) -> None:
+def test_invalid_numbers_raise(problem: CentroidalProblem, index: int, worse: Any, says: str) -> None:
     assert not isinstance(availability, NativeUnavailable)
     arguments = native_input(replace(problem, control=CONES)).module_arguments()
     arguments[index] = np.ascontiguousarray(worse(arguments[index]))

@@ -31,7 +31,7 @@ def test_the_first_order_conditions_hold_at_the_solution(solution: Solution) -> 
     assert attempt.residuals.complementarity < 1e-7
 
 
-def test_and_not_beside_it(problem: CentroidalProblem, solution: Solution) -> None:
+def test_the_first_order_conditions_fail_beside_the_solution(problem: CentroidalProblem, solution: Solution) -> None:
     of = transcribe(problem)
     beside = replace(solution.point, w=solution.point.w + 1e-3)
     residuals = kkt_residuals(of.compiled.nlp, of.p, of.box, beside)
@@ -49,7 +49,7 @@ def test_every_iteration_is_in_the_log_and_the_last_is_the_plan(plan: Centroidal
     assert log.dual[0] > log.dual[-1]
 
 
-def test_iterations_are_told_while_they_run(problem: CentroidalProblem) -> None:
+def test_iterations_are_reported_while_they_run(problem: CentroidalProblem) -> None:
     iterates: list[Iterate] = []
     plan = solve(problem, "ipopt", on_iteration=iterates.append)
     assert plan.solution is not None
@@ -63,7 +63,7 @@ def test_iterations_are_told_while_they_run(problem: CentroidalProblem) -> None:
     assert again == iterates
 
 
-def test_fatrop_tells_too(problem: CentroidalProblem) -> None:
+def test_fatrop_reports_iterations_too(problem: CentroidalProblem) -> None:
     iterates: list[Iterate] = []
     plan = solve(problem, "fatrop", on_iteration=iterates.append)
     assert plan.converged
@@ -95,7 +95,7 @@ def test_a_warm_start_helps_a_neighbour(problem: CentroidalProblem, solution: So
     assert sum(warm.cost_terms.values()) == pytest.approx(sum(cold.cost_terms.values()), abs=1e-4)
 
 
-def test_a_start_of_another_structure_counts_for_nothing(problem: CentroidalProblem, solution: Solution) -> None:
+def test_a_start_of_another_structure_is_ignored(problem: CentroidalProblem, solution: Solution) -> None:
     finer = replace(problem, node_rate_hz=15.0)
     assert solve(finer, "ipopt", start=solution.point).iterations == solve(finer, "ipopt").iterations
 

@@ -73,7 +73,7 @@ def test_a_walk_in_qtm_reaches_the_service(service: Served, walk_mm: dict[str, n
     assert without < count, "some frames have a centre of mass"
 
 
-def test_the_command_stops_after_the_frames_asked_for(
+def test_the_command_stops_after_the_requested_frames(
     service: Served, walk_mm: dict[str, np.ndarray], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The server runs in a thread of its own, as the command has its own event loop."""
@@ -139,7 +139,7 @@ class FakeDataStream:
 
     def __init__(self, markers_mm: dict[str, np.ndarray], subjects: int = 1) -> None:
         self.markers_mm, self.subjects = markers_mm, subjects
-        self.frame, self.asked, self.connected, self.enabled = -1, 0, False, False
+        self.frame, self.n_requests, self.connected, self.enabled = -1, 0, False, False
 
     def connect(self, ip: str) -> str:
         self.connected = ip == "127.0.0.1:801"
@@ -156,8 +156,8 @@ class FakeDataStream:
         return SUCCESS
 
     def get_frame(self) -> str:
-        self.asked += 1
-        if self.asked % 2:
+        self.n_requests += 1
+        if self.n_requests % 2:
             return NO_FRAME
         self.frame += 1
         if self.frame == len(next(iter(self.markers_mm.values()))):

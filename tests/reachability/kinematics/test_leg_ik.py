@@ -29,7 +29,7 @@ def test_a_limb_is_placed_as_by_the_whole_robot(talos: Robot, effector: str) -> 
         assert spans[a] == pytest.approx(span, abs=1e-13)
 
 
-def test_a_leg_goes_back_to_where_it_came_from(talos: Robot) -> None:
+def test_leg_angles_are_recovered_from_the_foot_pose(talos: Robot) -> None:
     model, frames = with_contact_frames(talos)
     chain = LegChain.from_frame(model, frames["left_foot"])
     angles = chain.draw_angles(2000, np.random.default_rng(1))
@@ -43,7 +43,7 @@ def test_a_leg_goes_back_to_where_it_came_from(talos: Robot) -> None:
     assert (solved <= chain.upper_rad).all()
 
 
-def test_out_of_reach_is_said(talos: Robot) -> None:
+def test_a_target_out_of_reach_is_reported(talos: Robot) -> None:
     model, frames = with_contact_frames(talos)
     chain = LegChain.from_frame(model, frames["left_foot"])
     start = talos.q_reference[list(chain.indices_in_q)][None]

@@ -44,7 +44,7 @@ def test_em_finds_a_known_mixture() -> None:
     assert kl.kl_nats < 0.005
 
 
-def test_em_that_runs_out_of_steps_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_em_that_runs_out_of_iterations_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stridelab.reachability.learning.fit.STEPS_MAX", 1)
     _, converged = expectation_maximisation(TRUTH.sample(500, np.random.default_rng(0)), 5, seed=0)
     assert not converged
@@ -140,7 +140,7 @@ def test_the_default_is_all_effectors(talos: Robot) -> None:
     assert [effector.frame for effector in card.effectors.values()] == ["contact", "contact", "heading", "heading"]
 
 
-def test_what_cannot_be_learned_is_refused(talos: Robot) -> None:
+def test_invalid_learning_requests_are_refused(talos: Robot) -> None:
     with pytest.raises(InvalidInput) as too_few:
         learn_densities(talos, DAY, ["left_foot"], 99)
     assert too_few.value.code == "too-few-samples"

@@ -46,7 +46,7 @@ def test_a_density_does_not_differ_from_itself() -> None:
     assert kl_divergences(P, [], 100, np.random.default_rng(1)) == []
 
 
-def test_a_difference_is_surer_than_what_is_compared() -> None:
+def test_a_difference_has_a_smaller_error_than_its_terms() -> None:
     """By repetition: the standard error of the excess is that of the differences, not of either divergence."""
     near = gaussian([0.01, 0.1, 0.7], Q.covariances_m2[0])
     pairs = [kl_divergences(P, [Q, near], 200, np.random.default_rng(seed)) for seed in range(400)]

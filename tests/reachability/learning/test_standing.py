@@ -79,7 +79,7 @@ def test_the_knees_are_bent_and_nothing_touches(
     assert stream.tried > len(postures)
 
 
-def test_a_step_ahead_throws_postures_away(talos: Robot) -> None:
+def test_postures_over_a_step_ahead_are_rejected(talos: Robot) -> None:
     """The same draws, so that what is kept with the highest step is kept without one too."""
     tried = {}
     for step in (0.0, 0.4):
@@ -109,7 +109,7 @@ def test_what_is_drawn_is_uniform_where_nothing_hinders(talos: Robot) -> None:
     assert kstest(free, "uniform", (0.75, 0.15)).pvalue > 1e-3
 
 
-def test_no_uniform_posture_stands(talos: Robot) -> None:
+def test_no_uniformly_drawn_posture_stands(talos: Robot) -> None:
     """Soles that lie flat are no event of random joints: that is why the legs are solved for."""
     for q in islice(uniform_configurations(talos, np.random.default_rng(4)), 200):
         left, right, _ = soles_and_base(talos, q)
@@ -130,7 +130,7 @@ def test_soles_on_one_leg_do_not_stand(talos: Robot) -> None:
     assert refusal.value.code == "measure-unavailable"
 
 
-def test_a_stance_that_cannot_be_is_given_up(talos: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_impossible_stance_is_given_up(talos: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(standing_sampler, "MAX_EMPTY_BATCHES", 2)
     stream = StandingConfigurations(talos, np.random.default_rng(0), Stance(aside=(3.0, 4.0)))
     with pytest.raises(NotEstimable) as refusal:

@@ -69,7 +69,7 @@ def test_the_correction_separates_and_survives_the_disk(
     assert np.median(score[unseen.feasible]) > np.median(score[~unseen.feasible]) + 1.0
 
 
-def test_what_a_file_lacks_is_named(talos: Robot, pairs: dict[bool, LabelledPairs], tmp_path: Path) -> None:
+def test_missing_fields_of_a_file_are_named(talos: Robot, pairs: dict[bool, LabelledPairs], tmp_path: Path) -> None:
     card = FeasibilityCard("talos", talos.sha256, 0, 40, 800, learn_feasibility(pairs[False], pairs[True], seed=0))
     path = tmp_path / "spoilt.json"
     save_feasibility(path, replace(card, seed=0))

@@ -64,7 +64,7 @@ def test_two_clusters_apart_are_two_pieces() -> None:
 
 
 @pytest.mark.parametrize("mass", [0.0, 1.0, -0.1, float("nan")])
-def test_a_share_that_is_none(gaussian: Mixture, mass: float) -> None:
+def test_an_invalid_share_is_refused(gaussian: Mixture, mass: float) -> None:
     with pytest.raises(InvalidInput) as refused:
         level_sets(gaussian, (0.5, mass))
     assert refused.value.code == "mass-out-of-range"

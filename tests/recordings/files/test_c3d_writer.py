@@ -39,7 +39,7 @@ def full() -> Recording:
     )
 
 
-def test_a_recording_comes_back(tmp_path: Path) -> None:
+def test_a_written_recording_is_read_back_unchanged(tmp_path: Path) -> None:
     recording = full()
     com = np.column_stack([recording.time_s, 0 * recording.time_s, 1.0 + 0 * recording.time_s])
     write_c3d(tmp_path / "out.c3d", recording, extra_points={"CentreOfMass": com})
@@ -83,7 +83,7 @@ def test_a_force_rate_that_is_no_multiple_is_raised_to_one(tmp_path: Path) -> No
     assert len(back.plates[0].force_n) == 10 * recording.n_frames
 
 
-def test_no_plates_no_subject_no_events(tmp_path: Path) -> None:
+def test_a_recording_without_plates_subject_and_events_is_written(tmp_path: Path) -> None:
     recording = replace(walk([2]), plates=())
     write_c3d(tmp_path / "out.c3d", recording)
     back = read_recording(tmp_path / "out.c3d")
@@ -121,7 +121,7 @@ def upload(folder: Path) -> Path:
     return write_file(folder / "upload.c3d", points, plates=plates, parameters=extra, first_frame=120)
 
 
-def test_points_are_added_in_the_files_own_axes_and_all_else_is_kept(tmp_path: Path) -> None:
+def test_points_are_added_in_the_axes_of_the_file_and_all_else_is_unchanged(tmp_path: Path) -> None:
     source, target = upload(tmp_path), tmp_path / "com.c3d"
     com = np.column_stack([np.linspace(0, 1, 40), np.full(40, 0.2), np.full(40, 0.9)])
     com[3] = np.nan
@@ -148,7 +148,7 @@ def test_points_are_added_in_the_files_own_axes_and_all_else_is_kept(tmp_path: P
 
 
 @pytest.mark.parametrize("as_integer_file", [False, True])
-def test_header_and_parameters_agree_and_nothing_is_lost(as_integer_file: bool, tmp_path: Path) -> None:
+def test_header_and_parameters_agree_and_no_data_are_lost(as_integer_file: bool, tmp_path: Path) -> None:
     """Read by a reader of the tests' own; a program that compares the two statements of a scale opens the file."""
     source, target = upload(tmp_path), tmp_path / "com.c3d"
     content = bytearray(source.read_bytes())

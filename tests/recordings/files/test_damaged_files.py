@@ -221,7 +221,7 @@ REFUSED: dict[str, tuple[str, ...]] = {
 CODES = {damage: code for code, damages in REFUSED.items() for damage in damages}
 
 
-def test_at_least_sixty_damages() -> None:
+def test_at_least_sixty_kinds_of_damage_are_tested() -> None:
     assert len(DAMAGES) >= 60
     assert set(CODES) < set(DAMAGES)
 
@@ -243,7 +243,7 @@ def test_a_damaged_file_is_read_right_or_refused_by_name(damage: str, outcomes: 
 
 
 @pytest.mark.parametrize("form", FORMATS)
-def test_parameters_in_another_place_are_not_made_up(form: str, outcomes: dict[str, object]) -> None:
+def test_misplaced_parameters_are_not_invented(form: str, outcomes: dict[str, object]) -> None:
     """The block that is stated lies in the frames of a file of floats, and behind one of integers."""
     expected = "c3d-parameters-broken" if form.endswith("floats") else "truncated-file"
     assert outcomes[f"{form}: parameters far away"] == expected

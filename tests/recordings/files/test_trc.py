@@ -55,7 +55,7 @@ def codes(path: Path) -> dict[str, str]:
 
 @pytest.mark.parametrize("before", [b"", b"\xef\xbb\xbf"])
 @pytest.mark.parametrize("ends", ["\n", "\r\n"])
-def test_a_trc_alone_is_what_its_zip_is(before: bytes, ends: str, tmp_path: Path) -> None:
+def test_a_trc_alone_gives_the_same_recording_as_its_zip(before: bytes, ends: str, tmp_path: Path) -> None:
     path = written(tmp_path, before + trc().replace("\n", ends).encode())
     with zipfile.ZipFile(tmp_path / "walk.zip", "w") as packed:
         packed.writestr("walk.trc", trc())
@@ -70,7 +70,7 @@ def test_a_trc_alone_is_what_its_zip_is(before: bytes, ends: str, tmp_path: Path
     assert "The zip holds markers only" in codes(tmp_path / "walk.zip")["no-force-file"]
 
 
-def test_content_decides_not_the_name(tmp_path: Path) -> None:
+def test_the_content_decides_the_format_and_not_the_name(tmp_path: Path) -> None:
     other = tmp_path / "walk.c3d"
     other.write_text(trc())
     assert read_recording(other).n_frames == N
@@ -227,7 +227,7 @@ def test_the_last_marker_may_be_missing_with_its_tabs(tmp_path: Path) -> None:
         read_recording(written(tmp_path, longer))
 
 
-def test_an_empty_file_and_one_without_frames(tmp_path: Path) -> None:
+def test_an_empty_file_and_one_without_frames_are_refused(tmp_path: Path) -> None:
     for text, code in (("", "empty-file"), ("\n".join(trc().splitlines()[:5]) + "\n", "no-frames")):
         with pytest.raises(UnreadableFile) as refusal:
             read_recording(written(tmp_path, text))
@@ -248,7 +248,7 @@ def test_errors_call_the_file_what_its_user_calls_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stated", [60, 30])
-def test_another_number_of_frames_is_said(stated: int, tmp_path: Path) -> None:
+def test_a_wrong_number_of_frames_is_remarked(stated: int, tmp_path: Path) -> None:
     path = written(tmp_path, changed(trc(), 3, f"\t{N}\t", f"\t{stated}\t"))
     assert read_recording(path).n_frames == N
     assert f"states {stated} frames and {N} follow" in codes(path)["trc-frame-count"]

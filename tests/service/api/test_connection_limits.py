@@ -85,7 +85,7 @@ def rest_of(client: socket.socket, timeout_s: float = 10.0) -> bytes:
 
 
 @pytest.mark.parametrize(("sent", "answer"), [(b"", b""), (HALF_HEAD, b"HTTP/1.1 408 "), (HALF_BODY, b"HTTP/1.1 408 ")])
-def test_half_a_request_is_not_waited_for(sent: bytes, answer: bytes) -> None:
+def test_an_incomplete_request_is_closed_after_its_time_limit(sent: bytes, answer: bytes) -> None:
     with server(limits()) as address, socket.create_connection(address) as client:
         began = time.monotonic()
         client.sendall(sent)
@@ -122,7 +122,7 @@ def test_a_body_that_comes_steadily_is_read_to_its_end() -> None:
         assert rest_of(client).endswith(b"2000")
 
 
-def test_an_answer_that_takes_its_time_is_waited_for() -> None:
+def test_a_slow_answer_is_not_cut_off() -> None:
     with server(limits()) as (host, port):
         assert httpx.get(f"http://{host}:{port}/long", trust_env=False).text == "0"
 
@@ -148,7 +148,7 @@ def is_answered(client: socket.socket) -> bool:
     return received.startswith(b"HTTP/1.1 200")
 
 
-def test_an_idle_connection_is_kept_for_its_time_only() -> None:
+def test_an_idle_connection_is_closed_after_its_time() -> None:
     with server(limits(), timeout_keep_alive=1) as address, socket.create_connection(address) as client:
         for _ in range(2):
             assert is_answered(client)
@@ -166,7 +166,7 @@ def answered(address: tuple[str, int]) -> bool:
 
 @pytest.mark.parametrize("sent", [b"", HALF_HEAD, HALF_BODY])
 @pytest.mark.parametrize("limit", [{"connections": 10}, {"per_address": 10}])
-def test_at_a_limit_a_newcomer_takes_the_place_of_one_that_keeps_it_waiting(sent: bytes, limit: dict[str, int]) -> None:
+def test_at_the_limit_a_new_connection_replaces_a_stalled_one(sent: bytes, limit: dict[str, int]) -> None:
     with server(limits(**limit, head_s=60.0, body_s=60.0)) as address, contextlib.ExitStack() as stack:
         strangers = [stack.enter_context(socket.create_connection(address)) for _ in range(25)]
         for stranger in strangers:
@@ -271,7 +271,9 @@ def is_healthy(port: int) -> bool:
      b"application/x-www-form-urlencoded\r\n")],
     ids=["half a head", "half a body"],
 )  # fmt: skip
-def test_health_is_answered_whatever_strangers_hold_open(small: tuple[str, int, Path], sent: bytes) -> None:
+def test_health_is_answered_while_other_clients_hold_connections_open(
+    small: tuple[str, int, Path], sent: bytes
+) -> None:
     host, port, log = small
     with many_files(), contextlib.ExitStack() as stack:
 

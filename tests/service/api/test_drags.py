@@ -117,7 +117,7 @@ def test_an_admins_drag_changes_what_others_own(lab: Lab, owner: dict[str, Any])
     assert lab.audited(theirs["id"]) == [("scenario-replaced", "admin")]
 
 
-def test_a_key_opens_one_scenario_only_and_dies_with_its_token(lab: Lab, owner: dict[str, Any]) -> None:
+def test_a_key_opens_one_scenario_only_and_is_revoked_with_its_token(lab: Lab, owner: dict[str, Any]) -> None:
     mine, another = (stored_by(lab, owner["secret"])["id"] for _ in range(2))
     leaver = lab.token("leaver", "submit")
     keys = SigningKeys.from_token(ADMIN)

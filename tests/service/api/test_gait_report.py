@@ -92,7 +92,7 @@ def test_unknown_recordings_are_named_by_their_field(service: Served, http: http
     assert places(answer) == ["reference_recording_ids.0"]
 
 
-def test_the_people_of_the_reference_group_are_told_apart(service: Served, tmp_path: Path) -> None:
+def test_the_people_of_the_reference_group_are_distinguished(service: Served, tmp_path: Path) -> None:
     person = add(service)
     twice = [add(service, subject_fields={"name": "P1"}) for _ in range(2)]
     other, unknown = add(service, subject_fields={"name": "P2"}), add(service)

@@ -30,7 +30,7 @@ def job_id(service: Served) -> str:
     return service.run(add_job(service.parts))
 
 
-def test_a_submission_is_accepted_and_says_where_to_wait(http: httpx.Client, recording_id: str) -> None:
+def test_a_submission_is_accepted_with_the_address_of_its_job(http: httpx.Client, recording_id: str) -> None:
     answer = http.post(f"{JOBS}/estimate-com?priority=7", json={"recording_id": recording_id})
     assert answer.status_code == 202
     body = answer.json()
@@ -96,7 +96,9 @@ def test_an_odd_key_is_refused(http: httpx.Client, recording_id: str, key: str |
     assert refusal(answer) == (422, "invalid-request")
 
 
-def test_a_full_queue_says_when_to_come_back(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_full_queue_is_refused_with_retry_after(
+    postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     data = tmp_path_factory.mktemp("data")
     with postgres.fresh() as url, served(url, data, queue_limit=2) as small, small.http() as http:
         answers = [http.post(f"{JOBS}/simulate-recording", json={"seed": seed}) for seed in range(4)]
@@ -126,7 +128,7 @@ def test_the_list_can_be_narrowed(http: httpx.Client, service: Served, recording
         assert refusal(http.get(JOBS, params=params)) == (422, "invalid-request")
 
 
-def test_a_failed_job_says_why(http: httpx.Client, service: Served, job_id: str) -> None:
+def test_a_failed_job_gives_the_reason(http: httpx.Client, service: Served, job_id: str) -> None:
     service.run(fail(service.parts, service.run(start_job(service.parts, job_id))))
     body = http.get(f"{JOBS}/{job_id}").json()
     assert body["state"] == "failed"
@@ -153,7 +155,7 @@ def test_waiting_ends_with_the_job(http: httpx.Client, service: Served, job_id: 
     assert states == ["succeeded"]
 
 
-def test_waiting_ends_with_the_patience(http: httpx.Client, job_id: str) -> None:
+def test_waiting_ends_after_its_time_limit(http: httpx.Client, job_id: str) -> None:
     assert http.get(f"{JOBS}/{job_id}", params={"wait": "0.2"}).json()["state"] == "queued"
     for wait in ("61", "-1", "nan", "inf", "x"):
         assert refusal(http.get(f"{JOBS}/{job_id}", params={"wait": wait})) == (422, "invalid-request")
@@ -330,7 +332,7 @@ def test_result_artifacts_and_bundle(http: httpx.Client, service: Served, record
         assert b"@phdthesis{carpentier2017thesis," in archive.read("references.bib")
 
 
-def test_a_file_that_has_gone_is_told(http: httpx.Client, service: Served, job_id: str) -> None:
+def test_a_missing_artifact_is_reported(http: httpx.Client, service: Served, job_id: str) -> None:
     attempt = service.run(start_job(service.parts, job_id))
     service.run(succeed(service.parts, attempt, [("com.csv", "text/csv", b"x")]))
     service.run(service.parts.blobs.delete_prefix(f"results/{job_id}"))
@@ -343,7 +345,7 @@ def test_every_registered_kind_has_a_call(service: Served) -> None:
     assert called == {name for name, kind in KINDS.items() if kind.offered} == set(KINDS) - {"read-batch"}
 
 
-def test_jobs_say_their_verdict_in_the_list_as_alone(http: httpx.Client, service: Served) -> None:
+def test_jobs_have_the_same_verdict_in_the_list_and_alone(http: httpx.Client, service: Served) -> None:
     check = {"name": "vertical_bias", "value": 0.3, "limit": 0.022, "contradicted_above": 0.05, "passed": False}
     contradicted = {"quality": {"verdict": "contradicted", "checks": [check], "not_checked": {}}}
     certified = {"certificate": {"passed": True, "checks": []}, "replay": None}

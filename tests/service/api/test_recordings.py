@@ -84,7 +84,9 @@ def test_a_name_inside_a_file_is_never_shown(http: httpx.Client, service: Served
         ({"filename": "x"}, "filename"),
     ],
 )
-def test_changes_that_cannot_hold(http: httpx.Client, service: Served, patch: dict[str, object], where: str) -> None:
+def test_contradictory_changes_are_refused(
+    http: httpx.Client, service: Served, patch: dict[str, object], where: str
+) -> None:
     recording_id = service.run(add_recording(service.parts))
     before = http.get(f"{RECORDINGS}/{recording_id}").json()
     content = json.dumps(patch).replace("Infinity", "1e999")
@@ -116,7 +118,7 @@ def test_a_plate_switch_makes_the_file_be_read_again(http: httpx.Client, service
     assert http.patch(path, json={"plates": None}).json() == before
 
 
-def test_a_belt_speed_is_held_against_the_feet(http: httpx.Client, service: Served, uploaded: str) -> None:
+def test_a_belt_speed_is_compared_with_the_feet(http: httpx.Client, service: Served, uploaded: str) -> None:
     path = f"{RECORDINGS}/{uploaded}"
     before = http.get(path).json()
     answer = http.patch(path, json={"plates": {"1": {"belt_speed_m_s": 3.0}}})

@@ -20,7 +20,7 @@ def check_scenario(http: httpx.Client, body: dict[str, Any], **query: Any) -> di
     return dict(answer.json())
 
 
-def test_the_body_is_asked_only_where_the_request_says_so(http: httpx.Client) -> None:
+def test_the_body_is_checked_only_if_the_request_says_so(http: httpx.Client) -> None:
     plain = http.post(CHECK, json=one_step()).json()
     assert [one["body"] for one in plain["phases"]] == ["not-asked"] * 3
     whole = check_scenario(http, one_step())
@@ -42,7 +42,7 @@ def stretched() -> dict[str, Any]:
     return body
 
 
-def test_what_the_learned_reach_approves_and_no_body_can_do_is_not_valid(http: httpx.Client) -> None:
+def test_a_scenario_within_the_learned_reach_that_no_body_can_do_is_invalid(http: httpx.Client) -> None:
     body = stretched()
     plain = http.post(CHECK, json=body).json()
     assert (plain["valid"], plain["errors"]) == (True, [])
@@ -82,7 +82,7 @@ def test_the_posture_of_a_phase_stands_on_its_contacts(http: httpx.Client) -> No
         assert refusal(refused) == (422, "invalid-request")
 
 
-def test_contacts_without_sense_are_not_asked(http: httpx.Client) -> None:
+def test_contacts_that_are_invalid_are_not_checked_for_the_body(http: httpx.Client) -> None:
     body = with_contact(0, 0, effector="tail")
     body["phases"][1]["contacts"] = []
     check = check_scenario(http, body)

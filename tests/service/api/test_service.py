@@ -24,13 +24,13 @@ from support.service.stored_rows import add_job, add_recording, fail, start_job
 from support.service.web_server import Served, served
 
 
-def test_a_healthy_service_tells_version_and_uptime(http: httpx.Client) -> None:
+def test_a_healthy_service_reports_version_and_uptime(http: httpx.Client) -> None:
     body = http.get("/api/v1/health").json()
     assert (body["status"], body["database"], body["version"]) == ("ok", "ok", __version__)
     assert body["uptime_s"] >= 0
 
 
-def test_without_its_database_the_service_says_so_and_lives_on(postgres: TestDatabases, tmp_path: Path) -> None:
+def test_without_its_database_the_service_reports_it_and_stays_up(postgres: TestDatabases, tmp_path: Path) -> None:
     with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
         engine = service.parts.engine
         gone = engine.url.set(database="nowhere")
@@ -161,7 +161,7 @@ def test_exceptions_are_logged_with_their_trace(lines: io.StringIO) -> None:
     assert "RuntimeError: inside" in line["exception"]
 
 
-def test_a_flood_of_lines_pushes_nothing_out(lines: io.StringIO) -> None:
+def test_a_flood_of_log_lines_displaces_no_others(lines: io.StringIO) -> None:
     log = structlog.get_logger("x")
     for number in range(5000):
         log.info("request", route="unmatched", status=401, stranger=True, took_ms=number)

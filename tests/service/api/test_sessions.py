@@ -132,7 +132,7 @@ def test_another_day_is_another_session() -> None:
     assert session_id_of({**row, "owner": "another"}, NOW) != today
 
 
-def test_a_simulated_body_is_nobody_unless_it_is_said_whose_it_is() -> None:
+def test_a_simulated_body_has_no_subject_unless_one_is_stated() -> None:
     body = {"subject": {"height_m": 1.7, "mass_kg": 60.0}, "simulated": True}
     row: dict[str, Any] = {"owner": None, "subject_fields": {}, "facts": facts(**body).model_dump(mode="json")}
     assert session_id_of(row, NOW) is None

@@ -73,7 +73,7 @@ def test_a_backup_that_was_cut_off(backup: Path, tmp_path: Path, share: float) -
     refused(tmp_path / "x", "backup-unreadable")
 
 
-def test_any_flipped_bit_is_found_or_harmless(backup: Path, tmp_path: Path) -> None:
+def test_any_flipped_bit_is_detected_or_harmless(backup: Path, tmp_path: Path) -> None:
     whole, draw = backup.read_bytes(), random.Random(12)
     before = contents(backup)
     for _ in range(60):

@@ -100,7 +100,7 @@ def test_a_backup_of_the_first_schema_is_brought_up_to_date(
         connection.execute("UPDATE job SET scenario_id = 'nowhere'")
 
 
-def test_data_are_replaced_only_when_that_was_said(
+def test_data_are_replaced_only_with_replace(
     backup: Path, database_url: str, put_back: PutBack, tmp_path: Path
 ) -> None:
     with psycopg.connect(database_url) as connection:
@@ -151,7 +151,7 @@ def test_a_restore_that_fails_leaves_everything_as_it_was(
             assert connection.execute("SELECT to_regnamespace('stridelab_restore')").fetchone() == (None,)
 
 
-def test_a_small_disk_is_told_before_anything_is_done(
+def test_a_small_disk_is_reported_before_anything_is_done(
     backup: Path, empty: str, put_back: PutBack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(restore.shutil, "disk_usage", lambda _: type("Usage", (), {"free": 1000})())
@@ -160,7 +160,7 @@ def test_a_small_disk_is_told_before_anything_is_done(
     assert not is_migrated(empty)
 
 
-def test_a_file_that_was_lost_before_is_told_and_the_rest_is_saved(
+def test_an_already_missing_file_is_reported_and_the_rest_is_saved(
     database_url: str, empty: str, put_back: PutBack, tmp_path: Path
 ) -> None:
     fill(database_url, tmp_path / "source")
@@ -181,7 +181,7 @@ def test_more_files_than_a_backup_lists_are_refused_at_once(
     assert not list(tmp_path.glob("*.backup*"))
 
 
-def test_an_earlier_backup_is_kept_unless_told_otherwise(database_url: str, tmp_path: Path) -> None:
+def test_an_earlier_backup_is_not_overwritten_by_default(database_url: str, tmp_path: Path) -> None:
     target, blobs = tmp_path / "lab.backup", of(tmp_path / "blobs")
     target.write_text("precious")
     with pytest.raises(Conflict) as caught:
@@ -233,7 +233,7 @@ def _tokens(url: str) -> list[str]:
 
 
 @pytest.mark.parametrize(("options", "there"), [({}, ["own"]), ({"with_tokens": True}, ["theirs"])])
-def test_tokens_of_a_backup_come_back_only_when_that_was_said(
+def test_tokens_of_a_backup_are_restored_only_on_request(
     postgres: TestDatabases,
     database_url: str,
     put_back: PutBack,

@@ -13,7 +13,7 @@ from support.service.stored_rows import add_job, start_job, succeed
 from support.service.web_server import served, upload
 
 
-def test_damaged_and_missing_files_are_found_refused_and_repaired(
+def test_damaged_and_missing_files_are_reported_refused_and_repaired(
     database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     content, blobs = small_trial(tmp_path / "walk.c3d").read_bytes(), tmp_path / "data" / "blobs"

@@ -145,7 +145,7 @@ def test_a_single_job_does_not_wait_for_a_hundred_of_somebody_else(queue: Any) -
     queue(act)
 
 
-def test_who_has_a_slot_gets_another_after_those_who_have_none(queue: Any) -> None:
+def test_a_user_with_a_slot_gets_another_after_users_without_one(queue: Any) -> None:
     async def act(made: Queue) -> None:
         long_job, next_job = await made.submit("anna"), await made.submit("anna")
         short_jobs = [await made.submit("ben") for _ in range(3)]

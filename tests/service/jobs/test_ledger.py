@@ -60,7 +60,7 @@ ADD = "INSERT INTO job_event (job_id, state, attempt, fraction, message) VALUES 
         ("UPDATE job_event SET state = 'failed' WHERE attempt = 1 AND state = 'running'", "went from failed to queued"),
     ],
 )
-def test_what_must_not_be_in_the_tables_is_found(database_url: str, blobs: Path, change: str, message: str) -> None:
+def test_invalid_rows_are_reported(database_url: str, blobs: Path, change: str, message: str) -> None:
     with psycopg.connect(database_url) as connection:
         connection.execute(change.encode())
     assert any(message in fault for fault in faults(database_url, blobs, [JOB])), faults(database_url, blobs, [JOB])
@@ -68,7 +68,7 @@ def test_what_must_not_be_in_the_tables_is_found(database_url: str, blobs: Path,
         assert_sound(database_url, blobs, [JOB], timeout_s=0.0)
 
 
-def test_missing_short_and_unnamed_files_are_found(database_url: str, blobs: Path) -> None:
+def test_missing_short_and_unnamed_files_are_reported(database_url: str, blobs: Path) -> None:
     named = f"results/{JOB}/2/x.csv"
     put(blobs, named, b"")
     assert faults(database_url, blobs) == [f"{named} should have 1 bytes"]
@@ -81,6 +81,6 @@ def test_missing_short_and_unnamed_files_are_found(database_url: str, blobs: Pat
         (blobs / unnamed).unlink()
 
 
-def test_job_that_was_only_submitted_is_stuck(database_url: str, tmp_path: Path) -> None:
+def test_a_job_that_was_only_submitted_is_reported_as_stuck(database_url: str, tmp_path: Path) -> None:
     job_id = Jobs(database_url).submit("work")
     assert f"{job_id}: is stuck as queued" in faults(database_url, tmp_path)

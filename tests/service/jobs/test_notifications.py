@@ -89,7 +89,7 @@ def test_all_listeners_to_a_job_share_one_reader(database_url: str, monkeypatch:
     within(database_url, act)
 
 
-def test_who_is_slow_or_late_misses_nothing(database_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_and_late_listeners_miss_no_event(database_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """With fewer events in memory than were written while a listener was busy."""
     monkeypatch.setattr(board_module, "RECENT_EVENTS", 3)
 

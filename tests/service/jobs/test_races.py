@@ -71,7 +71,7 @@ def test_of_workers_that_race_for_an_orphan_one_gets_it(
     with_consumers(5, act)
 
 
-def test_clock_that_jumps_forward_costs_a_start_and_no_job(
+def test_a_clock_that_jumps_forward_costs_an_attempt_and_no_job(
     database_url: str, with_consumers: Callable[[int, Work], None]
 ) -> None:
     """All running jobs are taken away at once; those who run them hear of it, and each ends once."""
@@ -98,9 +98,7 @@ def test_clock_that_jumps_forward_costs_a_start_and_no_job(
     with_consumers(2, act)
 
 
-def test_clock_that_jumps_back_takes_nothing_away(
-    database_url: str, with_consumers: Callable[[int, Work], None]
-) -> None:
+def test_a_clock_that_jumps_back_loses_nothing(database_url: str, with_consumers: Callable[[int, Work], None]) -> None:
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
         await store.submit("work", {})
         mine = await take(consumers[0])
@@ -114,7 +112,7 @@ def test_clock_that_jumps_back_takes_nothing_away(
     with_consumers(1, act)
 
 
-def test_claims_at_once_start_every_job_once(database_url: str, with_consumers: Callable[[int, Work], None]) -> None:
+def test_concurrent_claims_start_every_job_once(database_url: str, with_consumers: Callable[[int, Work], None]) -> None:
     """A worker that finds the first job of an owner locked gets the next one; every worker gets a job."""
 
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
@@ -128,7 +126,7 @@ def test_claims_at_once_start_every_job_once(database_url: str, with_consumers: 
     with_consumers(5, act)
 
 
-def test_claim_whose_answer_was_lost_is_answered_again_in_its_lane(
+def test_a_claim_whose_answer_was_lost_is_answered_again_in_its_lane(
     database_url: str, with_consumers: Callable[[int, Work], None]
 ) -> None:
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:

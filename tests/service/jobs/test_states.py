@@ -305,7 +305,7 @@ class JobMachine(RuleBasedStateMachine):
 
 
 @pytest.mark.timeout(600)
-def test_jobs_follow_the_model(database_url: str, tmp_path: Path) -> None:
+def test_random_sequences_of_calls_agree_with_the_model(database_url: str, tmp_path: Path) -> None:
     JobMachine.url, JobMachine.folder = database_url, tmp_path
     run_state_machine_as_test(
         JobMachine,

@@ -100,7 +100,7 @@ def test_fifty_parallel_submissions_fill_the_queue_to_its_limit(use: Use) -> Non
     use(act, queue_limit=10)
 
 
-def test_an_earlier_job_is_found_even_when_the_queue_is_full(use: Use) -> None:
+def test_a_repeated_key_returns_its_job_even_when_the_queue_is_full(use: Use) -> None:
     async def act(store: JobStore) -> None:
         first = await store.submit("work", {}, idempotency_key="k")
         with pytest.raises(Busy):

@@ -129,7 +129,7 @@ def test_a_walk_with_a_receding_horizon_is_doubtful_where_a_replan_failed() -> N
         {"recording_id": "x"},
     ],
 )
-def test_what_was_not_checked_has_no_verdict(summary: dict[str, Any]) -> None:
+def test_a_result_without_checks_has_no_verdict(summary: dict[str, Any]) -> None:
     assert verdict_of(summary) is None
 
 

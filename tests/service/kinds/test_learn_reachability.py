@@ -79,7 +79,7 @@ def test_the_mixtures_are_those_of_the_same_seed(outcome: dict, folder: Path) ->
     assert card.effectors["left_foot"].kl_nats == outcome["summary"]["effectors"]["left_foot"]["kl_nats"]
 
 
-def test_the_card_tells_all_but_the_mixtures(outcome: dict, folder: Path) -> None:
+def test_the_card_holds_everything_but_the_mixtures(outcome: dict, folder: Path) -> None:
     card = json.loads((folder / "card.json").read_text(encoding="utf-8"))
     whole = json.loads((folder / "mixtures.json").read_text(encoding="utf-8"))
     for effector in whole["effectors"].values():
@@ -160,7 +160,7 @@ def test_a_cancelled_job_leaves_no_process_behind(tmp_path: Path) -> None:
     ("change", "code"),
     [({"robot": "nao"}, "robot-not-found"), ({"effectors": ["left_foot", "tail"]}, "effector-not-found")],
 )
-def test_what_is_not_there_is_named(change: dict, code: str, tmp_path: Path) -> None:
+def test_unknown_robots_and_effectors_are_named(change: dict, code: str, tmp_path: Path) -> None:
     with pytest.raises(NotFound) as refusal:
         with_json(run)({"input": REQUEST | change}, tmp_path, lambda *_: None)
     assert refusal.value.code == code

@@ -38,7 +38,7 @@ def test_the_display_files_are_the_motion(walked: Planned) -> None:
     np.testing.assert_array_equal(np.isnan(forces).all(axis=2), ~standing)
 
 
-def test_the_replay_is_kept(walked: Planned) -> None:
+def test_the_replay_is_an_artifact(walked: Planned) -> None:
     with np.load(walked.folder / "replay.npz", allow_pickle=False) as read:
         n = len(read["time_s"])
         assert read["q"].shape == (n, load_robot("talos").model.nq)

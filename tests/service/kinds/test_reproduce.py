@@ -19,11 +19,11 @@ from stridelab.service.kinds.result_tables import known_references
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.running_child import IsolatedOutcome
 from stridelab.service.processes.sandbox import KernelFeatures
-from support.command_line import Told
+from support.command_line import RecordedProgress
 
 
 def test_an_item_leaves_numbers_tables_and_a_drawing(tmp_path: Path) -> None:
-    progress = Told()
+    progress = RecordedProgress()
     outcome = kind.run(ReproduceTask(input=ReproduceInput(item="fig-2.6", seeds=1)), tmp_path, progress)
     summary = ReproduceSummary.model_validate(outcome.summary)
     assert progress.fractions[-1] == 1.0
@@ -68,7 +68,7 @@ def test_another_seed_draws_other_noise(tmp_path: Path) -> None:
     for seed in (None, 0, 7):
         request, folder = ReproduceInput(item="fig-2.6", seeds=1, seed=seed), tmp_path / str(seed)
         folder.mkdir()
-        ours.append(kind.run(ReproduceTask(input=request), folder, Told()).summary["ours"])
+        ours.append(kind.run(ReproduceTask(input=request), folder, RecordedProgress()).summary["ours"])
     assert ours[0] == ours[1] != ours[2]
 
 

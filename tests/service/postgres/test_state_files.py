@@ -187,7 +187,7 @@ def test_a_read_only_data_folder_is_named() -> None:
 
 
 @pytest.mark.parametrize("with_database", [False, True])
-def test_a_full_disk_is_told_at_the_start(with_database: bool) -> None:
+def test_a_full_disk_is_reported_at_the_start(with_database: bool) -> None:
     with public_folder() as folder, mounted(folder / "disk", "size=128m,mode=755") as disk:
         if with_database:
             server = EmbeddedPostgres(disk / "data")

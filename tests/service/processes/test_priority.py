@@ -31,7 +31,7 @@ def test_a_process_and_its_session_are_nicer() -> None:
     assert not group.exists() or f"nice {priority.NICENESS}" in session[0]
 
 
-def test_a_kernel_that_is_asked_too_often_is_asked_again_and_then_no_more() -> None:
+def test_refused_calls_to_the_kernel_are_repeated_a_few_times_only() -> None:
     group, refused = mock.Mock(spec=Path), BlockingIOError()
     with mock.patch.object(priority.time, "sleep") as slept:
         group.write_text.side_effect = [refused, refused, 2]

@@ -253,7 +253,7 @@ def test_switched_off_it_forbids_nothing(spool: Path) -> None:
         (KernelFeatures(7, filters=True), "auto", ()),
     ],
 )
-def test_what_is_missing_is_said_once_at_the_start(
+def test_missing_confinement_is_reported_once_at_the_start(
     kernel: KernelFeatures, mode: str, missing: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(KernelFeatures, "detect_features", staticmethod(lambda: kernel))

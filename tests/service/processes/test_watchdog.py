@@ -73,7 +73,7 @@ def test_a_process_that_waits_and_does_not_answer_hangs(idle: subprocess.Popen[b
     assert silence.failure_state() is None
 
 
-def test_a_stopped_process_is_known_sooner_even_before_its_first_answer(idle: subprocess.Popen[bytes]) -> None:
+def test_a_stopped_process_is_detected_sooner_even_before_its_first_answer(idle: subprocess.Popen[bytes]) -> None:
     os.kill(idle.pid, signal.SIGSTOP)
     while psutil.Process(idle.pid).status() != psutil.STATUS_STOPPED:
         time.sleep(0.01)
@@ -98,7 +98,7 @@ def test_a_process_that_waits_for_a_processor_has_more_time(
     assert verdict_after(silence, clock, 1000.0)[1] == pytest.approx(2 * HUNG_S, abs=2.5)
 
 
-def test_a_watcher_that_was_held_up_blames_nobody(idle: subprocess.Popen[bytes]) -> None:
+def test_a_delayed_watchdog_ends_no_process(idle: subprocess.Popen[bytes]) -> None:
     clock = Clock()
     silence = ResponseWatchdog(idle.pid, clock=clock)
     silence.record_answer()

@@ -96,7 +96,7 @@ def test_who_is_frozen_in_a_transaction_holds_a_lock_for_a_while_only(
     asyncio.run(act())
 
 
-def test_options_of_the_address_are_kept(database_url: str) -> None:
+def test_options_of_the_database_address_are_preserved(database_url: str) -> None:
     async def shown(engine: AsyncEngine) -> list[str]:
         async with engine.connect() as connection:
             names = ("statement_timeout", "idle_in_transaction_session_timeout")

@@ -82,7 +82,7 @@ def test_impulse_of_the_contact_wrench_is_the_change_of_momentum(motion: RobotWa
     assert np.abs(turning - (about_origin[-1] - about_origin[0])).max() < 3e-4 * np.abs(t.moment_nm).max()
 
 
-def test_wrench_is_what_newton_euler_finds_at_the_floating_base(motion: RobotWalk) -> None:
+def test_the_wrench_is_that_of_newton_euler_at_the_floating_base(motion: RobotWalk) -> None:
     """Recursive Newton-Euler over the tree, an algorithm that knows nothing of momenta."""
     model, t, m = motion.robot.model, motion.truth, motion.motion
     data = model.createData()
@@ -244,7 +244,7 @@ def test_footprints_out_of_reach_are_named_with_their_instant() -> None:
     assert refusal.value.code == "robot-out-of-reach"
 
 
-def test_speed_and_duration_are_those_asked_for() -> None:
+def test_speed_and_duration_are_those_requested() -> None:
     gait = gait_for(0.5, 8.0)
     assert gait.duration_s == pytest.approx(8.0)
     assert gait.step_length_m / gait.step_time_s == pytest.approx(0.5)

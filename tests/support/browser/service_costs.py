@@ -70,12 +70,12 @@ LONG = {126: 2, 127: 8}
 
 @dataclass
 class Wire:
-    """One connection; ``said`` and ``heard`` are the data frames of its websocket, by the service and by the page."""
+    """One connection: data frames of its websocket, ``messages_down`` by the service, ``messages_up`` by the page."""
 
     down_bytes: int = 0
     up_bytes: int = 0
-    said: int = 0
-    heard: int = 0
+    messages_down: int = 0
+    messages_up: int = 0
     is_socket: bool = False
 
 
@@ -101,14 +101,14 @@ class Meter:
         return sum(wire.down_bytes for wire in self.wires if not wire.is_socket)
 
     @property
-    def said(self) -> int:
+    def messages_down(self) -> int:
         """Messages by the service through websockets."""
-        return sum(wire.said for wire in self.wires)
+        return sum(wire.messages_down for wire in self.wires)
 
     @property
-    def heard(self) -> int:
+    def messages_up(self) -> int:
         """Messages to the service through websockets."""
-        return sum(wire.heard for wire in self.wires)
+        return sum(wire.messages_up for wire in self.wires)
 
 
 @contextlib.contextmanager
@@ -164,9 +164,9 @@ async def _carry(source: asyncio.StreamReader, sink: asyncio.StreamWriter, wire:
             if wire.is_socket:
                 n_frames = frames.count(piece)
                 if up is not None:
-                    wire.heard += n_frames
+                    wire.messages_up += n_frames
                 else:
-                    wire.said += n_frames
+                    wire.messages_down += n_frames
             sink.write(piece)
             await sink.drain()
     finally:

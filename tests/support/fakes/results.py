@@ -280,13 +280,13 @@ class FakeSubjects:
     """Persons by their id."""
 
     def __init__(self, recordings: Mapping[str, Recording]) -> None:
-        self.kept: dict[str, Subject] = {}
+        self.stored: dict[str, Subject] = {}
         self._recordings = recordings
 
     def add(self, name: str | None = "P07", **fields: Any) -> Subject:
         """A person."""
         made = Subject(subject_id=f"s{uuid.uuid4().hex[:12]}", created_at=_NOW, name=name, **fields)
-        self.kept[made.subject_id] = made
+        self.stored[made.subject_id] = made
         return made
 
     def routes(self, root: str) -> list[Route]:
@@ -302,23 +302,23 @@ class FakeSubjects:
 
     async def _all(self, request: Request) -> Response:
         if request.method == "GET":
-            newest = [self._shown(one) for one in reversed(self.kept.values())]
+            newest = [self._shown(one) for one in reversed(self.stored.values())]
             return JSONResponse({"items": newest, "next": None})
         given = SubjectInput.model_validate(await request.json())
         return JSONResponse(self.add(**given.model_dump()).model_dump(mode="json"), 201)
 
     async def _one(self, request: Request) -> Response:
         key = request.path_params["id"]
-        if key not in self.kept:
+        if key not in self.stored:
             problem = Problem(title="404", status=404, code="subject-not-found", detail="There is no such subject.")
             return Response(problem.model_dump_json(), 404, media_type="application/problem+json")
         if request.method == "DELETE":
-            del self.kept[key]
+            del self.stored[key]
             return Response(status_code=204)
         if request.method == "PATCH":
             given = SubjectInput.model_validate(await request.json()).model_dump(exclude_unset=True)
-            self.kept[key] = self.kept[key].model_copy(update=given)
-        return JSONResponse(self._shown(self.kept[key]))
+            self.stored[key] = self.stored[key].model_copy(update=given)
+        return JSONResponse(self._shown(self.stored[key]))
 
 
 CORNERS_M = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1], [0.05, 0.05]])

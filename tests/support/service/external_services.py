@@ -199,7 +199,7 @@ def object_store(folder: Path) -> Iterator[dict[str, str]]:
         thread.join()
 
 
-__all__ = ["Collector", "Span", "collector", "said"]
+__all__ = ["Collector", "Span", "collector", "span_attributes"]
 
 
 @dataclass
@@ -244,7 +244,7 @@ def collector() -> Iterator[Collector]:
         thread.join()
 
 
-def said(span: Span) -> dict[str, str | int]:
+def span_attributes(span: Span) -> dict[str, str | int]:
     """The attributes of a span."""
     return {one.key: one.value.string_value or one.value.int_value for one in span.attributes}
 

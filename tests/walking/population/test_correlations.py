@@ -94,7 +94,7 @@ def test_partial_is_the_precision_matrix_for_several() -> None:
     assert correlation.r == pytest.approx(-precision[0, 1] / np.sqrt(precision[0, 0] * precision[1, 1]), abs=1e-9)
 
 
-def test_what_goes_through_a_third_variable_disappears_when_it_is_held_fixed() -> None:
+def test_a_correlation_through_a_third_variable_disappears_when_it_is_held_fixed() -> None:
     rng = np.random.default_rng(0)
     z = rng.normal(size=4000)
     x, y = z + rng.normal(size=4000), z + rng.normal(size=4000)

@@ -84,7 +84,7 @@ def test_people_who_are_all_alike_have_no_spread_of_their_own() -> None:
     assert fit.step_sd == pytest.approx(table.std(ddof=1))
 
 
-def test_simulated_people_give_back_what_they_were_made_of() -> None:
+def test_the_parameters_of_simulated_people_are_recovered() -> None:
     fits = [fit_mixed_model(*steps(24, 6, seed=s)) for s in range(200)]
     assert np.mean([f.subject_sd**2 for f in fits]) == pytest.approx(0.81, rel=0.05)
     assert np.mean([f.step_sd**2 for f in fits]) == pytest.approx(0.16, rel=0.05)
@@ -100,7 +100,7 @@ def test_simulated_people_give_back_what_they_were_made_of() -> None:
     assert 0.91 <= cover("speed_m_s", 1.5) <= 0.985
 
 
-def test_steps_taken_for_people_would_be_wrongly_sure() -> None:
+def test_intervals_of_steps_taken_for_people_are_too_narrow() -> None:
     """What the model is for: an effect of height that is not there."""
     sure_of_steps = sure_of_people = 0
     for seed in range(150):
@@ -134,7 +134,7 @@ def test_units_do_not_matter() -> None:
         ("mixed-model-collinear", [1.0, 2.0, 3.0, 5.0, 4.0, 7.0], {"height_m": [1.7] * 6}, [0, 0, 1, 1, 2, 2]),
     ],
 )
-def test_what_cannot_be_fitted_is_refused(
+def test_a_design_that_cannot_be_fitted_is_refused(
     code: str, y: list[float], effects: dict[str, list[float]], person: list[int]
 ) -> None:
     with pytest.raises(NotEstimable) as refused:

@@ -65,7 +65,7 @@ def test_steps_of_all_recordings_of_a_person_are_pooled() -> None:
     assert np.isnan(b.sd["R_m"])
 
 
-def test_the_laws_that_the_people_were_made_with_are_found() -> None:
+def test_the_laws_of_the_simulated_people_are_recovered() -> None:
     result = study(*lab(40))
     assert {(p.parameter, p.against) for p in result.pairs} == {(p, a) for p in PARAMETERS for a in COVARIATES}
     assert pair(result, "z0_m", "height_m").pearson.r > 0.99
@@ -82,7 +82,7 @@ def test_the_laws_that_the_people_were_made_with_are_found() -> None:
     assert set(nothing.partial_on) == {"leg_m", "speed_m_s", "step_length_m"}
 
 
-def test_the_mixed_models_tell_people_from_steps() -> None:
+def test_the_mixed_models_separate_people_from_steps() -> None:
     result = study(*lab(30, steps=6))
     z0 = result.models["adults", "z0_m"]
     assert z0.effect("height_m").ci95[0] < 0.545 < z0.effect("height_m").ci95[1]
@@ -100,7 +100,7 @@ def test_without_repeats_there_is_no_mixed_model() -> None:
     assert len(result.pairs) == len(PARAMETERS) * len(COVARIATES)
 
 
-def test_children_and_adults_are_apart_and_that_is_said() -> None:
+def test_children_and_adults_are_separate_groups_with_a_remark() -> None:
     grown, small = lab(12, seed=1), lab(8, seed=2, group="children", height=1.35)
     result = study([*grown[0], *small[0]], [*grown[1], *small[1]])
     assert {p.group for p in result.pairs} == {"adults", "children"}
@@ -110,7 +110,7 @@ def test_children_and_adults_are_apart_and_that_is_said() -> None:
     assert "adults (12), children (8)" in result.remarks[0].message
 
 
-def test_everybody_together_only_when_asked_and_said() -> None:
+def test_groups_are_pooled_only_on_request_with_a_remark() -> None:
     grown, small = lab(12, seed=1), lab(8, seed=2, group="children", height=1.35)
     result = study([*grown[0], *small[0]], [*grown[1], *small[1]], pooled=True)
     assert pair(result, "z0_m", "height_m", "all").pearson.n == 20
@@ -119,7 +119,7 @@ def test_everybody_together_only_when_asked_and_said() -> None:
     assert study(*lab(8), pooled=True).remarks == ()
 
 
-def test_who_has_no_height_drops_out_of_what_needs_it_and_is_named() -> None:
+def test_people_without_height_are_left_out_where_it_is_needed_and_named() -> None:
     people, rows = lab(8)
     people[3] = Person(name=people[3].name, group="adults", leg_m=0.9)
     result = study(people, rows)
@@ -141,7 +141,7 @@ def test_too_few_people_have_means_but_no_correlations(n: int) -> None:
     assert codes(result) == ["too-few-subjects"]
 
 
-def test_a_study_of_nobody_is_empty() -> None:
+def test_a_study_without_people_is_empty() -> None:
     result = study([], [])
     assert result.subjects == ()
     assert result.pairs == ()
@@ -154,7 +154,7 @@ def test_four_people_are_enough_for_an_answer_and_too_few_for_some_intervals() -
     assert one.partial_on["step_length_m"].ci95 is None
 
 
-def test_nobody_knows_a_height() -> None:
+def test_a_study_without_any_height_correlates_with_speed_and_step_length_only() -> None:
     people, rows = lab(6)
     result = study([Person(name=p.name, group="adults") for p in people], rows)
     assert {p.against for p in result.pairs} == {"speed_m_s", "step_length_m"}
@@ -196,7 +196,7 @@ def test_a_group_is_what_is_stated_else_by_age_else_by_height(
     assert assign_group(stated, age, height) == expected
 
 
-def test_guessed_groups_are_said() -> None:
+def test_guessed_groups_are_remarked() -> None:
     people, rows = lab(4)
     guessed = [
         Person(name=p.name, group="children", height_m=1.3 + i / 50, group_source="height")

@@ -136,7 +136,7 @@ def order(socket: ClientConnection, **command: Any) -> None:
     socket.send(json.dumps(command))
 
 
-def test_everybody_sees_the_same_robot_and_anybody_pushes_it(service: Served, fakes: Fakes) -> None:
+def test_all_viewers_see_the_same_robot_and_each_can_push_it(service: Served, fakes: Fakes) -> None:
     session = start(service)
     with watching(service, session) as first, watching(service, session) as second:
         state = next_with(first, "state", lambda one: one["phase"] == "running" and one["n_watching"] == 2)
@@ -153,7 +153,7 @@ def test_everybody_sees_the_same_robot_and_anybody_pushes_it(service: Served, fa
     end(service, session)
 
 
-def test_time_follows_the_clock_times_the_pace_and_rests_in_a_pause(service: Served, fakes: Fakes) -> None:
+def test_simulated_time_follows_the_clock_times_the_pace_and_stops_in_a_pause(service: Served, fakes: Fakes) -> None:
     session = start(service)
     with watching(service, session) as socket:
         order(socket, type="set", pace=0.5)
@@ -170,7 +170,7 @@ def test_time_follows_the_clock_times_the_pace_and_rests_in_a_pause(service: Ser
     end(service, session)
 
 
-def test_a_slow_computer_slows_the_robot_and_says_so(service: Served, fakes: Fakes) -> None:
+def test_a_slow_computer_slows_the_robot_and_reports_it(service: Served, fakes: Fakes) -> None:
     session = start(service, "g1")
     with watching(service, session) as socket:
         states = [next_with(socket, "state", lambda one: one["pace"] is not None) for _ in range(2)]
@@ -178,7 +178,7 @@ def test_a_slow_computer_slows_the_robot_and_says_so(service: Served, fakes: Fak
     end(service, session)
 
 
-def test_what_is_no_command_is_refused_and_the_robot_goes_on(service: Served, fakes: Fakes) -> None:
+def test_an_invalid_command_is_refused_and_the_robot_continues(service: Served, fakes: Fakes) -> None:
     session = start(service)
     bad = {
         "not-json": ['{"type":"push","impulse_ns":[NaN,0,0]}', "", "push"],
@@ -221,7 +221,7 @@ def next_problem(socket: ClientConnection) -> str:
     raise AssertionError("no problem came")
 
 
-def test_a_simulation_that_dies_or_cannot_plan_says_why(service: Served, fakes: Fakes) -> None:
+def test_a_simulation_that_dies_or_cannot_plan_gives_the_reason(service: Served, fakes: Fakes) -> None:
     for robot, code in (("hrp2", "scenario-invalid"), ("talos", "live-failed")):
         session = start(service, robot)
         with watching(service, session) as socket:
@@ -233,7 +233,7 @@ def test_a_simulation_that_dies_or_cannot_plan_says_why(service: Served, fakes: 
         end(service, session)
 
 
-def test_requests_for_what_is_not_there_are_refused(service: Served) -> None:
+def test_requests_for_missing_objects_are_refused(service: Served) -> None:
     with service.http() as http:
         for body, status, code in (
             ({"robot": "nobody"}, 404, "robot-not-found"),
@@ -290,7 +290,7 @@ def test_limits_of_the_service_of_a_user_and_of_viewers(guarded: Served, fakes: 
     wait_until(lambda: not guarded.parts.rooms.describe_all(), 10, "nobody watches: all end")
 
 
-def test_a_robot_has_room_for_so_many_viewers(service: Served, fakes: Fakes) -> None:
+def test_the_number_of_viewers_of_a_robot_is_limited(service: Served, fakes: Fakes) -> None:
     session = start(service)
     room = service.parts.rooms.require_room(session["session_id"])
 

@@ -55,7 +55,7 @@ def rows_of(lab: Served, query: str) -> list[Any]:
         return connection.execute(query).fetchall()
 
 
-def test_a_secret_is_shown_once_and_only_its_hash_is_kept(lab: Served, admin: httpx.Client) -> None:
+def test_a_secret_is_shown_once_and_only_its_hash_is_stored(lab: Served, admin: httpx.Client) -> None:
     made = make(admin, "once")
     assert made["scope"] == "submit"
     assert re.fullmatch(r"stridelab_[\w-]{43}", made["secret"])
@@ -104,7 +104,7 @@ def test_each_scope_allows_what_it_names(lab: Served, admin: httpx.Client) -> No
         ("http", "UNHEARD-OF", "/api/v1/jobs", "submit"),
     ],
 )
-def test_what_a_request_needs(kind: str, method: str, path: str, scope: str) -> None:
+def test_each_request_needs_its_scope(kind: str, method: str, path: str, scope: str) -> None:
     assert needed_scope(kind, method, path) == scope
 
 
@@ -132,7 +132,7 @@ def test_a_revocation_elsewhere_and_an_expiry_are_noticed(lab: Served, admin: ht
             assert http.get(SUBJECTS).status_code == 401
 
 
-def test_jobs_and_recordings_belong_to_whoever_made_them(lab: Served, admin: httpx.Client) -> None:
+def test_jobs_and_recordings_belong_to_the_user_that_created_them(lab: Served, admin: httpx.Client) -> None:
     one, other = (make(admin, name)["secret"] for name in ("owner", "colleague"))
     with lab.http(headers=bearer(one)) as mine, lab.http(headers=bearer(other)) as theirs:
         submitted = mine.post(SIMULATION, json={}).json()
@@ -196,7 +196,7 @@ def test_an_upload_belongs_to_its_token_and_counts(lab: Served, admin: httpx.Cli
         assert code(refused) == (413, "storage-limit")
 
 
-def test_the_audit_log_tells_who_did_what_and_is_not_changed(lab: Served, admin: httpx.Client) -> None:
+def test_the_audit_log_records_caller_and_action_and_is_append_only(lab: Served, admin: httpx.Client) -> None:
     made = make(admin, "watched")
     with lab.http(headers=bearer(made["secret"])) as http:
         http.get(TOKENS)
@@ -254,7 +254,7 @@ def test_too_many_requests_are_answered_429(postgres: TestDatabases, tmp_path: P
         assert stranger.get("/api/v1/health").status_code == 200
 
 
-def test_without_a_token_nobody_is_asked_and_nothing_has_an_owner(service: Served) -> None:
+def test_without_tokens_no_login_is_required_and_nothing_has_an_owner(service: Served) -> None:
     with service.http() as http:
         assert http.post(SIMULATION, json={}).json()["owner"] is None
         assert http.get(TOKENS).json()["items"] == []

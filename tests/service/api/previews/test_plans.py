@@ -20,7 +20,7 @@ from support.service.processes import ended, wait_until
 from support.service.web_server import Served, places, refusal
 
 SOLVERS, PREVIEW = "/api/v1/solvers", "/api/v1/plans/preview"
-ASKED: dict[str, Any] = {"ask": "solvers"}
+REQUEST: dict[str, Any] = {"ask": "solvers"}
 MISSING = isinstance(native_availability(), NativeUnavailable)
 
 
@@ -30,7 +30,7 @@ def child_of(service: Served) -> int:
     return pid
 
 
-def test_the_solvers_of_this_machine(http: httpx.Client) -> None:
+def test_the_solvers_of_this_machine_are_listed(http: httpx.Client) -> None:
     solvers = http.get(SOLVERS).json()
     native, *others = solvers["solvers"]
     assert (native["name"], native["available"], native["missing"] is None) == ("native", not MISSING, not MISSING)
@@ -49,7 +49,7 @@ def test_a_child_that_was_killed_is_replaced(service: Served, http: httpx.Client
     assert child_of(service) != first
 
 
-def test_what_is_no_scenario_is_named(http: httpx.Client) -> None:
+def test_an_invalid_scenario_is_refused_by_name(http: httpx.Client) -> None:
     assert refusal(http.post(PREVIEW, json={})) == (422, "invalid-request")
     both = {"scenario": one_step(), "push": {"time_s": 1.0, "velocity_m_s": [0, 0, 0], "force_n": [0, 0, 0]}}
     assert refusal(http.post(PREVIEW, json=both)) == (422, "invalid-request")
@@ -57,7 +57,7 @@ def test_what_is_no_scenario_is_named(http: httpx.Client) -> None:
 
 
 @pytest.mark.skipif(not MISSING, reason="the C++ solver is on this machine")
-def test_without_the_solver_it_says_so(http: httpx.Client) -> None:
+def test_a_missing_solver_is_reported(http: httpx.Client) -> None:
     answer = http.post(PREVIEW, json={"scenario": one_step()})
     assert refusal(answer) == (422, "solver-unavailable")
     assert "C++ solver" in answer.json()["detail"]
@@ -110,14 +110,14 @@ class TestPreview:
         assert refusal(answer) == (422, "push-too-late")
         assert places(answer) == ["push.time_s"]
 
-    def test_what_the_robot_cannot_do_is_a_good_question(self, http: httpx.Client) -> None:
+    def test_an_infeasible_scenario_has_a_preview_with_the_reason(self, http: httpx.Client) -> None:
         answer = http.post(PREVIEW, json={"scenario": with_contact(0, 1, position_m=[0.0, -0.09, 0.3])})
         preview = answer.json()
         assert (answer.status_code, preview["motion"]["converged"], preview["motion"]["com_m"]) == (200, False, [])
         assert preview["errors"][0]["where"].startswith("phases[0].contacts[right_foot]")
         assert "right_foot" in preview["motion"]["status"]
 
-    def test_a_motion_that_there_is_not_says_why(self, http: httpx.Client) -> None:
+    def test_a_motion_that_does_not_exist_gives_the_reason(self, http: httpx.Client) -> None:
         preview = http.post(PREVIEW, json={"scenario": one_step(friction=0.003)}).json()
         assert (preview["errors"], preview["motion"]["converged"], preview["motion"]["objective"]) == ([], False, None)
         assert preview["motion"]["status"]
@@ -126,46 +126,46 @@ class TestPreview:
 @pytest.mark.anyio
 async def test_a_child_that_hangs_is_replaced() -> None:
     async with IsolatedPool() as pool, PreviewProcess(pool, answer_s=0.5) as resident:
-        await resident.ask(ASKED)
+        await resident.ask(REQUEST)
         hung = resident.pid
         assert hung is not None
         os.kill(hung, signal.SIGSTOP)
         with pytest.raises(Unavailable) as stuck:
-            await resident.ask(ASKED)
+            await resident.ask(REQUEST)
         assert stuck.value.code == "preview-stuck"
         wait_until(lambda: not psutil.pid_exists(hung), 10, "the hanging child is killed and reaped")
-        assert (await resident.ask(ASKED))["solvers"]
+        assert (await resident.ask(REQUEST))["solvers"]
         assert resident.pid != hung
 
 
 @pytest.mark.anyio
-async def test_an_answer_that_nobody_waits_for_is_not_taken_for_anothers() -> None:
+async def test_the_answer_of_a_cancelled_request_is_not_given_to_another_request() -> None:
     async with IsolatedPool() as pool, PreviewProcess(pool) as resident:
-        await resident.ask(ASKED)
+        await resident.ask(REQUEST)
         given_up = asyncio.create_task(resident.ask({"ask": "preview", "input": {}}))
         await asyncio.sleep(0)
         await asyncio.sleep(0)
         given_up.cancel()
         with pytest.raises(asyncio.CancelledError):
             await given_up
-        assert "solvers" in await resident.ask(ASKED)
+        assert "solvers" in await resident.ask(REQUEST)
 
 
 @pytest.mark.anyio
-async def test_too_many_questions_are_told_to_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_too_many_requests_are_refused_with_retry_after(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(residents, "MAX_WAITING", 1)
     async with IsolatedPool() as pool, PreviewProcess(pool) as resident:
-        first = asyncio.create_task(resident.ask(ASKED))
+        first = asyncio.create_task(resident.ask(REQUEST))
         await asyncio.sleep(0)
         with pytest.raises(Busy) as busy:
-            await resident.ask(ASKED)
+            await resident.ask(REQUEST)
         assert busy.value.code == "preview-busy"
         assert "solvers" in await first
 
 
 @pytest.mark.anyio
-async def test_nothing_is_left_of_it() -> None:
+async def test_no_child_process_remains() -> None:
     async with IsolatedPool() as pool, PreviewProcess(pool) as resident:
-        await resident.ask(ASKED)
+        await resident.ask(REQUEST)
         child = psutil.Process(resident.pid)
     wait_until(lambda: ended(child), 10, "the child ends")

@@ -63,7 +63,7 @@ def count_stored(service: Served, http: httpx.Client) -> tuple[int, int]:
     return len(http.get("/api/v1/recordings").json()["items"]), len(files)
 
 
-def test_files_a_zip_and_a_table_together(service: Served, http: httpx.Client, trial: Path) -> None:
+def test_files_a_zip_and_a_table_can_be_uploaded_together(service: Served, http: httpx.Client, trial: Path) -> None:
     content = trial.read_bytes()
     lab = zipped(
         ("lab/P02.c3d", another(content, 2)),
@@ -132,7 +132,7 @@ def test_the_same_bytes_twice_count_once(http: httpx.Client, trial: Path) -> Non
     )
 
 
-def test_a_client_sends_many(service: Served, trial: Path, tmp_path: Path) -> None:
+def test_the_client_uploads_many_files(service: Served, trial: Path, tmp_path: Path) -> None:
     paths = []
     for n in (20, 21):
         paths.append((f"walk {n}.c3d", tmp_path / f"{n}.c3d"))
@@ -162,20 +162,22 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("code", ["zip-bomb", "zip-too-many-files", "zip-several-tables"])
-def test_a_hostile_zip_keeps_nothing(service: Served, http: httpx.Client, trial: Path, code: str) -> None:
+def test_nothing_of_a_hostile_zip_is_stored(service: Served, http: httpx.Client, trial: Path, code: str) -> None:
     before = count_stored(service, http)
     answer = send(http, ("fine.c3d", another(trial.read_bytes(), 40)), ("lab.zip", HOSTILE[code]))
     assert problem(answer, 422)["code"] == code
     assert count_stored(service, http) == before
 
 
-def test_a_zip_that_lies_about_its_size_is_not_believed(service: Served, http: httpx.Client) -> None:
+def test_a_zip_with_a_false_size_is_refused(service: Served, http: httpx.Client) -> None:
     before = count_stored(service, http)
     assert problem(send(http, ("lab.zip", bomb())), 422)["code"] in {"zip-bomb", "zip-damaged", "nothing-readable"}
     assert count_stored(service, http) == before
 
 
-def test_paths_in_a_zip_lead_nowhere(service: Served, http: httpx.Client, trial: Path, tmp_path: Path) -> None:
+def test_paths_in_a_zip_do_not_leave_the_folder(
+    service: Served, http: httpx.Client, trial: Path, tmp_path: Path
+) -> None:
     content = trial.read_bytes()
     escape = f"../../../../../../..{tmp_path}/escaped.c3d"
     lab = zipped((escape, another(content, 50)), ("/etc/absolute.c3d", another(content, 51)))
@@ -185,7 +187,9 @@ def test_paths_in_a_zip_lead_nowhere(service: Served, http: httpx.Client, trial:
     assert not Path("/etc/absolute.c3d").exists()
 
 
-def test_a_zip_in_a_zip_is_one_trial_and_no_deeper_is_looked(service: Served, http: httpx.Client, trial: Path) -> None:
+def test_a_zip_in_a_zip_is_one_trial_and_deeper_ones_are_not_opened(
+    service: Served, http: httpx.Client, trial: Path
+) -> None:
     before = count_stored(service, http)
     nested = zipped(("inner.zip", zipped(("deep.c3d", trial.read_bytes()))))
     refusal_body = problem(send(http, ("lab.zip", nested)), 422)
@@ -221,7 +225,7 @@ def test_two_tables_are_refused(http: httpx.Client, trial: Path) -> None:
     assert problem(send(http, ("lab.zip", lab), table="file\nwalk.c3d\n"), 422)["code"] == "subject-table-twice"
 
 
-def test_limits_of_the_form(service: Served, http: httpx.Client, trial: Path) -> None:
+def test_the_form_has_limits(service: Served, http: httpx.Client, trial: Path) -> None:
     before = count_stored(service, http)
     assert problem(send(http, ("big.c3d", b"\0" * (2 * MB + 300_000))), 413)["code"] == "upload-too-large"
     assert problem(send(http, ("walk.c3d", trial.read_bytes()), table="x" * (MB + 1)), 422)["code"] == "invalid-request"

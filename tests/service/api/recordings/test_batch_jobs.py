@@ -222,7 +222,7 @@ def test_files_of_a_refused_or_cancelled_job_go_and_those_of_a_waiting_one_stay(
     assert batches(service) == set()
 
 
-def test_no_call_submits_such_a_job(http: httpx.Client) -> None:
+def test_the_job_kind_cannot_be_submitted_over_http(http: httpx.Client) -> None:
     job_input = {"batch_id": "0" * 32, "files": []}
     answer = http.post("/api/v1/jobs/read-batch", json=job_input)
     assert (answer.status_code, answer.json()["code"]) == (404, "unknown-job-kind")

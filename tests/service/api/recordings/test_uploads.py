@@ -74,7 +74,7 @@ def reused(http: httpx.Client, content: bytes, name: str = "walk.c3d") -> httpx.
 
 
 @pytest.mark.usefixtures("parsed_at_once")
-def test_the_same_file_again_is_the_newest_recording_of_it_where_that_is_asked_for(
+def test_the_same_file_again_returns_the_newest_recording_if_reuse_is_requested(
     http: httpx.Client, service: Served
 ) -> None:
     content = b"once and again" * 1000
@@ -139,7 +139,7 @@ def damaged() -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("name", damaged())
-def test_what_cannot_be_read_is_refused_and_nothing_is_kept(http: httpx.Client, service: Served, name: str) -> None:
+def test_an_unreadable_file_is_refused_and_not_stored(http: httpx.Client, service: Served, name: str) -> None:
     before, rows = service.stored_files(), len(http.get(RECORDINGS).json()["items"])
     answer = upload(http, damaged()[name])
     assert answer.status_code == 422
@@ -177,7 +177,7 @@ def test_an_empty_file_and_a_missing_file(http: httpx.Client) -> None:
         ),
     ],
 )
-def test_bodies_that_are_no_form(
+def test_bodies_that_are_no_form_are_refused(
     http: httpx.Client, media_type: str, content: bytes, expected: tuple[int, str]
 ) -> None:
     assert refusal(http.post(RECORDINGS, content=content, headers={"Content-Type": media_type})) == expected
@@ -297,7 +297,7 @@ def test_an_upload_over_the_limit_is_refused_at_the_byte_that_exceeds_it(narrow:
     assert narrow.stored_files() == set()
 
 
-def test_a_client_that_talks_on_still_hears_the_refusal(narrow: Served) -> None:
+def test_a_client_that_sends_on_still_receives_the_refusal(narrow: Served) -> None:
     with narrow.http() as http:
         for _ in range(3):
             assert refusal(upload(http, b"\0" * 30_000_000)) == (413, "upload-too-large")
@@ -307,7 +307,7 @@ def test_a_client_that_talks_on_still_hears_the_refusal(narrow: Served) -> None:
 
 
 @pytest.mark.usefixtures("parsed_at_once")
-def test_a_large_upload_never_lies_in_memory(service: Served) -> None:
+def test_a_large_upload_is_never_held_in_memory(service: Served) -> None:
     process = psutil.Process()
     before = process.memory_info().rss
     peak = before
@@ -329,7 +329,7 @@ def test_a_large_upload_never_lies_in_memory(service: Served) -> None:
     assert peak - before < 40_000_000
 
 
-def test_a_full_disk_is_told(postgres: TestDatabases, tmp_path: Path) -> None:
+def test_a_full_disk_is_reported(postgres: TestDatabases, tmp_path: Path) -> None:
     with postgres.fresh() as url, served(url, tmp_path, min_free_disk_mb=10**9) as full, full.http() as http:
         assert refusal(upload(http, b"x" * 10)) == (507, "disk-full")
         assert full.stored_files() == set()

@@ -106,7 +106,7 @@ def test_a_name_is_taken_once(http: httpx.Client, small: dict[str, Any]) -> None
     ],
     ids=["no zip", "path", "entities", "point feet", "millimetres"],
 )
-def test_what_cannot_be_added_leaves_nothing(http: httpx.Client, service: Served, content: bytes, code: str) -> None:
+def test_a_refused_robot_leaves_nothing(http: httpx.Client, service: Served, content: bytes, code: str) -> None:
     problem = problem_of(send(http, content), 422)
     assert problem["code"] == code
     assert problem["errors"]
@@ -169,7 +169,9 @@ def test_the_list_names_the_owner(http: httpx.Client, small: dict[str, Any], ser
     assert small["owner"] is None
 
 
-def test_its_whole_body_is_checked_before_anything_is_learned(http: httpx.Client, small: dict[str, Any]) -> None:
+def test_the_whole_body_of_a_robot_is_checked_before_anything_is_learned(
+    http: httpx.Client, small: dict[str, Any]
+) -> None:
     check = "/api/v1/scenarios/check"
     query = {"body_checked": True, "posture_of": 1}
     body = http.post(check, json=one_step(robot="small"), params=query).json()
@@ -244,7 +246,7 @@ async def file_sizes(service: Served) -> list[int]:
     return [info.bytes async for info in service.parts.blobs.list_prefix("own-robots")]
 
 
-def test_it_is_commissioned_and_planned_for(
+def test_an_uploaded_robot_is_commissioned_and_planned_for(
     http: httpx.Client, small: dict[str, Any], service: Served, tmp_path: Path
 ) -> None:
     """The stages of a worker, one by one: fetch, run, publish; then a scenario and the plan of its job."""

@@ -98,7 +98,7 @@ def test_a_robot_whose_card_is_broken_is_unavailable_and_can_do_nothing(
     assert len(diary.read_text().splitlines()) == 2 * len(listed)
 
 
-def test_a_robot_that_cannot_be_loaded_here_says_why(
+def test_a_robot_that_cannot_be_loaded_gives_the_reason(
     http: httpx.Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     good = (card.models_dir() / "robots" / "talos.toml").read_text(encoding="utf-8")
@@ -123,7 +123,7 @@ def test_facts_are_computed_once(http: httpx.Client, stubbed: Served, diary: Pat
     assert diary.read_text().splitlines() == ["describe talos"]
 
 
-def test_who_asks_at_the_same_time_shares_one_child(stubbed: Served, diary: Path) -> None:
+def test_concurrent_requests_share_one_child(stubbed: Served, diary: Path) -> None:
     def ask(path: str) -> httpx.Response:
         with stubbed.http() as http:
             return http.get(path)
@@ -136,7 +136,7 @@ def test_who_asks_at_the_same_time_shares_one_child(stubbed: Served, diary: Path
     assert sorted(diary.read_text().splitlines()) == ["describe talos", "draw talos"]
 
 
-def test_one_who_leaves_does_not_take_it_from_the_others(stubbed: Served, diary: Path) -> None:
+def test_a_cancelled_request_does_not_cancel_the_others(stubbed: Served, diary: Path) -> None:
     with stubbed.http() as http:
         with pytest.raises(httpx.ReadTimeout):
             http.get(f"{ROBOTS}/talos", timeout=0.05)
@@ -144,7 +144,7 @@ def test_one_who_leaves_does_not_take_it_from_the_others(stubbed: Served, diary:
     assert diary.read_text().splitlines() == ["describe talos"]
 
 
-def test_meshes_are_drawn_once_and_kept(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+def test_meshes_are_drawn_once_and_stored(http: httpx.Client, stubbed: Served, diary: Path) -> None:
     path = f"{ROBOTS}/talos/links"
     first = http.get(path)
     assert (first.status_code, first.content) == (200, GLB)
@@ -189,7 +189,7 @@ def test_reach_is_enclosed_once_for_each_measure(http: httpx.Client, stubbed: Se
     ("measure", "status", "code"),
     [("conditioned", 404, "reachability-not-learned"), ("even", 422, "invalid-request"), ("", 422, "invalid-request")],
 )
-def test_a_measure_that_is_not_there_starts_nothing(
+def test_an_unknown_measure_starts_no_child(
     http: httpx.Client, stubbed: Served, diary: Path, measure: str, status: int, code: str
 ) -> None:
     assert refusal(http.get(f"{ROBOTS}/talos/reachability", params={"measure": measure})) == (status, code)
@@ -206,7 +206,7 @@ def test_densities_of_another_description_are_refused(http: httpx.Client, stubbe
 
 
 @pytest.mark.parametrize(("child", "code"), [("no_data", "robot-data-missing"), ("crash", "robot-not-loaded")])
-def test_a_failure_is_told_and_tried_again(
+def test_a_failure_is_reported_and_tried_again(
     http: httpx.Client, stubbed: Served, diary: Path, child: str, code: str
 ) -> None:
     shelve(stubbed, describe=f"support.service.robot_children:{child}")
@@ -220,7 +220,7 @@ def test_a_failure_is_told_and_tried_again(
 
 
 @pytest.mark.parametrize("name", ["nao", "..%2Ftalos", "talos.toml", "TALOS", "%00", "x" * 300, "talos%0a", "'; --"])
-def test_an_unknown_robot_starts_nothing(http: httpx.Client, stubbed: Served, diary: Path, name: str) -> None:
+def test_an_unknown_robot_starts_no_child(http: httpx.Client, stubbed: Served, diary: Path, name: str) -> None:
     for path in (f"{ROBOTS}/{name}", f"{ROBOTS}/{name}/links", f"{ROBOTS}/{name}/reachability"):
         status, code = refusal(http.get(path))
         assert (status, code in {"robot-not-found", "unknown-path"}) == (404, True)
@@ -271,7 +271,7 @@ def test_an_application_that_stops_ends_its_children(stubbed: Served, diary: Pat
 ALL_OF_TALOS = ["describe talos", "draw talos", "enclose talos uniform"]
 
 
-def test_robots_are_prepared_one_after_the_other_and_what_fails_costs_nothing(
+def test_robots_are_prepared_one_after_the_other_and_a_failure_affects_no_other(
     http: httpx.Client, stubbed: Served, diary: Path
 ) -> None:
     stubbed.run(stubbed.parts.robots.prepare_all(["talos", "g1"]))
@@ -284,7 +284,7 @@ def test_robots_are_prepared_one_after_the_other_and_what_fails_costs_nothing(
     assert diary.read_text() == diary_text
 
 
-def test_children_yield_the_processor_until_somebody_waits_for_them(
+def test_children_run_at_low_priority_until_a_request_waits_for_them(
     http: httpx.Client, stubbed: Served, diary: Path
 ) -> None:
     shelve(
@@ -300,7 +300,7 @@ def test_children_yield_the_processor_until_somebody_waits_for_them(
     assert warmed - requested == NICENESS
 
 
-def test_a_service_that_starts_again_makes_nothing_anew(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+def test_a_restarted_service_computes_nothing_again(http: httpx.Client, stubbed: Served, diary: Path) -> None:
     stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
     paths = (f"{ROBOTS}/talos", f"{ROBOTS}/talos/links", f"{ROBOTS}/talos/reachability")
     first = [http.get(path).content for path in paths]
@@ -311,7 +311,7 @@ def test_a_service_that_starts_again_makes_nothing_anew(http: httpx.Client, stub
 
 
 @pytest.mark.parametrize("file", ["facts.json", "links.glb", "uniform-reachability.json.gz"])
-def test_only_what_is_lost_is_made_anew(http: httpx.Client, stubbed: Served, diary: Path, file: str) -> None:
+def test_only_lost_files_are_computed_again(http: httpx.Client, stubbed: Served, diary: Path, file: str) -> None:
     made = dict(zip(("facts.json", "links.glb", "uniform-reachability.json.gz"), ALL_OF_TALOS, strict=True))
     stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
     stubbed.run(stubbed.parts.blobs.delete(f"robots/talos/{source_sha256('talos')}/{file}"))
@@ -334,7 +334,7 @@ def test_a_damaged_file_is_not_served(
     assert http.get(f"{ROBOTS}/talos/reachability").json() == REACH
 
 
-def test_the_preparation_is_told_while_it_goes_on(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+def test_the_progress_of_a_preparation_is_reported(http: httpx.Client, stubbed: Served, diary: Path) -> None:
     path = f"{ROBOTS}/talos/preparation"
     seen: list[dict[str, Any]] = []
     while not seen or seen[-1]["state"] == "preparing":
@@ -350,7 +350,7 @@ def test_the_preparation_is_told_while_it_goes_on(http: httpx.Client, stubbed: S
 
 
 @pytest.mark.parametrize("child", ["describe", "draw", "enclose"])
-def test_a_preparation_that_fails_says_why_and_is_tried_again_later(
+def test_a_failed_preparation_gives_the_reason_and_is_tried_again_later(
     http: httpx.Client, stubbed: Served, diary: Path, monkeypatch: pytest.MonkeyPatch, child: str
 ) -> None:
     shelve(stubbed, **{child: "support.service.robot_children:no_data"})

@@ -44,7 +44,7 @@ def test_a_plan_belongs_to_its_scenario(http: httpx.Client, service: Served, sce
     assert (job["state"], job["scenario_id"]) == ("queued", None)
 
 
-def test_a_whole_scenario_belongs_to_none(http: httpx.Client) -> None:
+def test_a_plan_of_a_scenario_in_the_request_belongs_to_no_stored_scenario(http: httpx.Client) -> None:
     made = http.post(PLAN, json={"scenario": one_step()})
     assert made.status_code == 202, made.text
     assert made.json()["scenario_id"] is None
@@ -180,7 +180,7 @@ def test_ends_that_the_robot_cannot_hold_are_no_job(
 
 
 @pytest.mark.parametrize("end", ["start", "goal"])
-def test_a_friction_that_holds_nothing_names_the_end(http: httpx.Client, end: str) -> None:
+def test_too_little_friction_names_the_end_that_cannot_be_held(http: httpx.Client, end: str) -> None:
     terrain = [{**surface, "friction": 0.0} for surface in ONE_STEP["terrain"]]
     for change in ({"friction": -0.5}, {"terrain": terrain}):
         answer = http.post(f"{JOBS}/plan-contacts", json={**CONTACTS, **change})

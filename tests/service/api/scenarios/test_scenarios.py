@@ -56,7 +56,7 @@ def test_a_scenario_from_storing_to_deletion(http: httpx.Client) -> None:
     assert refusal(http.put(path, json=one_step())) == (404, "scenario-not-found")
 
 
-def test_nothing_is_overwritten_that_somebody_else_has_stored(http: httpx.Client) -> None:
+def test_scenarios_of_other_users_are_not_overwritten(http: httpx.Client) -> None:
     made = http.post(SCENARIOS, json=one_step()).json()
     path = f"{SCENARIOS}/{made['id']}"
     first = http.get(path).headers["etag"]
@@ -163,7 +163,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_what_the_robot_cannot_do_is_named_and_not_stored(http: httpx.Client, name: str) -> None:
+def test_an_infeasible_scenario_is_refused_and_not_stored(http: httpx.Client, name: str) -> None:
     body, where = BROKEN[name]
     before = stored(http)
     check = http.post(CHECK, json=body)
@@ -181,13 +181,13 @@ def test_what_the_robot_cannot_do_is_named_and_not_stored(http: httpx.Client, na
     assert stored(http) == before
 
 
-def test_a_length_that_was_not_given_in_metres_is_asked_for(http: httpx.Client) -> None:
+def test_a_length_that_is_not_in_metres_is_refused(http: httpx.Client) -> None:
     for name, words in (("a foot 150 m high", "lengths are in metres"), ("a stair of 15 cm in cm", "in metres?")):
         faults = http.post(CHECK, json=BROKEN[name][0]).json()["errors"]
         assert any(words in f["message"] for f in faults if f["where"] == BROKEN[name][1]), faults
 
 
-def test_what_is_no_number_names_phase_and_effector(http: httpx.Client) -> None:
+def test_a_value_that_is_not_a_number_names_phase_and_effector(http: httpx.Client) -> None:
     nan, text_, far = [0.0, float("nan"), 0.0], [0.0, "x", 0.0], [0.0, 1e7, 0.0]
     for position, code in ((nan, "not-json"), (text_, "invalid-request"), (far, "invalid-request")):
         content = json.dumps(with_contact(2, 1, position_m=position))
@@ -207,7 +207,7 @@ def test_too_many_phases_are_counted(http: httpx.Client) -> None:
     assert "500" in answer.json()["errors"][0]["message"]
 
 
-def test_a_check_tells_margins_and_support(http: httpx.Client) -> None:
+def test_a_check_returns_margins_and_support(http: httpx.Client) -> None:
     check = http.post(CHECK, json=one_step()).json()
     assert check["valid"] is True
     assert [(each["phase"], each["effector"]) for each in check["margins"]] == [
@@ -279,7 +279,7 @@ HOSTILE: dict[str, tuple[str, tuple[int, str], str | None]] = {
 
 @pytest.mark.parametrize("path", [SCENARIOS, CHECK])
 @pytest.mark.parametrize("name", HOSTILE)
-def test_what_is_no_scenario_is_refused(http: httpx.Client, path: str, name: str) -> None:
+def test_an_invalid_scenario_is_refused(http: httpx.Client, path: str, name: str) -> None:
     content, expected, where = HOSTILE[name]
     answer = http.post(path, content=content, headers={"Content-Type": "application/json"})
     assert refusal(answer) == expected, answer.text[:500]
@@ -295,7 +295,7 @@ def test_a_body_of_faults_gets_a_short_answer(http: httpx.Client) -> None:
     assert len(answer.content) < 50_000
 
 
-def test_what_is_wrong_everywhere_is_told_by_its_first_faults(http: httpx.Client) -> None:
+def test_of_many_faults_only_the_first_are_listed(http: httpx.Client) -> None:
     contacts = [{"effector": f"limb_{i}", "position_m": [0.0, 0.0, 5.0]} for i in range(16)]
     body = one_step(phases=[{"duration_s": -1.0, "contacts": contacts}] * 400)
     answer = http.post(CHECK, json=body)

@@ -20,7 +20,7 @@ def replies_to(running: MarkerSession, *frames: dict[str, Any]) -> list[dict[str
     return [json.loads(answer.content) for answer in running.answer_frames([json.dumps(f).encode() for f in frames])]
 
 
-def test_of_frames_that_wait_together_the_newest_are_computed() -> None:
+def test_of_queued_frames_only_the_newest_are_computed() -> None:
     """Every frame has its answer, in order; an overtaken one has no number."""
     running = session()
     replies_to(running, frame(0))
@@ -56,14 +56,14 @@ def test_a_centre_of_pressure_is_as_good_as_a_moment() -> None:
         assert pressure["com_m"] == pytest.approx(moment["com_m"], abs=2e-3)
 
 
-def test_pictures_come_at_most_fifty_times_a_second() -> None:
+def test_pictures_are_sent_at_most_fifty_times_a_second() -> None:
     running = session()
     contents = [json.dumps({**frame(k), "t_s": k / 200.0}).encode() for k in range(21)]
     shown = [answer.picture for content in contents for answer in running.answer_frames([content])]
     assert sum(map(bool, shown)) == round(0.1 / PICTURE_S) + 1
 
 
-def test_a_force_that_points_down_is_said() -> None:
+def test_a_force_that_points_down_is_remarked() -> None:
     turned = [
         {"force_n": [-x for x in plate["force_n"]], "moment_nm": [-x for x in plate["moment_nm"]]}
         for plate in frame(210)["plates"]

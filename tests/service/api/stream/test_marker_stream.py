@@ -114,7 +114,7 @@ def test_a_message_that_is_no_frame_ends_the_stream(service: Served, message: st
         assert goodbye(socket) == (4422, code)
 
 
-def test_what_a_frame_lacks_is_bridged_and_said(service: Served) -> None:
+def test_missing_data_of_a_frame_are_bridged_and_reported(service: Served) -> None:
     """Lost frames, hidden markers, NaN, a plate that is late or says NaN, and time that runs back."""
     labels = list(sample().markers_m)
     hidden = frame(31)
@@ -159,7 +159,7 @@ def test_units_and_axes_of_the_laboratory(service: Served) -> None:
     assert seen["com_sd_m"][1] == pytest.approx(last_reply["com_sd_m"][2], abs=1e-9)
 
 
-def test_a_body_that_is_gone_has_no_estimate_until_it_is_back(service: Served) -> None:
+def test_a_body_out_of_view_has_no_estimate_until_it_returns(service: Served) -> None:
     nothing = [frame(k, markers=[None] * len(sample().markers_m), plates=None) for k in range(50, 200)]
     with marker_socket(service) as socket:
         opened(socket)
@@ -171,7 +171,7 @@ def test_a_body_that_is_gone_has_no_estimate_until_it_is_back(service: Served) -
     assert back["reason"] is None
 
 
-def test_those_who_watch_see_the_stream_and_its_end(service: Served) -> None:
+def test_viewers_receive_the_stream_and_its_end(service: Served) -> None:
     with marker_socket(service) as socket:
         stream_id = opened(socket, title="Lane 3")["ready"]["stream_id"]
         with service.http() as http:
@@ -199,7 +199,7 @@ def test_those_who_watch_see_the_stream_and_its_end(service: Served) -> None:
     wait_until(lambda: not service.parts.live.describe_all(), 10, "the stream is no longer listed")
 
 
-def test_an_ended_stream_closes_those_who_watch(service: Served) -> None:
+def test_an_ended_stream_closes_its_viewers(service: Served) -> None:
     with marker_socket(service) as socket:
         stream_id = opened(socket)["ready"]["stream_id"]
         with marker_socket(service, f"{PATH}/{stream_id}") as watcher:
@@ -211,7 +211,7 @@ def test_an_ended_stream_closes_those_who_watch(service: Served) -> None:
         assert goodbye(late) == (4404, "stream-not-found")
 
 
-def test_a_stream_has_room_for_so_many_who_watch(service: Served) -> None:
+def test_the_number_of_viewers_of_a_stream_is_limited(service: Served) -> None:
     with marker_socket(service) as socket:
         stream_id = opened(socket)["ready"]["stream_id"]
         channel = service.parts.live.require_channel(stream_id)

@@ -58,7 +58,7 @@ def children() -> list[psutil.Process]:
     return [process for process in psutil.Process().children(recursive=True) if is_child(process)]
 
 
-def test_json_and_packed_streams_tell_the_same_and_the_truth(service: Served) -> None:
+def test_json_and_packed_streams_agree_with_each_other_and_with_the_truth(service: Served) -> None:
     samples = walk_samples(1.0)
     rows = [(s.time_s - 0.5, *s.geometry_m, *s.force_n, *s.moment_nm) for s in samples]  # type: ignore[misc]
     with socket_of(service) as socket:
@@ -187,7 +187,7 @@ def test_the_field_that_is_wrong_is_named(service: Served) -> None:
         "json in packed",
     ],
 )
-def test_a_bad_sample_is_told_of_and_ends_the_stream(
+def test_a_bad_sample_is_reported_and_ends_the_stream(
     service: Served, form: str, content: str | bytes, code: str, where: str | None
 ) -> None:
     with socket_of(service) as socket:
@@ -212,7 +212,7 @@ def test_every_stream_has_a_process_that_ends_with_it(service: Served) -> None:
     wait_until(lambda: service.parts.streams.n_open == 0, 10, "its place is free")
 
 
-def test_a_killed_estimator_is_told_of(service: Served) -> None:
+def test_a_killed_estimator_is_reported(service: Served) -> None:
     with socket_of(service) as socket:
         configure(socket)
         (child,) = children()
@@ -257,7 +257,7 @@ def test_limits_close_with_a_reason(tight: Served) -> None:
         assert goodbye(socket) == (4408, "stream-idle")
 
 
-def test_who_may_not_call_gets_no_stream(tight: Served, service: Served) -> None:
+def test_unauthorised_callers_get_no_stream(tight: Served, service: Served) -> None:
     foreign = {"Origin": "http://evil.example"}
     for running, headers in ((tight, {}), (tight, {"Authorization": "Bearer wrong"}), (service, foreign)):
         with pytest.raises(InvalidStatus) as refused, socket_of(running, **headers):
@@ -266,7 +266,7 @@ def test_who_may_not_call_gets_no_stream(tight: Served, service: Served) -> None
     assert not children()
 
 
-def test_a_stopping_service_says_so(postgres: TestDatabases, tmp_path: Any) -> None:
+def test_a_stopping_service_closes_streams_with_its_code(postgres: TestDatabases, tmp_path: Any) -> None:
     with postgres.fresh() as url, served(url, tmp_path) as running, socket_of(running) as socket:
         configure(socket)
         running.loop.call_soon_threadsafe(running.parts.closing.set)
@@ -274,7 +274,7 @@ def test_a_stopping_service_says_so(postgres: TestDatabases, tmp_path: Any) -> N
         wait_until(lambda: not children(), 10, "its process ends")
 
 
-def test_a_rate_allows_a_burst_and_then_its_share() -> None:
+def test_a_sample_rate_limit_allows_a_burst_and_then_its_rate() -> None:
     now = [0.0]
     rate = SampleRateLimiter(100.0, lambda: now[0])
     rate.count_samples(int(100 * BURST_S))
@@ -286,7 +286,7 @@ def test_a_rate_allows_a_burst_and_then_its_share() -> None:
 
 
 @pytest.mark.parametrize("form", ["json", "float32"])
-def test_latency_is_told(service: Served, form: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_latency_is_reported(service: Served, form: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Measured, not asserted: from sending a sample to holding its estimate, sample by sample and in blocks of 10."""
     from stridelab.client import Client
 

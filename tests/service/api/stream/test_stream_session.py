@@ -60,7 +60,7 @@ def test_times_of_a_long_stream_keep_their_resolution() -> None:
 
 
 @pytest.mark.parametrize("cutoffs", ["auto", "thesis", (0.3, 2.0)])
-def test_the_cutoffs_are_told(cutoffs: Any) -> None:
+def test_the_cutoffs_are_reported(cutoffs: Any) -> None:
     ready = session(cutoffs=cutoffs).ready
     known = {"auto": (0.2, 1.0), "thesis": (0.4, 4.0)}
     assert (ready.low_hz, ready.high_hz) == (known[cutoffs] if isinstance(cutoffs, str) else cutoffs)
@@ -77,7 +77,7 @@ def test_priors_decide_the_band_and_not_the_position() -> None:
     assert wide[0]["sd_m"][2] == pytest.approx(0.08, rel=0.05)
 
 
-def test_the_smoother_goes_by_what_is_stated() -> None:
+def test_the_smoother_uses_the_stated_errors() -> None:
     """By one pair of numbers each: L = L' / (2 pi f), and errors of force / mass as a force and a share of g."""
     stated = StreamPriors(
         marker_m=0.003,
@@ -94,13 +94,13 @@ def test_the_smoother_goes_by_what_is_stated() -> None:
     assert priors.momentum_m_s is not None
     momentum_nms = 80.0 * GRAVITY_M_S2 * np.array(priors.momentum_m_s)
     t = np.linspace(0.0, 1.0, 1000, endpoint=False)
-    for hz, rate_nm, found_nms in zip((1.0, 2.0), (8.0, 24.0), momentum_nms, strict=True):
+    for hz, rate_nm, expected_nms in zip((1.0, 2.0), (8.0, 24.0), momentum_nms, strict=True):
         rate = np.sqrt(2.0) * rate_nm * np.cos(2 * np.pi * hz * t)
         momentum = np.cumsum(rate) * (t[1] - t[0])
-        assert np.std(momentum) == pytest.approx(found_nms, rel=1e-3)
+        assert np.std(momentum) == pytest.approx(expected_nms, rel=1e-3)
 
 
-def test_the_smoother_sees_through_what_the_filter_takes_for_motion() -> None:
+def test_the_smoother_rejects_errors_that_the_filter_takes_for_motion() -> None:
     """A table off by 6 mm: both keep it, and only the smoother's velocity is free of the markers' noise."""
     samples = [sample.model_dump() for sample in walk_samples(3.0)]
     t = np.array([sample["time_s"] for sample in samples])
@@ -118,7 +118,7 @@ def test_the_smoother_sees_through_what_the_filter_takes_for_motion() -> None:
     assert off["smoother"] < 0.5 * off["complementary"]
 
 
-def test_the_smoother_is_told_the_direction_in_any_length() -> None:
+def test_the_direction_for_the_smoother_may_have_any_length() -> None:
     samples = [sample.model_dump() for sample in walk_samples(0.5)]
     unknown, along, longer, across = (
         json.loads(session(method="smoother", ahead=ahead).answer_message(text(samples)).content)["samples"][-1]
@@ -137,7 +137,7 @@ def test_the_smoother_is_told_the_direction_in_any_length() -> None:
         ({"method": "complementary", "ahead": (1.0, 0.0)}, "ahead-not-used", "ahead"),
     ],
 )
-def test_what_would_have_no_effect_is_refused(options: dict[str, Any], code: str, where: str) -> None:
+def test_options_without_effect_are_refused(options: dict[str, Any], code: str, where: str) -> None:
     with pytest.raises(InvalidInput) as refused:
         session(**options)
     assert refused.value.code == code
@@ -173,7 +173,7 @@ def test_bad_samples_are_named(name: str, method: str) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"\xff\xfe", b"[", b"3", b"{}", b'{"samples": [], "more": 1}', b"{" * 9999])
-def test_what_is_no_message_is_refused(content: bytes) -> None:
+def test_an_invalid_message_is_refused(content: bytes) -> None:
     with pytest.raises(InvalidInput) as refused:
         session().answer_message(Parcel(TEXT, content))
     assert refused.value.code == "invalid-samples"
@@ -203,7 +203,7 @@ def test_wrong_packing_is_refused(content: bytes, code: str, method: str) -> Non
     assert refused.value.code == code
 
 
-def test_the_format_is_kept_to() -> None:
+def test_every_message_has_the_documented_format() -> None:
     for form, parcel in (("json", Parcel(PACKED, packed(0.0, ROW))), ("float32", text([SAMPLE]))):
         with pytest.raises(InvalidInput) as refused:
             session(format=form).answer_message(parcel)
@@ -212,7 +212,7 @@ def test_the_format_is_kept_to() -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("field", ["geometry_m", "force_n", "moment_nm"])
-def test_huge_numbers_are_no_crash(field: str, method: str) -> None:
+def test_huge_numbers_do_not_crash_the_session(field: str, method: str) -> None:
     """Whatever comes out, it is an answer or a refusal."""
     huge = [{**SAMPLE, "time_s": k / 100, field: [1e308, -1e308, 1e308 * (-1) ** k]} for k in range(20)]
     with pytest.raises(InvalidInput) as refused:

@@ -16,9 +16,9 @@ from support.command_line import SAMPLE, estimate_task, quiet
 TRIAL = SAMPLE / "recording.c3d"
 
 
-def refusal_of(folder: Path, kind: type[StridelabError], file: Path = TRIAL, **asked: object) -> StridelabError:
+def refusal_of(folder: Path, kind: type[StridelabError], file: Path = TRIAL, **options: object) -> StridelabError:
     with pytest.raises(kind) as refusal:
-        estimate_com.run(estimate_task(file, folder, method="complementary", **asked), folder, quiet)
+        estimate_com.run(estimate_task(file, folder, method="complementary", **options), folder, quiet)
     return refusal.value
 
 
@@ -51,7 +51,7 @@ def test_an_absurd_latency_is_refused_by_its_field(latency: object) -> None:
 
 
 @pytest.mark.parametrize(("stated_kg", "share"), [(68.0, "-12%"), (53.0, "+13%")])
-def test_a_mass_that_the_plates_contradict_is_not_used_and_both_masses_are_said(
+def test_a_mass_that_the_plates_contradict_is_not_used_and_both_masses_are_reported(
     tmp_path: Path, stated_kg: float, share: str
 ) -> None:
     """The impulse of the vertical force has an error of 1 %, so that a tenth is significant; the truth is 60 kg."""

@@ -46,7 +46,7 @@ def test_centroidal_has_the_contracts_columns_and_units(tmp_path: Path) -> None:
         np.testing.assert_allclose(twin[name].to_numpy(), table[name].to_numpy(), rtol=1e-12)
 
 
-def test_what_is_constant_over_an_interval_stands_at_its_start_and_the_last_row_repeats() -> None:
+def test_interval_values_stand_at_the_start_of_the_interval_and_the_last_row_repeats() -> None:
     plan = made_up_plan()
     columns = centroidal_columns(plan)
     assert len({len(column) for column in columns.values()}) == 1

@@ -40,7 +40,7 @@ def moves(document: dict[str, Any], kind: str, node: str, field: str) -> dict[fl
     return {round(t, 6): m[field] for t, m in messages}
 
 
-def test_every_link_is_where_the_motion_has_it_at_every_instant(recorded) -> None:  # type: ignore[no-untyped-def]
+def test_every_link_has_its_pose_of_the_motion_at_every_instant(recorded) -> None:  # type: ignore[no-untyped-def]
     document, poses = recorded
     assert document["durationSeconds"] == pytest.approx(len(poses) / 25.0)
     for k, name in enumerate(LINKS):

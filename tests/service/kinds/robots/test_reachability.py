@@ -19,7 +19,7 @@ from stridelab.schemas.reachability import EffectorReach, RobotReachability
 from stridelab.service.kinds.robots import reachability as robot_reachability
 from stridelab.service.kinds.robots.reachability import plottable_reachability, run
 from stridelab.service.processes.child import with_json
-from support.command_line import Told, quiet
+from support.command_line import RecordedProgress, quiet
 
 UNIFORM = {"robot": "talos", "measure": "uniform"}
 
@@ -101,7 +101,7 @@ def test_maps_hold_all_of_both_densities(drawn: dict[str, EffectorReach]) -> Non
 
 
 def test_the_child_leaves_one_compressed_file(tmp_path: Path) -> None:
-    progress = Told()
+    progress = RecordedProgress()
     outcome = with_json(run)(UNIFORM, tmp_path, progress)
     assert progress.fractions[-1] == 1.0
     assert [item["name"] for item in outcome["artifacts"]] == ["reachability.json.gz"]
@@ -134,7 +134,7 @@ def test_unknown_robots_and_measures_and_cards_of_others_are_refused(
     assert not list(tmp_path.iterdir())
 
 
-def test_what_was_not_learned_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_effector_that_was_not_learned_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "reachability").mkdir()
     shutil.copytree(models_dir() / "robots", tmp_path / "robots")
     monkeypatch.setattr("stridelab.reachability.store.models_dir", lambda: tmp_path)

@@ -22,14 +22,14 @@ from stridelab.service.kinds.robots import description, links
 from stridelab.service.processes.child import with_json
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.running_child import IsolatedOutcome
-from support.command_line import Told, quiet
+from support.command_line import RecordedProgress, quiet
 
 KINDS = "stridelab.service.kinds"
 
 
 @pytest.fixture(scope="module")
 def facts(tmp_path_factory: pytest.TempPathFactory) -> RobotFacts:
-    progress = Told()
+    progress = RecordedProgress()
     value = with_json(description.run)({"robot": "talos"}, tmp_path_factory.mktemp("facts"), progress)
     assert progress.fractions[-1] == 1.0
     assert value["artifacts"] == []
@@ -117,7 +117,7 @@ def test_densities_of_another_description_are_not_the_robots(monkeypatch: pytest
 
 
 def test_links_come_as_one_named_node_each(tmp_path: Path, facts: RobotFacts) -> None:
-    progress = Told()
+    progress = RecordedProgress()
     value = with_json(links.run)({"robot": "talos"}, tmp_path, progress)
     assert progress.fractions[-1] == 1.0
     assert value["summary"]["links"] == facts.links

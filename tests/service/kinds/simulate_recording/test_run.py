@@ -23,7 +23,7 @@ from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
 from stridelab.service.kinds.result_tables import known_references
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
 from stridelab.service.kinds.simulate_recording.kind import FACTS_FILE
-from support.command_line import Told, quiet
+from support.command_line import RecordedProgress, quiet
 
 WALK = SimulateRecordingInput(duration_s=2.0, height_m=1.8, mass_kg=75.0, sex="male", seed=3, lab="two_plates")
 
@@ -36,7 +36,7 @@ def simulated(folder: Path, simulation: SimulateRecordingInput = WALK) -> Simula
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder, progress = tmp_path_factory.mktemp("simulated"), Told()
+    folder, progress = tmp_path_factory.mktemp("simulated"), RecordedProgress()
     outcome = simulate_recording.run(SimulateRecordingTask(input=WALK), folder, progress)
     assert [a.name for a in outcome.artifacts] == ["recording.c3d", "truth.parquet", "truth.csv"]
     assert progress.fractions[-1] == 1.0
@@ -96,7 +96,7 @@ def test_the_same_seed_repeats_and_another_does_not(folder: Path, tmp_path: Path
     assert not np.allclose(truth(tmp_path / "other", "com_x_m"), truth(folder, "com_x_m"), atol=1e-3)
 
 
-def test_noise_off_is_noise_off(folder: Path, tmp_path: Path) -> None:
+def test_without_noise_the_recording_is_exact(folder: Path, tmp_path: Path) -> None:
     silent = SimulationNoise(force_n=0, moment_nm=0, marker_m=0)
     simulated(tmp_path / "a", WALK.model_copy(update={"noise": silent}))
     clean, noisy = read_recording(tmp_path / "a" / "recording.c3d"), read_recording(folder / "recording.c3d")
@@ -168,7 +168,7 @@ def test_talos_is_estimated_like_a_person(talos: Path) -> None:
         ({"mass_kg": None}, "a person needs"),
     ],
 )
-def test_what_nobody_can_simulate_is_refused_at_the_door(options: dict[str, Any], part: str) -> None:
+def test_impossible_simulations_are_refused_at_submission(options: dict[str, Any], part: str) -> None:
     with pytest.raises(ValidationError, match=part):
         SimulateRecordingInput.model_validate(options)
 
