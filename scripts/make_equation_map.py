@@ -129,9 +129,9 @@ def row(equation: Equation, modules: list[Citation], tested: list[Citation]) -> 
     if equation.corrected:
         says += f" ([corrected](theory/misprints.md#{anchor(equation.corrected)}))"
     dotted = [".".join(m.path.relative_to(ROOT / "backend" / "stridelab").with_suffix("").parts) for m in modules]
-    shown = [f"`{t.path.relative_to(ROOT)}" + (f"::{t.test}`" if t.test else "`") for t in tested]
+    test_names = [f"`{t.path.relative_to(ROOT)}" + (f"::{t.test}`" if t.test else "`") for t in tested]
     where = ["not computed: " + equation.unused] if equation.unused else [f"`{name}`" for name in dotted]
-    return f"| ({equation.number}) | {equation.section} | {says} | {'<br>'.join(where)} | {'<br>'.join(shown)} |"
+    return f"| ({equation.number}) | {equation.section} | {says} | {'<br>'.join(where)} | {'<br>'.join(test_names)} |"
 
 
 def page() -> str:

@@ -241,10 +241,10 @@ def table_of(title: str, walks: Sequence[Sequence[Row]]) -> str:
         value, truth = (np.array([row[k] for row in rows]) for k in (1, 3))
         sd = np.array([np.nan if row[2] is None else row[2] for row in rows], dtype=float)
         error = value - truth
-        held = 100.0 * float(np.mean(np.abs(error) <= 1.96 * sd))
+        covered = 100.0 * float(np.mean(np.abs(error) <= 1.96 * sd))
         numbers = (truth.mean(), error.mean(), np.sqrt(np.mean(error**2)), np.sqrt(np.nanmean(sd**2)))
         cells = " | ".join(f"{number:.4f}" for number in numbers)
-        lines.append(f"| `{name}` | {len(rows)} | {cells} | {held:.0f} % |")
+        lines.append(f"| `{name}` | {len(rows)} | {cells} | {covered:.0f} % |")
     return "\n".join([*lines, ""])
 
 

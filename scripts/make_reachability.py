@@ -28,19 +28,19 @@ def main() -> None:
     parser.add_argument("--date", type=date.fromisoformat, default=datetime.now(UTC).date())
     parser.add_argument("--processes", type=int, default=None)
     parser.add_argument("--folder", type=Path, default=models_dir() / "reachability")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     learned = learn_densities(
-        load_robot(given.robot),
-        given.date,
-        samples=given.samples,
-        seed=given.seed,
-        measure=given.measure,
-        processes=given.processes,
+        load_robot(arguments.robot),
+        arguments.date,
+        samples=arguments.samples,
+        seed=arguments.seed,
+        measure=arguments.measure,
+        processes=arguments.processes,
     )
-    folder = given.folder / given.robot
+    folder = arguments.folder / arguments.robot
     folder.mkdir(parents=True, exist_ok=True)
-    save_card(folder / f"{given.measure}.json", learned.card)
-    save_cloud(folder / f"{given.measure}.npz", learned.cloud.com_m)
+    save_card(folder / f"{arguments.measure}.json", learned.card)
+    save_cloud(folder / f"{arguments.measure}.npz", learned.cloud.com_m)
 
 
 if __name__ == "__main__":

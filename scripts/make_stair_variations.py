@@ -76,14 +76,14 @@ def keep(case: SearchResult, known: dict[int, SearchResult], out: Path) -> None:
 def page(variations: tuple[Variation, ...], known: dict[int, SearchResult]) -> Iterable[str]:
     """The page from what is kept."""
     cases = [known[index] for index in sorted(known)]
-    done = [case for case in cases if case.attempt.stage is None]
+    carried_out = [case for case in cases if case.attempt.stage is None]
     refused = [case for case in cases if case.attempt.stage is not None]
     yield INTRO.format(number=len(cases), all_number=NUMBER, stairs=STAIRS)
     yield (
-        f"- **Carried out** (every check of the certificate passed, and the replay completed): {len(done)} of "
+        f"- **Carried out** (every check of the certificate passed, and the replay completed): {len(carried_out)} of "
         f"{len(cases)}."
     )
-    errors_mm = sorted(1e3 * case.attempt.com_error_m for case in done if case.attempt.com_error_m is not None)
+    errors_mm = sorted(1e3 * case.attempt.com_error_m for case in carried_out if case.attempt.com_error_m is not None)
     if errors_mm:
         middle_mm = errors_mm[len(errors_mm) // 2]
         yield f"- CoM error of their replays: {middle_mm:.1f} mm in the median, {errors_mm[-1]:.1f} mm at most."

@@ -242,9 +242,9 @@ def main() -> None:
             ROOT / ".data" / (f"terrains-{PAGE_SEED}.jsonl" if arguments.flights else f"flights-{FLIGHTS_SEED}.jsonl")
         )
         surveyed, climbed = (load_rows(others), rows) if arguments.flights else (rows, load_rows(others))
-        shown = PAGE_SEED if arguments.flights else seed
+        page_seed = PAGE_SEED if arguments.flights else seed
         PAGE.write_text(
-            page([surveyed[k] for k in sorted(surveyed)], shown, [climbed[k] for k in sorted(climbed)]),
+            page([surveyed[k] for k in sorted(surveyed)], page_seed, [climbed[k] for k in sorted(climbed)]),
             encoding="utf-8",
         )
 

@@ -139,13 +139,13 @@ def lines_of_readme() -> tuple[str, str]:
 def scripted(lines: str, port: int, clone: Path, environment: dict[str, str]) -> str:
     """What the shell lines print, against this port."""
     lines = lines.replace("127.0.0.1:8000", f"127.0.0.1:{port}")
-    done = subprocess.run(
+    run = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", lines], cwd=clone, env=environment, capture_output=True, text=True,
         timeout=PATIENCE_S, check=False,
     )  # fmt: skip
-    if done.returncode:
-        raise SystemExit(f"README's lines fail: {done.stderr}\n{done.stdout}")
-    return done.stdout
+    if run.returncode:
+        raise SystemExit(f"README's lines fail: {run.stderr}\n{run.stdout}")
+    return run.stdout
 
 
 def machine(began_load: str) -> str:

@@ -31,13 +31,13 @@ class Trial(NamedTuple):
 
 def recordings_below(folder: Path) -> Iterator[Path]:
     """Recordings of all formats, each content once."""
-    seen: set[str] = set()
+    digests: set[str] = set()
     for path in sorted(folder.rglob("*")):
         if not path.is_file() or not is_recording(path):
             continue
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        if digest not in seen:
-            seen.add(digest)
+        if digest not in digests:
+            digests.add(digest)
             yield path
 
 

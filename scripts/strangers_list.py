@@ -102,16 +102,16 @@ def fetch(entries: Sequence[Entry], folder: Path, mirrors: Path | None, host: st
             to = folder / entry.place / name
             if not name or to.exists():
                 continue
-            shown = subprocess.run(
+            git_show = subprocess.run(
                 ["git", "-C", _repository(entry, folder, mirrors, host), "show", f"{entry.commit}:{name}"],
                 capture_output=True,
                 check=False,
             )
-            if shown.returncode:
+            if git_show.returncode:
                 sys.stderr.write(f"not fetched: {entry.repository} {entry.commit}:{name}\n")
                 continue
             to.parent.mkdir(parents=True, exist_ok=True)
-            to.write_bytes(shown.stdout)
+            to.write_bytes(git_show.stdout)
 
 
 def _repository(entry: Entry, folder: Path, mirrors: Path | None, host: str) -> Path:

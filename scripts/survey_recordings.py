@@ -108,9 +108,9 @@ def uploaded(trial: Trial, folder: Path) -> Path:
     if not trial.others:
         return trial.path
     archive = folder / f"{trial.path.stem}.zip"
-    with zipfile.ZipFile(archive, "w") as made:
+    with zipfile.ZipFile(archive, "w") as zip_file:
         for path in (trial.path, *trial.others):
-            made.write(path, path.name)
+            zip_file.write(path, path.name)
     return archive
 
 

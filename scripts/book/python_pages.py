@@ -92,8 +92,8 @@ def definition_lines(name: str, node: ast.stmt, constant: str) -> list[str]:
     """One public name: its signature and what its docstring says."""
     if isinstance(node, ast.ClassDef):
         bases = f"({', '.join(ast.unparse(b) for b in node.bases)})" if node.bases else ""
-        shown = [f"class {name}{bases}", *(f"    {field}" for field in fields(node))]
-        return [f"## {name}", "", "```python", *shown, "```", "", *docstring(node), *members(node)]
+        lines = [f"class {name}{bases}", *(f"    {field}" for field in fields(node))]
+        return [f"## {name}", "", "```python", *lines, "```", "", *docstring(node), *members(node)]
     if isinstance(node, ast.FunctionDef):
         return [f"## {name}", "", "```python", signature(node, method=False), "```", "", *docstring(node)]
     return [f"## {name}", "", "```python", ast.unparse(node), "```", "", constant, ""]

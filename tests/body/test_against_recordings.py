@@ -112,7 +112,7 @@ def test_in_a_turn_the_offset_of_the_com_in_the_file_turns_with_the_body(gait):
 
 @pytest.mark.parametrize("table", TABLES)
 def test_standing_still_the_com_lies_over_the_centre_of_pressure(gait, table):
-    """Physics as the judge, in seven quiet standings on a plate: the stated error of the table covers what is found."""
+    """Seven recordings of quiet standing on a plate: the stated error of the table covers the measured one."""
     forwards, sideways = [], []
     for subject in CHILDREN:
         path = one(gait, f"biomechzoo-sample-study/{subject}/Static*.c3d")

@@ -59,16 +59,16 @@ def _without_midline_offsets(name):
 
 
 @pytest.mark.parametrize(
-    "gone", [(), ("medial",), ("head_front", "head_back", "head_top"), ("c7",), ("mc2", "mc5", "heel")]
+    "hidden", [(), ("medial",), ("head_front", "head_back", "head_top"), ("c7",), ("mc2", "mc5", "heel")]
 )
 @pytest.mark.parametrize("name", TABLES)
-def test_the_mirror_image_of_a_body_has_the_mirror_image_of_its_com(name, gone):
+def test_the_mirror_image_of_a_body_has_the_mirror_image_of_its_com(name, hidden):
     carried = {"segment_table": _without_midline_offsets(name)}
-    tracks = without(landmarks(), *gone)
+    tracks = without(landmarks(), *hidden)
     tracks = {key: track + np.array([0.0, 0.002 * i, 0.003 * i]) for i, (key, track) in enumerate(tracks.items())}
-    seen = com(tracks, "carried", carried=carried).com_m
+    com_m = com(tracks, "carried", carried=carried).com_m
     in_mirror = com(mirrored(tracks), "carried", carried=carried).com_m
-    np.testing.assert_allclose(in_mirror, seen * [1.0, -1.0, 1.0], atol=1e-9)
+    np.testing.assert_allclose(in_mirror, com_m * [1.0, -1.0, 1.0], atol=1e-9)
 
 
 @pytest.mark.parametrize("table", TABLES)
@@ -211,7 +211,7 @@ def test_auto_prefers_dumas_and_an_unstated_sex_is_remarked_and_widens_the_band(
 
 
 @pytest.mark.parametrize(
-    ("gone", "code", "where"),
+    ("hidden", "code", "where"),
     [
         (("l_asis",), "pelvis-markers-missing", "l_asis"),
         (("psis", "sacrum"), "pelvis-markers-missing", "l_psis"),
@@ -219,9 +219,9 @@ def test_auto_prefers_dumas_and_an_unstated_sex_is_remarked_and_widens_the_band(
         (("ankle_lateral", "heel"), "ankle-markers-missing", "l_ankle_lateral"),
     ],
 )
-def test_without_pelvis_or_legs_there_is_no_estimate(gone, code, where):
+def test_without_pelvis_or_legs_there_is_no_estimate(hidden, code, where):
     with pytest.raises(NotEstimable) as refusal:
-        com(without(landmarks(), *gone))
+        com(without(landmarks(), *hidden))
     assert refusal.value.code == code
     assert where in [fault.where for fault in refusal.value.faults]
 

@@ -124,10 +124,10 @@ def test_no_point_pushes_harder_than_it_may(walk: CentroidalProblem, walked: Cen
 
 def test_the_hand_is_held_to_what_the_arm_carries(problem: CentroidalProblem, plan: CentroidalPlan) -> None:
     limit_n = 0.5 * float(plan.forces_n["right_hand"].max())
-    held = solve(replace(problem, bounds=PathBounds(normal_force_max_n={"right_hand": limit_n})))
-    assert held.converged, held.status
+    limited = solve(replace(problem, bounds=PathBounds(normal_force_max_n={"right_hand": limit_n})))
+    assert limited.converged, limited.status
     normal = problem.contact("right_hand", 1).placement.rotation[:, 2]
-    assert (held.forces_n["right_hand"] @ normal).max() <= limit_n * (1 + 1e-6)
+    assert (limited.forces_n["right_hand"] @ normal).max() <= limit_n * (1 + 1e-6)
 
 
 @pytest.mark.parametrize(

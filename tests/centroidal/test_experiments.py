@@ -85,7 +85,7 @@ def test_continuous_forces_converge_cold_without_a_jump(experiment: str) -> None
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS[2:])
 def test_the_thesis_shrink_factor_leaves_the_cone_where_a_hand_holds_on(experiment: str) -> None:
-    """And is found out: its objective is better than that of the exact problem, its forces are not there."""
+    """This is detected: its objective is better than that of the exact problem, its forces do not exist."""
     exact = solve(posed(experiment), "ipopt")
     beyond = solve(posed(experiment, control=ContactWrench("thesis", "all", 0.3)), "ipopt")
     assert beyond.objective < exact.objective

@@ -21,7 +21,7 @@ def looked_for_anew() -> Iterator[None]:
 
 
 def absent(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(availability, "MODULE", "stridelab_native_of_nobody")
+    monkeypatch.setattr(availability, "MODULE", "stridelab_native_missing")
 
 
 def test_auto_uses_casadi_without_the_native_library(monkeypatch: pytest.MonkeyPatch) -> None:

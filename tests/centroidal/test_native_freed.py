@@ -124,7 +124,7 @@ def test_durations_that_cannot_change_are_those_given() -> None:
 
 
 def test_free_durations_solve_a_problem_that_the_given_ones_do_not() -> None:
-    """1.1 m in 0.1 s cannot be, in 0.2 s neither: it is said, and nothing is proved of all durations."""
+    """1.1 m is impossible in 0.1 s and in 0.2 s: this is reported, and nothing is proved of other durations."""
     near = phase(0.05, foot("left", 0.0), foot("right", 0.0))
     far = phase(0.05, foot("left", 1.0), foot("right", 1.0))
     plan = solve(rest_to_rest(sequence(near, far), control=CONES, durations=FreeDurations(0.5, 2.0)), "native")

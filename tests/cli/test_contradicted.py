@@ -1,4 +1,4 @@
-"""A result whose sensors contradict each other: exit code 3, said before any number, and all files are written."""
+"""A result whose sensors contradict each other: exit code 3, a warning before any number, and all files."""
 
 import json
 from pathlib import Path

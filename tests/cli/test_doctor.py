@@ -22,7 +22,7 @@ def test_missing_packages_are_named() -> None:
     assert "no_such_package" in check.detail
 
 
-def test_models_are_found() -> None:
+def test_models_are_located() -> None:
     assert doctor.check_models().ok
 
 
@@ -73,8 +73,8 @@ def test_a_failing_check_gives_the_remedy(name: str, tmp_path: Path) -> None:
 
 
 def test_a_taken_port_is_reported_with_the_remedy() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        check = doctor.check_port(Settings(port=taken.getsockname()[1]))
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        check = doctor.check_port(Settings(port=listener.getsockname()[1]))
     assert not check.ok
     assert "STRIDELAB_PORT" in check.fix
 

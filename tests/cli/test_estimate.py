@@ -44,9 +44,9 @@ def test_the_result_is_that_of_the_job(tmp_path: Path, capsys: pytest.CaptureFix
 
 def test_the_table_shows_the_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run(Delivery(tmp_path / "out"))
-    shown = capsys.readouterr().out
+    output = capsys.readouterr().out
     for word in ("window", "smoother", "60.0 kg", "force latency", "latency-applied", "com.parquet"):
-        assert word in shown
+        assert word in output
 
 
 def test_options_reach_the_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -161,9 +161,9 @@ def test_an_unsuitable_static_trial_is_remarked(tmp_path: Path, capsys: pytest.C
     taller = replace(walk, markers_m={label: 1.1 * track for label, track in walk.markers_m.items()}, carried={})
     write_c3d(tmp_path / "other.c3d", taller)
     run(Delivery(tmp_path / "out"), method="geometry", preparation=Preparation(static=tmp_path / "other.c3d"))
-    shown = " ".join(capsys.readouterr().out.split())
-    assert "The subject moves in the static trial other.c3d" in shown
-    assert "The static trial other.c3d shows a different body from this recording" in shown
+    output = " ".join(capsys.readouterr().out.split())
+    assert "The subject moves in the static trial other.c3d" in output
+    assert "The static trial other.c3d shows a different body from this recording" in output
 
 
 def test_a_model_and_forces_are_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -25,9 +25,9 @@ def run(
 
 def test_the_tables_show_wheel_timing_and_scatter(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run(tmp_path / "out")
-    shown = capsys.readouterr().out
+    output = capsys.readouterr().out
     for word in ("R mm", "2piR/L", "s=-1", "both down", "(3.3.3)", "sd between", "timed-omega-low", "wheel.parquet"):
-        assert word in shown
+        assert word in output
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert names == {"steps.parquet", "steps.csv", "wheel.parquet", "wheel.csv", "result.json", "references.bib"}
 

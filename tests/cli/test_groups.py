@@ -51,6 +51,6 @@ def test_a_field_without_default_must_be_typed() -> None:
 
 
 def test_help_has_the_fields_where_the_group_stands() -> None:
-    shown = CliRunner().invoke(APP, ["--help"]).output
-    places = [shown.index(word) for word in ("Go.", "Where to.", "Before.", "How long.", "After.")]
+    output = CliRunner().invoke(APP, ["--help"]).output
+    places = [output.index(word) for word in ("Go.", "Where to.", "Before.", "How long.", "After.")]
     assert places == sorted(places)

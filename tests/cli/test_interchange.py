@@ -23,17 +23,17 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def typed(*arguments: str) -> tuple[int, str]:
-    done = CliRunner().invoke(app, list(arguments))
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return done.exit_code, done.output
+    result = CliRunner().invoke(app, list(arguments))
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result.exit_code, result.output
 
 
 def refused(kind: type[StridelabError], *arguments: str) -> str:
     before = sorted(Path().iterdir())
-    code, shown = typed(*arguments)
-    assert code == EXIT_CODES[kind], shown
+    code, output = typed(*arguments)
+    assert code == EXIT_CODES[kind], output
     assert sorted(Path().iterdir()) == before, "something was left behind"
-    return shown
+    return output
 
 
 def exported(name: str = "stairs-with-rail") -> Document:
@@ -50,11 +50,11 @@ def bad(document: object) -> str:
 
 @pytest.mark.parametrize("name", bundled_names())
 def test_a_scenario_exported_and_imported_is_the_same(name: str) -> None:
-    code, shown = typed("export-contacts", name)
-    assert code == 0, shown
-    code, shown = typed("import-contacts", f"{name}.contacts.json")
-    assert code == 0, shown
-    assert f"stridelab plan {name}.scenario.json" in shown
+    code, output = typed("export-contacts", name)
+    assert code == 0, output
+    code, output = typed("import-contacts", f"{name}.contacts.json")
+    assert code == 0, output
+    assert f"stridelab plan {name}.scenario.json" in output
     was, now = read_scenario(name), read_scenario(f"{name}.scenario.json")
     assert (now.name, now.robot, now.friction, now.description) == (was.name, was.robot, was.friction, was.description)
     assert now.start_com_height_m == was.start_com_height_m
@@ -72,8 +72,8 @@ def test_missing_fields_of_other_tools_are_taken_from_a_scenario_beside() -> Non
     message = refused(InvalidInput, "import-contacts", bare)
     assert "robot" in message
     assert "terrain" in message
-    code, shown = typed("import-contacts", bare, "--beside", "six-stairs")
-    assert code == 0, shown
+    code, output = typed("import-contacts", bare, "--beside", "six-stairs")
+    assert code == 0, output
     assert read_scenario("bad.scenario.json").terrain == read_scenario("six-stairs").terrain
     message = refused(NotFound, "import-contacts", bare, "--beside", "seven-stairs", "--force")
     assert "seven-stairs" in message
@@ -122,8 +122,8 @@ def test_an_invalid_document_is_refused_in_one_line(content: bytes, kind: type[S
 
 
 def test_two_patches_of_one_effector_are_refused() -> None:
-    made = json.dumps(exported())
-    Path("bad.json").write_text(made.replace('"right_foot": {', '"left_foot": {', 1), encoding="utf-8")
+    document = json.dumps(exported())
+    Path("bad.json").write_text(document.replace('"right_foot": {', '"left_foot": {', 1), encoding="utf-8")
     message = refused(InvalidInput, "import-contacts", "bad.json")
     assert "left_foot: is there twice" in message
 
@@ -174,10 +174,10 @@ def many(made: Document) -> None:
 def test_an_impossible_choice_is_named_and_nothing_is_written(
     change: Callable[[Document], None], where: str, word: str
 ) -> None:
-    made = exported()
-    change(made)
+    document = exported()
+    change(document)
     message = refused(
-        NotFound if word == "nobody" else InvalidInput, "import-contacts", bad(made), "--out-file", "made.json"
+        NotFound if word == "nobody" else InvalidInput, "import-contacts", bad(document), "--out-file", "made.json"
     )
     assert where in message.replace("\n", "")
     assert word in message

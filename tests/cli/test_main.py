@@ -157,8 +157,8 @@ def test_the_estimation_imports_neither_signal_processing_nor_a_database() -> No
         "import sys, stridelab.cli.app, stridelab.service.kinds.estimate_com.run\n"
         "print(*sorted({'scipy.signal', 'scipy.stats', 'sqlalchemy', 'pydantic_settings', 'httpx'} & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == []
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == []
 
 
 def test_tables_and_tasks_of_an_estimation_import_nothing_that_they_do_not_use() -> None:
@@ -167,8 +167,8 @@ def test_tables_and_tasks_of_an_estimation_import_nothing_that_they_do_not_use()
         "unused = {'pyarrow.compute', 'stridelab.schemas.plans', 'stridelab.schemas.scenarios'}\n"
         "print(*sorted(unused & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == []
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == []
 
 
 def test_the_collector_does_not_run_while_a_command_imports() -> None:
@@ -182,5 +182,5 @@ def test_the_collector_does_not_run_while_a_command_imports() -> None:
         "except SystemExit: pass\n"
         "print('collections', len(started))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split()[-2:] == ["collections", "0"]
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split()[-2:] == ["collections", "0"]

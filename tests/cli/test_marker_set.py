@@ -60,9 +60,9 @@ def test_a_set_that_does_not_fit_is_the_nearest_one_with_what_it_lacks(run: Run,
     text = (lab / "lab.toml").read_text(encoding="utf-8").replace('l_asis = ["', 'l_asis = ["not-')
     (tmp_path / "other.toml").write_text(text, encoding="utf-8")
     refused = run("estimate", lab / "walk.c3d", "--marker-set", tmp_path / "other.toml")
-    shown = " ".join(refused.err.split())
+    message = " ".join(refused.err.split())
     assert refused.code == 4
-    assert "nearest: lab" in shown
-    assert "missing: l_asis" in shown
+    assert "nearest: lab" in message
+    assert "missing: l_asis" in message
     (tmp_path / "other.toml").write_text("name = 3", encoding="utf-8")
     assert "marker-set-invalid" in run("estimate", lab / "walk.c3d", "--marker-set", tmp_path / "other.toml").err

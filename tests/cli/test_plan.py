@@ -1,4 +1,4 @@
-"""``stridelab plan`` and ``demo``: what a run here writes and shows, and what is asked of a service."""
+"""``stridelab plan`` and ``demo``: what a local run writes and prints, and what is sent to a service."""
 
 import json
 import re
@@ -67,8 +67,8 @@ def test_the_folder_is_named_after_the_scenario(walk: str, tmp_path: Path, monke
 
 def test_a_replay_goes_with_the_whole_body() -> None:
     def stages_of(**options: Any) -> tuple[bool, bool | ReplayOptions]:
-        made = PlanRequest("x", **options).to_input(short_walk())
-        return made.whole_body, made.replay
+        job_input = PlanRequest("x", **options).to_input(short_walk())
+        return job_input.whole_body, job_input.replay
 
     assert stages_of() == (True, True)
     assert stages_of(replay=False) == (True, False)
@@ -79,8 +79,8 @@ def test_a_replay_goes_with_the_whole_body() -> None:
 
 
 def test_a_delay_of_the_replay_is_an_option_of_the_job() -> None:
-    made = PlanRequest("x", replay_delay_ms=3.0).to_input(short_walk())
-    assert made == PlanMotionInput(scenario=short_walk(), replay=ReplayOptions(delay_s=0.003))
+    job_input = PlanRequest("x", replay_delay_ms=3.0).to_input(short_walk())
+    assert job_input == PlanMotionInput(scenario=short_walk(), replay=ReplayOptions(delay_s=0.003))
     for without in ({"replay": False}, {"no_whole_body": True}):
         with pytest.raises(InvalidInput) as refusal:
             PlanRequest("x", replay_delay_ms=3.0, **without)  # type: ignore[arg-type]
@@ -89,8 +89,10 @@ def test_a_delay_of_the_replay_is_an_option_of_the_job() -> None:
 
 def test_disturbances_of_the_replay_are_options_of_the_job() -> None:
     pushes = ["1.5:0,-20,0", "2:1,2,3:base_link"]
-    made = PlanRequest("x", pushes=pushes, payload_kg=2.0, friction=0.25, sensors="estimated").to_input(short_walk())
-    assert made.replay == ReplayOptions.model_validate(
+    job_input = PlanRequest("x", pushes=pushes, payload_kg=2.0, friction=0.25, sensors="estimated").to_input(
+        short_walk()
+    )
+    assert job_input.replay == ReplayOptions.model_validate(
         {
             "pushes": [
                 {"time_s": 1.5, "impulse_ns": [0.0, -20.0, 0.0]},
@@ -125,8 +127,8 @@ def test_a_disturbance_that_cannot_be_is_refused(options: dict[str, Any], where:
 def test_options_of_the_solver_are_those_of_the_job() -> None:
     options = {"formulation": "wrench", "solver": "ipopt", "node_rate_hz": 20.0, "time_limit_s": 5.0}
     options |= {"free_durations": True, "duration_range": (0.8, 1.3)}
-    made = PlanRequest("x", **options).to_input(short_walk())  # type: ignore[arg-type]
-    assert {name: getattr(made, name) for name in options} == options
+    job_input = PlanRequest("x", **options).to_input(short_walk())  # type: ignore[arg-type]
+    assert {name: getattr(job_input, name) for name in options} == options
     plain = PlanRequest("x").to_input(short_walk())
     assert plain == PlanMotionInput(scenario=short_walk(), replay=True)
 
@@ -273,15 +275,15 @@ def test_a_motion_that_stops_is_written_with_its_reason_and_ends_as_the_error(
 
 @pytest.fixture
 def service(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ScriptedService:
-    made = ScriptedService()
+    job_input = ScriptedService()
     result = {"versions": {"stridelab": "9"}, "references": [], "summary": fallen()}
-    made.done = {"kind": "plan-motion", "input": {}, "result": result}
-    made.files = tmp_path / "there"
-    made.files.mkdir()
-    made.artifact = "motion.viser"
-    (made.files / "motion.viser").write_bytes(b"recorded")
-    monkeypatch.setattr(remote, "Client", made)
-    return made
+    job_input.done = {"kind": "plan-motion", "input": {}, "result": result}
+    job_input.files = tmp_path / "there"
+    job_input.files.mkdir()
+    job_input.artifact = "motion.viser"
+    (job_input.files / "motion.viser").write_bytes(b"recorded")
+    monkeypatch.setattr(remote, "Client", job_input)
+    return job_input
 
 
 def test_the_scenario_is_sent_to_the_service_and_the_files_are_downloaded(
@@ -341,14 +343,14 @@ def test_a_scenario_that_the_service_refuses_is_invalid_input(
 
 def test_the_demo_does_both_main_jobs(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     demo.run_demo(out_dir=tmp_path / "demo", force=False, stairs=walk)
-    shown = capsys.readouterr().out
+    output = capsys.readouterr().out
     com_files = {"com.parquet", "com.csv", "com.c3d", "result.json", "references.bib", "truth.parquet", "truth.csv"}
     assert {path.name for path in (tmp_path / "demo" / "walk").iterdir()} == com_files
     climb = {path.name for path in (tmp_path / "demo" / "climb").iterdir()}
     assert PLAN_FILES | {"motion.npz", "motion.viser", "motion.html", "replay.npz", "certificate.json"} <= climb
     for words in ("RMS error, mm", "markers only", "certificate passed", "replay completed", "motion.html"):
-        assert words in shown
-    assert str(tmp_path / "demo" / "climb" / "motion.html") in shown
+        assert words in output
+    assert str(tmp_path / "demo" / "climb" / "motion.html") in output
 
 
 def test_the_demo_refuses_before_any_work(tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
 
 @dataclass
 class FakeStudy:
-    """The job's function, without its numbers: what it was asked, with the files as they lay before it."""
+    """Stands in for the job's function: records its task and the files of its folder."""
 
     task: StudyPopulationTask | None = None
     files: Mapping[str, bytes] | None = None
@@ -59,9 +59,9 @@ class FakeStudy:
 
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> FakeStudy:
-    made = FakeStudy()
-    monkeypatch.setattr(study_population, "run", made)
-    return made
+    fake_study = FakeStudy()
+    monkeypatch.setattr(study_population, "run", fake_study)
+    return fake_study
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_a_study_of_two_walks_and_a_broken_file_names_the_broken_one(run: Run, t
     ]
     assert one.n_steps == other.n_steps > 0
     assert one.recordings == ["a.c3d"]
-    assert [left.filename for left in summary.left_out] == ["broken.c3d"]
+    assert [left_out.filename for left_out in summary.left_out] == ["broken.c3d"]
     assert summary.method == "complementary"
     assert "carpentier2017thesis" in (tmp_path / "people" / "references.bib").read_text()
     rows = list(csv.DictReader(io.StringIO((tmp_path / "people" / "subjects.csv").read_text())))
@@ -109,8 +109,8 @@ def test_a_study_of_two_walks_and_a_broken_file_names_the_broken_one(run: Run, t
 def test_tables_of_people_and_pairs(run: Run, fake: FakeStudy, lab: Path, tmp_path: Path) -> None:
     ran = run(lab)
     assert ran.code == 0, ran.err
-    for shown in ("P01", "C02", "children", "100.0 ± 4.0", "adults R", "height", "+0.10 to +0.90", "0.67", "turn.c3d"):
-        assert shown in ran.out
+    for text in ("P01", "C02", "children", "100.0 ± 4.0", "adults R", "height", "+0.10 to +0.90", "0.67", "turn.c3d"):
+        assert text in ran.out
     assert "(turning)" in ran.out
     assert "(groups-apart)" in ran.out
     assert "written population: correlations.csv" in ran.out
@@ -241,11 +241,11 @@ class LabService(ScriptedService):
     def upload_batch(
         self, files: Sequence[tuple[str, Path]], table: str | None = None, *, progress: Any = None
     ) -> RecordingBatch:
-        taken = [(name, path) for name, path in files if name not in self.refused]
+        accepted = [(name, path) for name, path in files if name not in self.refused]
         self._note("upload_batch", [name for name, _ in files])
         progress(10, 10)
         recordings = []
-        for name, path in taken:
+        for name, path in accepted:
             stored = ScriptedService.upload(self, path)
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
             recordings.append(stored.model_copy(update={"id": f"id-of-{name}", "filename": name, "sha256": digest}))
@@ -255,16 +255,16 @@ class LabService(ScriptedService):
 
 @pytest.fixture
 def service(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> LabService:
-    made = LabService()
-    made.files = tmp_path / "served"
-    made.files.mkdir()
-    made.artifact = "subjects.csv"
-    (made.files / made.artifact).write_text("subject\n")
-    given = {"recording_ids": ["a"]}
-    done = results.population_result(given).model_dump(mode="json", exclude={"kind", "input"})
-    made.done = {"kind": "study-population", "input": given, "result": done}
-    monkeypatch.setattr(remote, "Client", made)
-    return made
+    lab_service = LabService()
+    lab_service.files = tmp_path / "served"
+    lab_service.files.mkdir()
+    lab_service.artifact = "subjects.csv"
+    (lab_service.files / lab_service.artifact).write_text("subject\n")
+    job_input = {"recording_ids": ["a"]}
+    summary = results.population_result(job_input).model_dump(mode="json", exclude={"kind", "input"})
+    lab_service.done = {"kind": "study-population", "input": job_input, "result": summary}
+    monkeypatch.setattr(remote, "Client", lab_service)
+    return lab_service
 
 
 def test_on_a_service_files_statics_people_and_options_arrive(

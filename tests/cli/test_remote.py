@@ -18,9 +18,9 @@ WALK = Walk(SAMPLE / "recording.c3d")
 
 @pytest.fixture
 def service(monkeypatch: pytest.MonkeyPatch) -> ScriptedService:
-    made = ScriptedService()
-    monkeypatch.setattr(remote, "Client", made)
-    return made
+    scripted = ScriptedService()
+    monkeypatch.setattr(remote, "Client", scripted)
+    return scripted
 
 
 def ask(folder: Path, walk: Walk = WALK, **options: Any) -> JobResult:

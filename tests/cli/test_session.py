@@ -35,8 +35,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         recording = record(walk, noise, k, lab="two_plates").recording
         write_c3d(home / f"walk{k}.c3d", recording)
         if k == 0:
-            held = {label: track[:1].repeat(30, axis=0) for label, track in recording.markers_m.items()}
-            still = replace(recording, markers_m=held, plates=(), events=(), walking_direction=None, subject=Subject())
+            first_frame = {label: track[:1].repeat(30, axis=0) for label, track in recording.markers_m.items()}
+            still = replace(
+                recording, markers_m=first_frame, plates=(), events=(), walking_direction=None, subject=Subject()
+            )
             write_c3d(home / "standing.c3d", still)
     return home
 

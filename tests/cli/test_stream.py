@@ -56,9 +56,9 @@ def test_the_sample_is_replayed(service: Served, tmp_path: Path, capsys: pytest.
 
 def test_the_summary_is_a_table(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
     stream_samples(REQUEST, Replay(speed=1000.0, block=50), as_json=False, server=service.base_url, token=None)
-    shown = capsys.readouterr().out
+    output = capsys.readouterr().out
     for name in ("method", "played", "answered", "last position", "its band"):
-        assert name in shown
+        assert name in output
 
 
 def test_the_smoother_is_selected_by_name(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
@@ -142,9 +142,9 @@ def test_markers_are_replayed(service: Served, tmp_path: Path, capsys: pytest.Ca
 
 def test_the_summary_of_a_live_walk_is_a_table(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
     stream_frames(REQUEST, Replay(speed=1000.0), as_json=False, server=service.base_url, token=None)
-    shown = capsys.readouterr().out
+    output = capsys.readouterr().out
     for name in ("marker set", "played", "answered", "without estimate", "without force", "last margin", "sideways"):
-        assert name in shown
+        assert name in output
 
 
 @pytest.mark.parametrize(

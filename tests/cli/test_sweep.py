@@ -40,11 +40,11 @@ def test_a_sweep_from_the_command_line(tmp_path: Path, monkeypatch: pytest.Monke
     file.write_text(short_walk().model_dump_json(exclude_unset=True))
     out = tmp_path / "out"
     command = ["sweep", str(file), "--vary", "timing=0.9:1.1:2", "--solver", "ipopt", "--node-rate", "5"]
-    done = CliRunner().invoke(app, [*command, "--out", str(out)], catch_exceptions=False)
-    assert done.exit_code == 0, done.output
+    result = CliRunner().invoke(app, [*command, "--out", str(out)], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
     assert (
         "2 of 2 scenarios have a motion (centre of mass only: whether the body can follow was not computed)"
-        in " ".join(done.output.split())
+        in " ".join(result.output.split())
     )
     assert sorted(path.name for path in out.iterdir()) == [
         "references.bib",

@@ -82,15 +82,15 @@ def test_a_refusal_has_code_sentence_and_places(lab: Client, service: Served) ->
 
 
 def test_a_subject_is_added_changed_and_deleted(lab: Client) -> None:
-    made = lab.add_subject(SubjectInput(name="P1", mass_kg=60.0))
-    assert lab.subject(made.subject_id) == made
-    assert lab.subjects(limit=1).items == [made]
-    changed = lab.patch_subject(made.subject_id, SubjectInput(height_m=1.7))
+    subject = lab.add_subject(SubjectInput(name="P1", mass_kg=60.0))
+    assert lab.subject(subject.subject_id) == subject
+    assert lab.subjects(limit=1).items == [subject]
+    changed = lab.patch_subject(subject.subject_id, SubjectInput(height_m=1.7))
     assert (changed.name, changed.height_m, changed.mass_kg) == ("P1", 1.7, 60.0)
-    assert lab.patch_subject(made.subject_id, SubjectInput(name=None)).name is None
-    lab.delete_subject(made.subject_id)
+    assert lab.patch_subject(subject.subject_id, SubjectInput(name=None)).name is None
+    lab.delete_subject(subject.subject_id)
     with pytest.raises(ProblemError, match="no subject"):
-        lab.subject(made.subject_id)
+        lab.subject(subject.subject_id)
 
 
 def test_a_job_from_submission_to_files(lab: Client, service: Served, tmp_path: Path) -> None:
@@ -294,16 +294,16 @@ def test_a_full_queue_is_refused_with_retry_after() -> None:
 
 
 def test_tokens_and_unusual_ids_are_sent_safely() -> None:
-    seen: list[httpx.Request] = []
+    requests: list[httpx.Request] = []
 
     def handler(request: httpx.Request) -> httpx.Response:
-        seen.append(request)
+        requests.append(request)
         return httpx.Response(200, json=JOB)
 
     with Client("http://lab", token="t", transport=httpx.MockTransport(handler)) as lab:
         lab.job("../x?y#z", wait_s=2.0)
-    assert seen[0].headers["authorization"] == "Bearer t"
-    assert seen[0].url.raw_path == b"/api/v1/jobs/..%2Fx%3Fy%23z?wait=2"
+    assert requests[0].headers["authorization"] == "Bearer t"
+    assert requests[0].url.raw_path == b"/api/v1/jobs/..%2Fx%3Fy%23z?wait=2"
 
 
 def test_the_announced_length_of_an_upload_is_that_of_its_body(tmp_path: Path) -> None:

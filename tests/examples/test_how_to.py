@@ -132,9 +132,9 @@ def test_the_job_kind_weighs_the_stored_sample(kind_files: Path, database_url: s
 
     module, _, function = kind.run.partition(":")
     task = database.within(database_url, act)
-    done = with_json(getattr(importlib.import_module(module), function))(task, folder, lambda _share, _message: None)
-    assert done["summary"]["mass_kg"] == pytest.approx(60.0, rel=0.03)
-    assert len(done["summary"]["largest_force_n"]) == 2
+    outcome = with_json(getattr(importlib.import_module(module), function))(task, folder, lambda _share, _message: None)
+    assert outcome["summary"]["mass_kg"] == pytest.approx(60.0, rel=0.03)
+    assert len(outcome["summary"]["largest_force_n"]) == 2
 
 
 def test_the_test_of_the_job_kind_passes(kind_files: Path, tmp_path: Path) -> None:

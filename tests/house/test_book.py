@@ -126,11 +126,11 @@ def test_keys_that_a_page_cites_are_known(page: Path) -> None:
 
 def test_formulas_become_mathml() -> None:
     marked = '<p>of <span class="arithmatex">\\(a &lt; \\dot L_c\\)</span></p>\n<div class="arithmatex">\\[ b \\]</div>'
-    shown = formulas.in_page(marked)
-    assert "arithmatex" not in shown
-    assert shown.count("<math ") == 2
-    assert "<mo>&#x0003C;</mo>" in shown
-    assert "<mover><mi>L</mi><mo>&#x002D9;</mo></mover>" in shown
+    page = formulas.in_page(marked)
+    assert "arithmatex" not in page
+    assert page.count("<math ") == 2
+    assert "<mo>&#x0003C;</mo>" in page
+    assert "<mover><mi>L</mi><mo>&#x002D9;</mo></mover>" in page
     assert formulas.in_title("the moment \\(\\nu_c\\)").startswith("the moment <math")
     with pytest.raises(ValueError, match="nonsense"):
         formulas.mathml("\\nonsense")

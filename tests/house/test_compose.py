@@ -71,7 +71,7 @@ def test_addresses_of_clients_are_taken_from_the_proxy_alone() -> None:
     assert ALL["services"]["api"]["environment"]["FORWARDED_ALLOW_IPS"] == proxy
     (pool,) = ALL["networks"]["inside"]["ipam"]["config"]
     assert ip_address(proxy) in ip_network(pool["subnet"])
-    assert ip_address(proxy) not in ip_network(pool["ip_range"]), "nobody else gets it"
+    assert ip_address(proxy) not in ip_network(pool["ip_range"]), "no other container gets it"
 
 
 def test_every_variable_is_a_setting_and_no_secret_is_a_variable() -> None:

@@ -112,8 +112,8 @@ def annotations(part: Part) -> Iterator[ast.AST | None]:
     if isinstance(part.node, ast.ClassDef):
         yield from (field.annotation for field in part.node.body if isinstance(field, ast.AnnAssign))
     else:
-        taken = part.node.args
-        yield from (each.annotation for each in (*taken.posonlyargs, *taken.args, *taken.kwonlyargs))
+        arguments = part.node.args
+        yield from (each.annotation for each in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs))
         yield part.node.returns
 
 
@@ -147,7 +147,7 @@ def test_incomplete_docstrings_are_detected() -> None:
 class Silent:
     def __post_init__(self) -> None:
         raise NotFound("first-code", "words")
-    def told(self) -> None:
+    def explained(self) -> None:
         """Raises ``InvalidInput`` (``second-code``)."""
         def inner() -> None:
             raise NotFound("of-another", "words")
@@ -162,7 +162,7 @@ class Silent:
     assert missing == {
         "Silent": ["a docstring"],
         "Silent.__post_init__": ["NotFound", "first-code"],
-        "Silent.told": [],
+        "Silent.explained": [],
         "Silent.half": ["third-code"],
     }
     (odd, fine) = parts(ast.parse("def odd(x: list[np.ndarray]): ...\ndef fine(x: Float[np.ndarray, 'n 3']): ...").body)

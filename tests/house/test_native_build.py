@@ -23,12 +23,12 @@ def native(folder: Path, **settings: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([SCRIPT], env=environment, capture_output=True, text=True, check=False, timeout=120)
 
 
-def says_one_line(done: subprocess.CompletedProcess[str], words: str) -> None:
-    assert done.returncode == 0
-    assert done.stdout == ""
-    assert len(done.stderr.splitlines()) == 1
-    assert words in done.stderr
-    assert "CasADi solves in its place" in done.stderr
+def says_one_line(run: subprocess.CompletedProcess[str], words: str) -> None:
+    assert run.returncode == 0
+    assert run.stdout == ""
+    assert len(run.stderr.splitlines()) == 1
+    assert words in run.stderr
+    assert "CasADi solves in its place" in run.stderr
 
 
 @pytest.mark.skipif(not (ROOT / ".venv" / "bin" / "python").exists(), reason="the script builds for .venv")
@@ -54,8 +54,8 @@ class TestScript:
         says_one_line(native(tmp_path, STRIDELAB_NATIVE="off"), "switched off")
 
     def test_a_given_folder_is_used(self, tmp_path: Path) -> None:
-        done = native(tmp_path, STRIDELAB_NATIVE_PATH="/opt/some folder")
-        assert (done.returncode, done.stdout, done.stderr) == (0, "/opt/some folder\n", "")
+        run = native(tmp_path, STRIDELAB_NATIVE_PATH="/opt/some folder")
+        assert (run.returncode, run.stdout, run.stderr) == (0, "/opt/some folder\n", "")
 
 
 class TestWheel:
@@ -105,7 +105,7 @@ class TestWheel:
 
 
 def test_the_native_library_is_built_if_there_is_a_compiler() -> None:
-    """Under ``scripts/test``, and so in continuous integration, nobody skips the native solver by accident."""
+    """Under ``scripts/test``, and so in continuous integration, the native solver is never skipped by accident."""
     if "STRIDELAB_NATIVE_PATH" not in os.environ:
         pytest.skip("scripts/test, which builds the C++ solver, did not start these tests")
     if os.environ.get("STRIDELAB_NATIVE") == "off":

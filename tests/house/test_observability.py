@@ -48,7 +48,7 @@ def test_every_queried_metric_and_label_is_exported() -> None:
     for query in queries():
         for name, selection in re.findall(r"\b(stridelab_[a-z_]+)(?:\{([^}]*)\})?", query):
             queried.add(name)
-            assert name in LABELS, f"{name} is told by nobody"
+            assert name in LABELS, f"{name} is exported by no process"
             for label, value in re.findall(r'([a-z_]+)\s*=~?\s*"([^"]*)"', selection):
                 assert label in LABELS[name], f"{name} has no label {label}"
                 assert value in STATES | set(CRASH_REASONS.values()), f"{label}={value}"
@@ -57,7 +57,9 @@ def test_every_queried_metric_and_label_is_exported() -> None:
             assert {label.strip() for label in grouped.split(",")} <= LABELS[names[0]], query
         assert query.count("(") == query.count(")")
     exported = {name.removesuffix("_bucket") for name in LABELS if not name.endswith(("_sum", "_count"))}
-    assert {name.removesuffix("_bucket") for name in queried} == exported, "a metric that nobody looks at"
+    assert {name.removesuffix("_bucket") for name in queried} == exported, (
+        "a metric that no dashboard and no alert uses"
+    )
 
 
 def test_every_metric_is_explained() -> None:

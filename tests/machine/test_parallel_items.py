@@ -77,7 +77,7 @@ def test_any_number_of_processes_gives_the_same_outcomes(processes: int) -> None
 
 
 def test_no_more_at_a_time_than_cores_that_may_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A machine of 64 cores, two of them ours: of six processes that are asked for, two run at a time."""
+    """A machine of 64 cores, two of them ours: of six requested processes, two run at a time."""
     monkeypatch.setattr(os, "cpu_count", lambda: 64)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _pid: {0, 1})
     items = [{"how": "interval", "n": n} for n in range(6)]

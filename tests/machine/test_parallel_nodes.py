@@ -92,11 +92,11 @@ def test_a_killed_node_costs_its_item_alone(tmp_path: Path, monkeypatch: pytest.
     noted.mkdir()
     with dask_cluster(tmp_path, workers=2) as nodes:
         monkeypatch.setenv(cluster.VARIABLE, nodes.url)
-        done = map_isolated(parallel_work.note_run, noting(noted, 8, 1.0), preload=PRELOAD)
-        answers = [next(done), next(done)]
+        results = map_isolated(parallel_work.note_run, noting(noted, 8, 1.0), preload=PRELOAD)
+        answers = [next(results), next(results)]
         assert wait_until(lambda: len(nodes.pieces()) == 2)
         nodes.kill_worker(nodes.workers[0])
-        answers += done
+        answers += results
     assert sorted(index for index, _ in answers) == list(range(8))
     assert all(answer == {"n": index} for index, answer in answers)
     again = {item: runs for item, runs in runs_of(noted).items() if runs > 1}
@@ -123,10 +123,10 @@ def test_a_lost_scheduler_fails_only_the_unfinished_items(tmp_path: Path, monkey
     noted.mkdir()
     with dask_cluster(tmp_path, workers=2) as nodes:
         monkeypatch.setenv(cluster.VARIABLE, nodes.url)
-        done = map_isolated(parallel_work.note_run, noting(noted, 6, 0.5), preload=PRELOAD)
-        answers = [next(done), next(done)]
+        results = map_isolated(parallel_work.note_run, noting(noted, 6, 0.5), preload=PRELOAD)
+        answers = [next(results), next(results)]
         restart_scheduler(nodes)
-        answers += done
+        answers += results
     assert sorted(index for index, _ in answers) == list(range(6))
     first = {index for index, _ in answers[:2]}
     assert all(runs_of(noted)[index] == 1 for index in first)

@@ -297,5 +297,5 @@ def test_reading_imports_no_robot_library() -> None:
         "import sys; from stridelab.reachability.store import load_proxies; load_proxies('talos'); "
         "sys.exit(', '.join({'pinocchio', 'sklearn', 'coal'} & set(sys.modules)) or 0)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr

@@ -61,8 +61,8 @@ def test_a_plate_that_is_never_unloaded_may_have_a_wrong_zero() -> None:
     assert estimates(known)["standing"].sd_kg < 0.3 * mass.sd_kg, "another trial of the session shows the zero"
     empty = plate.force_n.copy()
     empty[:100] = 0.0
-    seen = replace(standing, recording=replace(standing.recording, plates=(replace(plate, force_n=empty),)))
-    mass = estimates(seen, Window(0.5, 2.9))["standing"]
+    with_offset = replace(standing, recording=replace(standing.recording, plates=(replace(plate, force_n=empty),)))
+    mass = estimates(with_offset, Window(0.5, 2.9))["standing"]
     assert mass.mass_kg == pytest.approx(MASS_KG, abs=0.05)
     assert mass.sd_kg < 0.2
 

@@ -45,12 +45,12 @@ def read(folder: Path, content: bytes) -> Recording:
     return read_recording(folder / "made.c3d")
 
 
-def assert_same(made: Recording, expected: Recording, within_m: float) -> None:
-    assert set(made.markers_m) == set(expected.markers_m)
+def assert_same(recording: Recording, expected: Recording, within_m: float) -> None:
+    assert set(recording.markers_m) == set(expected.markers_m)
     for label, track in expected.markers_m.items():
-        np.testing.assert_allclose(made.markers_m[label], track, atol=within_m)
-    assert made.force_rate_hz == expected.force_rate_hz
-    for plate, expected_plate in zip(made.plates, expected.plates, strict=True):
+        np.testing.assert_allclose(recording.markers_m[label], track, atol=within_m)
+    assert recording.force_rate_hz == expected.force_rate_hz
+    for plate, expected_plate in zip(recording.plates, expected.plates, strict=True):
         np.testing.assert_allclose(plate.force_n, expected_plate.force_n, atol=1e-3)
 
 
@@ -168,8 +168,8 @@ def test_a_name_in_small_letters_names_the_same_parameter(tmp_path: Path) -> Non
 
 def test_offsets_may_be_floats(tmp_path: Path) -> None:
     content = float_file(tmp_path)
-    made = with_parameter(content, "ANALOG", "OFFSET", bytes([4, 1, 6]) + bytes(24))
-    assert_same(read(tmp_path, made), read(tmp_path, content), 1e-9)
+    changed = with_parameter(content, "ANALOG", "OFFSET", bytes([4, 1, 6]) + bytes(24))
+    assert_same(read(tmp_path, changed), read(tmp_path, content), 1e-9)
 
 
 def test_a_rate_ratio_that_is_not_whole_is_handled(tmp_path: Path) -> None:
@@ -211,8 +211,8 @@ def test_a_wrong_point_count_in_the_header_is_corrected(tmp_path: Path) -> None:
 def test_a_long_description_is_read(tmp_path: Path) -> None:
     """ezc3d takes a length above 127 for negative and asks for memory without end."""
     content = float_file(tmp_path)
-    made = with_parameter(content, "POINT", "UNITS", bytes([255, 1, 2]) + b"mm", b"x" * 200)
-    assert_same(read(tmp_path, made), read(tmp_path, content), 1e-9)
+    changed = with_parameter(content, "POINT", "UNITS", bytes([255, 1, 2]) + b"mm", b"x" * 200)
+    assert_same(read(tmp_path, changed), read(tmp_path, content), 1e-9)
 
 
 def test_messages_of_the_library_are_not_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

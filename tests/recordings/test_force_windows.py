@@ -182,8 +182,8 @@ def test_mass_needs_whole_steps_not_whole_windows() -> None:
     phase = np.arange(len(recording.plates[0].force_n)) / 1000.0 / STEP_S * 2 * np.pi
     swing = (1.0 + 0.3 * np.sin(phase))[:, None]
     plates = tuple(replace(plate, force_n=plate.force_n * swing) for plate in recording.plates)
-    found_kg = mass_kg(replace(recording, plates=plates), (Window(lift_s(1), strike_s(4)),))
-    assert found_kg == pytest.approx(WEIGHT_N / 9.81, rel=0.02)
+    estimated_kg = mass_kg(replace(recording, plates=plates), (Window(lift_s(1), strike_s(4)),))
+    assert estimated_kg == pytest.approx(WEIGHT_N / 9.81, rel=0.02)
 
 
 def test_centre_of_pressure_is_masked_while_unloaded() -> None:

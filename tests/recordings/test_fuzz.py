@@ -59,7 +59,7 @@ def test_the_fuzzer_reports_crashes_and_unnamed_errors(read, reported: str, tmp_
 
 def test_an_input_can_be_made_again_from_its_number() -> None:
     reader = Reader((b"0123456789" * 9,), refuse)
-    made = inputs("c3d", reader)
-    first = [next(made) for _ in range(5)]
+    generated = inputs("c3d", reader)
+    first = [next(generated) for _ in range(5)]
     assert next(inputs("c3d", reader, first=4)) == first[4]
     assert len({raw for _, raw in first}) == 5

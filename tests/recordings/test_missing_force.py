@@ -1,4 +1,4 @@
-"""Force that something beside the plates carries is found by mechanics, on bodies whose force is known."""
+"""Detection of force that acts beside the plates, on bodies whose force is known."""
 
 from dataclasses import replace
 
@@ -168,7 +168,7 @@ def test_a_refusal_names_the_interval_of_missing_force() -> None:
 
 
 def test_the_pelvis_stands_in_for_the_centre_of_mass() -> None:
-    """Where the segments cannot be placed, a chair that carries nine tenths is still found."""
+    """Where the segments cannot be placed, a chair that carries nine tenths is still detected."""
     body = sit_to_stand()
     landmarks = {**LANDMARKS, "sacrum": "pelvis"}
     by_pelvis = vertical_motion(body.recording, landmarks)

@@ -1,4 +1,4 @@
-"""Belts of treadmills: stated or found, one for each foot, held against the feet."""
+"""Belts of treadmills: stated or estimated, one for each foot, compared with the feet."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -159,8 +159,8 @@ def test_names_and_cards_need_no_rigid_body_library() -> None:
         "from stridelab.robots.data_files import data_files; data_files(robot_card(robot_names()[0]));"
         "print({'pinocchio', 'example_robot_data', 'trimesh'} & set(sys.modules))"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "set()"
 
 
 def test_every_shipped_card_is_valid() -> None:

@@ -87,9 +87,9 @@ def test_hulls_collide_where_the_meshes_of_the_whole_robot_do(talos: Robot) -> N
         truth = pin.computeCollisions(full, data, meshes, buffers, q_full, False)
         collides = check.any_collision(q)
         false_alarms += collides and not truth
-        found_by_all = pin.computeCollisions(talos.model, full_data, full_hulls, full_buffers, q, False)
-        overlooked_by_all += truth and not found_by_all
-        false_by_all += found_by_all and not truth
+        hit_of_all_pairs = pin.computeCollisions(talos.model, full_data, full_hulls, full_buffers, q, False)
+        overlooked_by_all += truth and not hit_of_all_pairs
+        false_by_all += hit_of_all_pairs and not truth
         if truth and not collides:
             touching = zip(meshes.collisionPairs, buffers.collisionResults, strict=True)
             pairs = [{names[pair.first], names[pair.second]} for pair, result in touching if result.isCollision()]

@@ -118,14 +118,14 @@ def test_decimated_surfaces_stay_near_the_originals(
     talos: Robot, meshes: tuple[LinkMesh, ...], link: str, p99_mm: float, worst_mm: float
 ) -> None:
     """From every vertex of the original to the shown surface and back; includes up to 2 mm of sampling."""
-    shown = next(mesh for mesh in meshes if mesh.name == link)
-    surface, mesh = trimesh.Trimesh(shown.vertices_m, shown.faces, process=False), original(talos, link)
+    decimated = next(mesh for mesh in meshes if mesh.name == link)
+    surface, mesh = trimesh.Trimesh(decimated.vertices_m, decimated.faces, process=False), original(talos, link)
     there_mm = 1e3 * cKDTree(sampled(surface)).query(mesh.vertices)[0]
-    back_mm = 1e3 * cKDTree(sampled(mesh)).query(shown.vertices_m)[0]
+    back_mm = 1e3 * cKDTree(sampled(mesh)).query(decimated.vertices_m)[0]
     assert np.percentile(there_mm, 99) < p99_mm
     assert there_mm.max() < worst_mm
     assert back_mm.max() < worst_mm
-    assert len(shown.faces) < len(mesh.faces)
+    assert len(decimated.faces) < len(mesh.faces)
 
 
 def test_the_whole_robot_is_light_enough_to_be_sent(meshes: tuple[LinkMesh, ...]) -> None:
@@ -228,10 +228,10 @@ def test_decimation_flattens_a_plane_and_keeps_its_rim() -> None:
     quads = [(i * 11 + j, (i + 1) * 11 + j, (i + 1) * 11 + j + 1, i * 11 + j + 1) for i in range(10) for j in range(10)]
     faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
     vertices, triangles = decimate(grid, faces)
-    shown = trimesh.Trimesh(vertices, triangles, process=False)
+    decimated = trimesh.Trimesh(vertices, triangles, process=False)
     assert len(triangles) < len(faces) / 2
-    assert shown.area == pytest.approx(0.01, rel=1e-6)
-    assert shown.bounds == pytest.approx(np.array([[0.0, 0.0, 0.0], [0.1, 0.1, 0.0]]))
+    assert decimated.area == pytest.approx(0.01, rel=1e-6)
+    assert decimated.bounds == pytest.approx(np.array([[0.0, 0.0, 0.0], [0.1, 0.1, 0.0]]))
 
 
 @pytest.mark.parametrize(

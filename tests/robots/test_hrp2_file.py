@@ -1,4 +1,4 @@
-"""The URDF of HRP-2 that is kept here: made from its numbers, of primitive shapes."""
+"""The bundled URDF of HRP-2, which is generated from published numbers with primitive shapes."""
 
 import runpy
 import tomllib

@@ -1,4 +1,4 @@
-"""A stance is where it was asked for, or says how far it stayed away."""
+"""Inverse kinematics of stances: the residual is zero within reach and reported beyond."""
 
 import numpy as np
 import pinocchio as pin

@@ -18,13 +18,13 @@ def test_every_setting_is_listed_with_its_description() -> None:
 
 def test_no_secret_and_no_path_of_a_secret_is_shown() -> None:
     secret = "correct-horse"
-    given = Settings(
+    settings = Settings(
         api_token=SecretStr(secret),
         api_token_file=Path(f"/etc/{secret}"),
         database_url=f"postgresql://lab:{secret}@host/name",
         database_password_file=Path(f"/etc/{secret}"),
         blob_url=f"s3://{secret}@bucket",
     )
-    items = shown_settings(given)
+    items = shown_settings(settings)
     assert secret not in repr(items)
     assert sum(item.value == "set, not shown" for item in items) == 5

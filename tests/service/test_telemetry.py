@@ -51,10 +51,10 @@ def test_an_address_that_is_none_is_refused(url: str) -> None:
 
 def run(url: str) -> float:
     began = time.monotonic()
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", SCRIPT, url, str(SPANS)], capture_output=True, text=True, env=environment()
     )
-    assert done.stdout == "done\n", done.stderr
+    assert process.stdout == "done\n", process.stderr
     return time.monotonic() - began
 
 

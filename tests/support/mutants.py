@@ -75,7 +75,7 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Written once, by the run of all tests."""
     if not session.config.option.collectonly and not DURATIONS.exists():
-        seconds = {name: taken + fixtures[name.partition("::")[0]] for name, taken in calls.items()}
+        seconds = {name: seconds_taken + fixtures[name.partition("::")[0]] for name, seconds_taken in calls.items()}
         DURATIONS.write_text(json.dumps(seconds), encoding="utf-8")
         mutmut = importlib.import_module("mutmut.state")  # is in the environment of this run alone
         for reaching in mutmut.state().tests_by_mangled_function_name.values():
@@ -122,10 +122,10 @@ def prepare(folder: Path, package: str) -> None:
 
 def mutmut(folder: Path, *arguments: str) -> str:
     """Run it in ``folder``; returns what it says."""
-    done = subprocess.run(
+    run = subprocess.run(
         [sys.executable, "-m", "mutmut", *arguments], cwd=folder, capture_output=True, text=True, check=False
     )
-    return done.stdout
+    return run.stdout
 
 
 def verdicts(folder: Path) -> dict[str, str]:
@@ -174,10 +174,10 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--named", nargs="+", default=(), help="these mutants only, as an earlier run named them")
     parser.add_argument("--within", default="10", help="seconds of tests for each, the shortest first")
-    given = parser.parse_args()
-    os.environ["STRIDELAB_MUTANTS_WITHIN_S"] = given.within
-    for package in given.packages:
-        print(survey(package, given), flush=True)
+    arguments = parser.parse_args()
+    os.environ["STRIDELAB_MUTANTS_WITHIN_S"] = arguments.within
+    for package in arguments.packages:
+        print(survey(package, arguments), flush=True)
 
 
 if __name__ == "__main__":

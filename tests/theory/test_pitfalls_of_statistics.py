@@ -78,7 +78,7 @@ def test_a_constant_moment_bias_is_distinguished_only_by_noise(seed: int):
     assert sd[0] < 7
     error, sd = intervals["repaired"]
     assert abs(error[0]) < 3
-    assert sd[0] == pytest.approx(5.8, abs=0.5)  # bias / m g: what cannot be told stays in the band
+    assert sd[0] == pytest.approx(5.8, abs=0.5)  # bias / m g: what cannot be estimated stays in the band
 
 
 def test_a_mean_over_no_whole_step_is_biased_by_the_angular_momentum():

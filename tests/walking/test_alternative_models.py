@@ -1,4 +1,4 @@
-"""The contests: every curve wins on its own data, and nobody is helped by counting samples that are none."""
+"""Comparison of curves: each wins on its own data, and correlated samples give no curve an advantage."""
 
 import numpy as np
 import pytest

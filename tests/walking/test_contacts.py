@@ -28,7 +28,7 @@ def strike_s(k: int) -> float:
 
 
 def of_stance(contacts: tuple[Contact, ...], k: int) -> Contact:
-    """The contact found for stance ``k``."""
+    """The detected contact of stance ``k``."""
     middle = strike_s(k) + STANCE_S / 2
     (contact,) = [c for c in contacts if c.side == ("left", "right")[k % 2] and c.start_s < middle < c.end_s]
     return contact
@@ -161,13 +161,13 @@ def differences_s(walks: list[Timed], event: str) -> np.ndarray:
         for contact in one.plates:
             if getattr(contact, f"{event}_source") != "plates":
                 continue
-            seen = [
+            times = [
                 getattr(c, f"{event}_s")
                 for c in one.markers
                 if c.side == contact.side and c.start_s < contact.end_s and c.end_s > contact.start_s
             ]
             at = getattr(contact, f"{event}_s")
-            differences += [t - at for t in seen if t is not None]
+            differences += [t - at for t in times if t is not None]
     return np.array(differences)
 
 

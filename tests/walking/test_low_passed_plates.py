@@ -66,11 +66,11 @@ def test_strikes_on_low_passed_plates_are_those_of_the_force_as_measured(
     for plate, rate_hz in stances:
         smooth = low_passed(plate, rate_hz, order, cut_hz, dead_band_n)
         lead_s = low_pass_lead_s(smooth, rate_hz)
-        (true_s, _), (found_s, _) = contact_intervals(plate, rate_hz)[0], contact_intervals(smooth, rate_hz)[0]
+        (true_s, _), (smooth_s, _) = contact_intervals(plate, rate_hz)[0], contact_intervals(smooth, rate_hz)[0]
         assert lead_s is not None
         assert true_s is not None
-        assert found_s is not None
-        off_ms.append(1e3 * (found_s - true_s))
+        assert smooth_s is not None
+        off_ms.append(1e3 * (smooth_s - true_s))
         early_ms.append(off_ms[-1] - 1e3 * lead_s)
     assert np.mean(early_ms) < -8.0, "a correction is needed"
     assert abs(np.mean(off_ms)) < 0.4 * abs(np.mean(early_ms))

@@ -115,9 +115,9 @@ def test_feet_without_markers_cannot_step() -> None:
 
 def not_enough(recording: Recording) -> NotEstimable:
     windows = measured_windows(recording, LANDMARKS)
-    seen = find_steps(recording, LANDMARKS, windows)
+    steps = find_steps(recording, LANDMARKS, windows)
     with pytest.raises(NotEstimable) as caught:
-        require_steps(recording, seen, [step for step in seen if step.measured], windows)
+        require_steps(recording, steps, [step for step in steps if step.measured], windows)
     return caught.value
 
 
@@ -142,5 +142,5 @@ def test_a_recording_shorter_than_a_step_is_refused() -> None:
 def test_measured_steps_are_enough() -> None:
     recording = walk([2, 3])
     windows = measured_windows(recording, LANDMARKS)
-    seen = find_steps(recording, LANDMARKS, windows)
-    require_steps(recording, seen, seen[:1], windows)
+    steps = find_steps(recording, LANDMARKS, windows)
+    require_steps(recording, steps, steps[:1], windows)

@@ -128,11 +128,11 @@ def test_two_harmonics_describe_the_path_better_and_the_even_wheel_is_never_best
 
 
 def test_held_out_blocks_say_the_same_as_aic(people):
-    held: dict[str, list[float]] = {c.model: [] for c in people["C4"][0].step.path_rivals}
+    errors_by_model: dict[str, list[float]] = {c.model: [] for c in people["C4"][0].step.path_rivals}
     for f in people["C4"]:
         for c in f.step.path_rivals:
-            held[c.model].append(1e3 * c.held_out_rms_m)
-    median = {model: float(np.median(values)) for model, values in held.items()}
+            errors_by_model[c.model].append(1e3 * c.held_out_rms_m)
+    median = {model: float(np.median(values)) for model, values in errors_by_model.items()}
     assert min(median, key=lambda model: median[model]) == "two-harmonics"
     assert median["wheel"] == pytest.approx(median["sinusoid"], abs=0.3)
 
@@ -156,7 +156,7 @@ def test_the_passages_of_the_hub_are_tens_of_milliseconds_off(people):
             first.append(1e3 * (start - step.strike_s))
             second.append(1e3 * (end - step.next_lift_off_s))
         early[group], late[group] = np.mean(first), np.mean(second)
-        assert min(second) > 0 > max(first)  # nobody's double support is as long as the rule says
+        assert min(second) > 0 > max(first)  # no double support is as long as the rule gives
     assert early == {
         "C4": pytest.approx(-85, abs=4),
         "C5": pytest.approx(-61, abs=4),
@@ -170,9 +170,9 @@ def test_the_passages_of_the_hub_are_tens_of_milliseconds_off(people):
 
 
 def test_in_the_step_itself_the_second_passage_is_mostly_not_reached(people):
-    seen = [f.step.double_support_model_s for f in people["C4"]]
-    assert all(start is not None for start, _ in seen)
-    assert sum(end is not None for _, end in seen) == 2
+    passages = [f.step.double_support_model_s for f in people["C4"]]
+    assert all(start is not None for start, _ in passages)
+    assert sum(end is not None for _, end in passages) == 2
 
 
 def test_two_estimates_of_one_walk_differ_by_ten_formal_deviations(people):

@@ -144,7 +144,7 @@ def test_a_foothold_stays_on_its_stone() -> None:
 
 
 def test_a_cone_too_narrow_for_the_wrench_is_distinguished_from_contacts_that_hold_nothing() -> None:
-    """With a hundredth of the thesis' outer cone no motion was found; by forces there is one."""
+    """With a hundredth of the thesis' outer cone there is no motion; by forces there is one."""
     problem = rest_to_rest(two_steps(0.3), control=ContactWrench("thesis", alpha=0.01))
     diagnosis = diagnose(problem, solve(problem, "ipopt", Limits(iterations=100)))
     assert diagnosis.verdict == "narrow"

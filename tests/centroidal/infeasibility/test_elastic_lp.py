@@ -86,7 +86,7 @@ def test_enough_friction_holds_the_slope() -> None:
 
 
 def test_the_contact_in_the_way_is_named() -> None:
-    """Both feet stand well, then the right one alone on a steep, slippery place; the body is hard, so nobody flies."""
+    """Both feet stand well, then the right one alone on a steep, slippery place; the body limits are hard."""
     left, right, steep = foot("left", 0.0), foot("right", 0.0), on_slope("right", 0.6, 0.1)
     walk = sequence(phase(1.0, left, right), phase(0.5, left), phase(3.0, steep), phase(1.0, left, right))
     relaxed = solve_elastic(rest_to_rest(walk), cones=1.0, body=HARD)

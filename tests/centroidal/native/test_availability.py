@@ -125,7 +125,7 @@ def test_an_infeasible_problem_is_reported_with_its_phase() -> None:
     far = phase(0.05, foot("left", 1.0), foot("right", 1.0))
     plan = solve(rest_to_rest(sequence(near, far), control=CONES), "auto")
     assert not plan.converged
-    assert plan.solver == "native"  # proved: nobody else is asked
+    assert plan.solver == "native"  # proved infeasible: no other solver is called
     assert "infeasible" in plan.status
     assert "phase 2" in plan.status
 
@@ -242,9 +242,9 @@ def test_a_start_near_the_solution_is_worth_iterations(problem: CentroidalProble
     assert warm.converged
     assert warm.iterations < cold.iterations
     assert total(warm) == pytest.approx(total(cold), rel=1e-6)
-    held = replace(with_cones, control=ContactWrench())
-    wrenches = solve(held, "native")
-    again = solve(held, "native", start=warm_start_point(wrenches, held))
+    with_wrench = replace(with_cones, control=ContactWrench())
+    wrenches = solve(with_wrench, "native")
+    again = solve(with_wrench, "native", start=warm_start_point(wrenches, with_wrench))
     assert again.converged
     assert again.iterations < wrenches.iterations
     finer = replace(with_cones, node_rate_hz=20.0)

@@ -1,4 +1,4 @@
-"""What a plan tells about how it was found, and solves that begin where others ended."""
+"""Optimality conditions and iterations that a plan reports, and warm starts."""
 
 from dataclasses import replace
 
@@ -103,7 +103,7 @@ def test_a_start_of_another_structure_is_ignored(problem: CentroidalProblem, sol
 def test_a_solver_out_of_time_stops(problem: CentroidalProblem) -> None:
     plan = solve(problem, limits=Limits(cpu_s=1e-3))
     assert not plan.converged
-    assert plan.solver == "ipopt"  # and no other is asked
+    assert plan.solver == "ipopt"  # no other solver is called
     assert TIME_LIMIT_STATUS in plan.status
     assert plan.iterations < 10
 

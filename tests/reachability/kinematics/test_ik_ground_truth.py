@@ -1,4 +1,4 @@
-"""The truth on fixed contacts: postures hold them, and what is searched for is found where it is known to be."""
+"""Ground truth on fixed contacts: postures hold them, and the search reaches known feasible positions."""
 
 import numpy as np
 import pinocchio as pin

@@ -36,9 +36,9 @@ def test_leg_angles_are_recovered_from_the_foot_pose(talos: Robot) -> None:
     p, R = chain.contact_frame_pose(angles)
     solved, reached = chain.solve_angles(p, R, np.tile(talos.q_reference[list(chain.indices_in_q)], (2000, 1)))
     assert reached.mean() > 0.9
-    p_found, R_found = chain.contact_frame_pose(solved[reached])
-    assert np.abs(p_found - p[reached]).max() < 1e-6
-    assert np.abs(R_found - R[reached]).max() < 2e-6
+    p_reached, R_reached = chain.contact_frame_pose(solved[reached])
+    assert np.abs(p_reached - p[reached]).max() < 1e-6
+    assert np.abs(R_reached - R[reached]).max() < 2e-6
     assert (solved >= chain.lower_rad).all()
     assert (solved <= chain.upper_rad).all()
 

@@ -58,12 +58,12 @@ def foot(fresh: ComCloud) -> EffectorCard:
 def test_the_numbers_of_a_card_are_those_of_the_samples(fresh: ComCloud, foot: EffectorCard) -> None:
     x, card = fresh.com_m["left_foot"], foot
     mixture = card.to_mixture()
-    seen, held_out = x[: -len(x) // HELD_OUT_RECIPROCAL], x[-len(x) // HELD_OUT_RECIPROCAL :]
+    training, held_out = x[: -len(x) // HELD_OUT_RECIPROCAL], x[-len(x) // HELD_OUT_RECIPROCAL :]
     assert card.held_out_log_likelihood == pytest.approx(mixture.log_density(held_out).mean())
     assert card.held_out_log_likelihood_sd == pytest.approx(mixture.log_density(held_out).std() / 20, rel=0.01)
-    again, _ = expectation_maximisation(seen, card.components, seed=1)
+    again, _ = expectation_maximisation(training, card.components, seed=1)
     assert (again.means_m == mixture.means_m).all(), "EM saw nothing of what is held out"
-    other, _ = expectation_maximisation(seen, card.components, seed=2)
+    other, _ = expectation_maximisation(training, card.components, seed=2)
     assert (other.means_m != mixture.means_m).all(), "the seed is used"
     assert [trial.components for trial in card.sizes] == list(range(1, 21)) == list(SIZES)
     assert card.sizes[card.components - 1].kl_nats == card.kl_nats

@@ -34,7 +34,7 @@ def turned_deg(T: pin.SE3) -> float:
 
 
 @pytest.fixture(scope="module", params=["talos", "g1"])
-def kept(request: pytest.FixtureRequest) -> tuple[Robot, StandingConfigurations, list[np.ndarray]]:
+def stances(request: pytest.FixtureRequest) -> tuple[Robot, StandingConfigurations, list[np.ndarray]]:
     robot = load_robot(request.param)
     stream = StandingConfigurations(robot, np.random.default_rng(1))
     return robot, stream, list(islice(stream, 120))
@@ -47,12 +47,12 @@ def test_the_soles_are_flat_and_a_step_apart(stances: tuple[Robot, StandingConfi
         left, right, _ = soles_and_base(robot, q)
         assert np.abs(left.homogeneous - np.eye(4)).max() < 1e-5
         assert np.abs(right.rotation[:, 2] - [0.0, 0.0, 1.0]).max() < 1e-5
-        for seen, side in ((left.actInv(right), -1.0), (right.actInv(left), 1.0)):
-            x, y, z = seen.translation / length_m
+        for relative, side in ((left.actInv(right), -1.0), (right.actInv(left), 1.0)):
+            x, y, z = relative.translation / length_m
             assert abs(x) <= E.ahead + 1e-5
             assert abs(z) <= E.above + 1e-5
             assert E.aside[0] - 1e-5 <= side * y <= E.aside[1] + 1e-5
-            assert abs(turned_deg(seen)) <= E.toes_deg + 1e-3
+            assert abs(turned_deg(relative)) <= E.toes_deg + 1e-3
 
 
 def test_the_base_is_upright_and_looks_ahead(stances: tuple[Robot, StandingConfigurations, list[np.ndarray]]) -> None:
@@ -80,7 +80,7 @@ def test_the_knees_are_bent_and_nothing_touches(
 
 
 def test_postures_over_a_step_ahead_are_rejected(talos: Robot) -> None:
-    """The same draws, so that what is kept with the highest step is kept without one too."""
+    """The same draws, so that a stance accepted with the highest step is accepted without one too."""
     tried = {}
     for step in (0.0, 0.4):
         stream = StandingConfigurations(talos, np.random.default_rng(5), replace(Stance(), step=step))

@@ -44,7 +44,7 @@ def test_pairs_fill_the_grown_box(pairs: dict[bool, LabelledPairs]) -> None:
         assert (np.diff(drawn.shares) >= 0.0).all()
 
 
-def test_as_many_feasible_ones_as_asked(pairs: dict[bool, LabelledPairs]) -> None:
+def test_the_requested_share_is_feasible(pairs: dict[bool, LabelledPairs]) -> None:
     drawn = pairs[False]
     balanced = balance_labels(drawn, 150, 0.4, np.random.default_rng(0))
     assert len(balanced.com_m) == 150

@@ -161,9 +161,11 @@ def test_header_and_parameters_agree_and_no_data_are_lost(as_integer_file: bool,
     assert after.scale == after.numbers("POINT", "SCALE")[0] == np.float32(-0.1 if as_integer_file else -0.01)
     assert after.n_points == after.numbers("POINT", "USED")[0] % 65536 == before.n_points + 1
     assert after.data_block == after.numbers("POINT", "DATA_START")[0]
-    seen = np.isfinite(before.points).all(axis=2)
+    visible = np.isfinite(before.points).all(axis=2)
     within = 0.051 if as_integer_file else 0.0
-    np.testing.assert_allclose(after.points[:, :260, :3][seen], before.points[:, :, :3][seen], atol=within, rtol=0)
+    np.testing.assert_allclose(
+        after.points[:, :260, :3][visible], before.points[:, :, :3][visible], atol=within, rtol=0
+    )
     np.testing.assert_array_equal(after.analogs, before.analogs)
     changed = {("POINT", name) for name in ("USED", "SCALE", "DATA_START", "LABELS2", "DESCRIPTIONS2")}
     for key in set(before.parameters) - changed:

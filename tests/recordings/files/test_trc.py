@@ -188,7 +188,7 @@ def test_virtual_markers_without_columns_are_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize("every", [1, 7])
 @pytest.mark.parametrize("stated", ["5", "9"])
 def test_points_without_a_name_at_the_ends_of_lines_are_left_out(every: int, stated: str, tmp_path: Path) -> None:
-    """Writers append points that nobody named; the line X1 Y1 Z1 ... numbers the named ones."""
+    """Some writers append unnamed points; the line X1 Y1 Z1 ... numbers the named ones."""
     lines = changed(trc(), 3, "\t5\t", f"\t{stated}\t").splitlines()
     lines[4] = "\t\t" + "\t".join(f"{axis}{i + 1}" for i in range(5) for axis in "XYZ")
     lines[6:] = [line + ("\t\t\t\t1.5\t2.5\t3.5\t" if i % every == 0 else "\t") for i, line in enumerate(lines[6:])]
@@ -219,9 +219,9 @@ def test_the_last_marker_may_be_missing_with_its_tabs(tmp_path: Path) -> None:
     """Writers cut blanks at the end of a line: three cells or two are gone, and the marker is not seen."""
     text = changed(trc(), 9, "\t24.000\t50.000\t100.000", "")
     text = changed(text, 10, "\t36.000\t50.000\t100.000", "\t\t")
-    seen = np.isfinite(read_recording(written(tmp_path, text)).markers_m["R.Heel"][:, 0])
+    visible = np.isfinite(read_recording(written(tmp_path, text)).markers_m["R.Heel"][:, 0])
     assert "gaps-filled" in codes(tmp_path / "walk.trc")
-    assert seen.all()
+    assert visible.all()
     longer = "".join(line[: line.rindex("\t50.000")] if "\t50.000" in line else line for line in text.splitlines(True))
     with pytest.raises(UnreadableFile):
         read_recording(written(tmp_path, longer))

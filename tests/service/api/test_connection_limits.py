@@ -84,15 +84,17 @@ def rest_of(client: socket.socket, timeout_s: float = 10.0) -> bytes:
     return received
 
 
-@pytest.mark.parametrize(("sent", "answer"), [(b"", b""), (HALF_HEAD, b"HTTP/1.1 408 "), (HALF_BODY, b"HTTP/1.1 408 ")])
-def test_an_incomplete_request_is_closed_after_its_time_limit(sent: bytes, answer: bytes) -> None:
+@pytest.mark.parametrize(
+    ("content", "answer"), [(b"", b""), (HALF_HEAD, b"HTTP/1.1 408 "), (HALF_BODY, b"HTTP/1.1 408 ")]
+)
+def test_an_incomplete_request_is_closed_after_its_time_limit(content: bytes, answer: bytes) -> None:
     with server(limits()) as address, socket.create_connection(address) as client:
         began = time.monotonic()
-        client.sendall(sent)
+        client.sendall(content)
         received = rest_of(client)
         assert time.monotonic() - began >= 0.4
     assert received.startswith(answer)
-    assert (b'"code":"request-timeout"' in received) == bool(sent)
+    assert (b'"code":"request-timeout"' in received) == bool(content)
 
 
 def closed_while_dripping(client: socket.socket) -> bool:
@@ -164,14 +166,14 @@ def answered(address: tuple[str, int]) -> bool:
         return rest_of(client).startswith(b"HTTP/1.1 200")
 
 
-@pytest.mark.parametrize("sent", [b"", HALF_HEAD, HALF_BODY])
+@pytest.mark.parametrize("content", [b"", HALF_HEAD, HALF_BODY])
 @pytest.mark.parametrize("limit", [{"connections": 10}, {"per_address": 10}])
-def test_at_the_limit_a_new_connection_replaces_a_stalled_one(sent: bytes, limit: dict[str, int]) -> None:
+def test_at_the_limit_a_new_connection_replaces_a_stalled_one(content: bytes, limit: dict[str, int]) -> None:
     with server(limits(**limit, head_s=60.0, body_s=60.0)) as address, contextlib.ExitStack() as stack:
         strangers = [stack.enter_context(socket.create_connection(address)) for _ in range(25)]
         for stranger in strangers:
             with contextlib.suppress(ConnectionError):
-                stranger.sendall(sent)
+                stranger.sendall(content)
         time.sleep(0.3)
         assert all(answered(address) for _ in range(5))
         assert rest_of(strangers[0]) == b""
@@ -201,9 +203,9 @@ def test_a_proxy_stands_for_many_clients() -> None:
         time.sleep(0.3)
         for client in clients:
             assert is_answered(client)
-    made = ConnectionLimiter.from_settings(Settings(), 1024, "10.0.0.0/8,192.0.2.7")
-    assert [made.is_proxy(host) for host in ("10.1.2.3", "192.0.2.7", "192.0.2.8", "")] == [True, True, False, False]
-    assert made.connections == 1024 - module.RESERVED_FILES - module.ROUNDS_TO_CLOSE * module.BACKLOG
+    limiter = ConnectionLimiter.from_settings(Settings(), 1024, "10.0.0.0/8,192.0.2.7")
+    assert [limiter.is_proxy(host) for host in ("10.1.2.3", "192.0.2.7", "192.0.2.8", "")] == [True, True, False, False]
+    assert limiter.connections == 1024 - module.RESERVED_FILES - module.ROUNDS_TO_CLOSE * module.BACKLOG
     assert ConnectionLimiter.from_settings(Settings(), 65536, None).connections == Settings().connection_limit
 
 
@@ -266,13 +268,13 @@ def is_healthy(port: int) -> bool:
 
 
 @pytest.mark.parametrize(
-    "sent",
+    "content",
     [HALF_HEAD, HALF_BODY.replace(b"POST /", b"POST /login").replace(b"here\r\n", b"here\r\n" + b"Content-Type: "
      b"application/x-www-form-urlencoded\r\n")],
     ids=["half a head", "half a body"],
 )  # fmt: skip
 def test_health_is_answered_while_other_clients_hold_connections_open(
-    small: tuple[str, int, Path], sent: bytes
+    small: tuple[str, int, Path], content: bytes
 ) -> None:
     host, port, log = small
     with many_files(), contextlib.ExitStack() as stack:
@@ -280,7 +282,7 @@ def test_health_is_answered_while_other_clients_hold_connections_open(
         def hold(_: int) -> None:
             stranger = stack.enter_context(socket.create_connection((host, port), timeout=20))
             with contextlib.suppress(ConnectionError):
-                stranger.sendall(sent)
+                stranger.sendall(content)
 
         with ThreadPoolExecutor(CROWDS) as crowds:  # several at once: the server accepts many before it closes one
             list(crowds.map(hold, range(STRANGERS)))

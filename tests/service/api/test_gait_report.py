@@ -123,14 +123,14 @@ def test_the_command_shares_what_the_job_shares(
         recording = replace(record(walk, noise, k, lab="two_plates").recording, subject=Subject(), carried={})
         write_c3d(files / f"walk{k}.c3d", recording)
         if k == 0:
-            held = {label: track[:1].repeat(30, axis=0) for label, track in recording.markers_m.items()}
-            still = replace(recording, markers_m=held, plates=(), events=(), walking_direction=None)
+            first_frame = {label: track[:1].repeat(30, axis=0) for label, track in recording.markers_m.items()}
+            still = replace(recording, markers_m=first_frame, plates=(), events=(), walking_direction=None)
             write_c3d(files / "standing.c3d", still)
     for path in sorted(files.iterdir()):
         known = recording_facts(examine_trial(RecordingSource(file=path.name, filename=path.name), files))
         columns = {"session_id": "shared", "facts": known.model_dump(mode="json"), "filename": path.name}
-        given = stated.model_dump(exclude_none=True)
-        added = add_recording(service.parts, content=path.read_bytes(), subject_fields=given, **columns)
+        fields = stated.model_dump(exclude_none=True)
+        added = add_recording(service.parts, content=path.read_bytes(), subject_fields=fields, **columns)
         rows.append(service.run(added))
     request = GaitReportInput(recording_ids=rows, method="complementary")
     (tmp_path / "job").mkdir()

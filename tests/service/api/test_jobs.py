@@ -165,23 +165,23 @@ def test_a_cancelled_job_stays_cancelled(http: httpx.Client, service: Served, jo
     only = {"cancel_only": "true"}
     assert http.delete(f"{JOBS}/{job_id}", params=only).json()["state"] == "cancelled"
     assert http.delete(f"{JOBS}/{job_id}", params=only).json()["state"] == "cancelled"
-    done = service.run(add_job(service.parts))
-    service.run(succeed(service.parts, service.run(start_job(service.parts, done))))
-    assert http.delete(f"{JOBS}/{done}", params=only).json()["state"] == "succeeded"
-    assert http.get(f"{JOBS}/{done}").status_code == 200
+    finished_id = service.run(add_job(service.parts))
+    service.run(succeed(service.parts, service.run(start_job(service.parts, finished_id))))
+    assert http.delete(f"{JOBS}/{finished_id}", params=only).json()["state"] == "succeeded"
+    assert http.get(f"{JOBS}/{finished_id}").status_code == 200
 
 
 def test_a_finished_job_is_deleted_with_its_files(http: httpx.Client, service: Served) -> None:
     before = service.stored_files()
-    done = service.run(add_job(service.parts))
+    finished_id = service.run(add_job(service.parts))
     files = [("com.csv", "text/csv", b"time_s")]
-    service.run(succeed(service.parts, service.run(start_job(service.parts, done)), files))
-    assert f"results/{done}/1/com.csv" in service.stored_files()
-    assert http.delete(f"{JOBS}/{done}").json()["state"] == "succeeded"
-    assert refusal(http.get(f"{JOBS}/{done}")) == (404, "job-not-found")
+    service.run(succeed(service.parts, service.run(start_job(service.parts, finished_id)), files))
+    assert f"results/{finished_id}/1/com.csv" in service.stored_files()
+    assert http.delete(f"{JOBS}/{finished_id}").json()["state"] == "succeeded"
+    assert refusal(http.get(f"{JOBS}/{finished_id}")) == (404, "job-not-found")
     assert not any(key.startswith("results/") for key in service.stored_files() - before)
     with psycopg.connect(str(service.parts.settings.database_url)) as connection:
-        noted = connection.execute("SELECT action FROM audit WHERE what = %s", (done,)).fetchall()
+        noted = connection.execute("SELECT action FROM audit WHERE what = %s", (finished_id,)).fetchall()
     assert noted == [("job-deleted",)]
 
 
@@ -246,9 +246,9 @@ def test_events_resume_after_the_last_one_seen(service: Served, job_id: str) -> 
     numbers = [int(event["id"]) for event in everything]
     assert numbers == sorted(set(numbers))
     assert len(everything) == 6
-    for seen in range(6):
-        resumed = events(**{"Last-Event-ID": everything[seen]["id"]})
-        expected = [event["id"] for event in everything[seen + 1 :]]
+    for last_seq in range(6):
+        resumed = events(**{"Last-Event-ID": everything[last_seq]["id"]})
+        expected = [event["id"] for event in everything[last_seq + 1 :]]
         assert [event["id"] for event in resumed] == (expected or [everything[-1]["id"]])
         assert json.loads(resumed[-1]["data"])["state"] == "succeeded"
 

@@ -129,10 +129,10 @@ async def test_an_answer_that_breaks_off_is_not_completed() -> None:
         await send({"type": "http.response.start", "status": 200, "headers": []})
         raise RuntimeError("half way")
 
-    sent: list[Message] = []
+    messages: list[Message] = []
 
     async def send(message: Message) -> None:
-        sent.append(message)
+        messages.append(message)
 
     async def receive() -> Message:
         return {"type": "http.request"}
@@ -141,7 +141,7 @@ async def test_an_answer_that_breaks_off_is_not_completed() -> None:
         await RequestContextMiddleware(app)(
             {"type": "http", "method": "GET", "path": "/", "headers": []}, receive, send
         )
-    assert [message["type"] for message in sent] == ["http.response.start"]
+    assert [message["type"] for message in messages] == ["http.response.start"]
 
 
 def test_every_error_class_has_a_status() -> None:

@@ -25,13 +25,13 @@ def uploaded(service: Served, trial: Path) -> str:
 
 def test_pages_of_the_list(postgres: TestDatabases, tmp_path: Path) -> None:
     with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
-        made = [service.run(add_recording(service.parts)) for _ in range(5)]
-        seen, cursor = [], None
+        ids = [service.run(add_recording(service.parts)) for _ in range(5)]
+        listed_ids, cursor = [], None
         for _ in range(3):
             page = http.get(RECORDINGS, params={"limit": 2, **({"cursor": cursor} if cursor else {})}).json()
-            seen += [item["id"] for item in page["items"]]
+            listed_ids += [item["id"] for item in page["items"]]
             cursor = page["next"]
-        assert seen == made[::-1]
+        assert listed_ids == ids[::-1]
         assert cursor is None
         assert http.get(RECORDINGS, params={"limit": 5}).json()["next"] is None
         for limit in ("0", "201", "x", "-1"):
@@ -135,14 +135,14 @@ def test_a_sample_is_read_only(http: httpx.Client, service: Served) -> None:
 def test_a_deletion_takes_jobs_and_results_along(http: httpx.Client, service: Served) -> None:
     before = service.stored_files()
     recording_id = service.run(add_recording(service.parts))
-    done, running, queued = (service.run(add_job(service.parts, recording_id)) for _ in range(3))
-    attempt = service.run(start_job(service.parts, done))
+    finished, running, queued = (service.run(add_job(service.parts, recording_id)) for _ in range(3))
+    attempt = service.run(start_job(service.parts, finished))
     service.run(succeed(service.parts, attempt, [("com.csv", "text/csv", b"time_s\n")]))
     service.run(start_job(service.parts, running))
     assert len(service.stored_files()) == len(before) + 3
     assert http.delete(f"{RECORDINGS}/{recording_id}").status_code == 204
     assert service.stored_files() == before
-    for job_id in (done, running, queued):
+    for job_id in (finished, running, queued):
         assert refusal(http.get(f"/api/v1/jobs/{job_id}")) == (404, "job-not-found")
 
     async def left() -> int:
@@ -154,11 +154,11 @@ def test_a_deletion_takes_jobs_and_results_along(http: httpx.Client, service: Se
 
 def test_a_recording_says_which_methods_can_estimate_it(http: httpx.Client, service: Served) -> None:
     def of(recording_id: str) -> dict[str, str | None]:
-        shown = http.get(f"{RECORDINGS}/{recording_id}").json()["estimates"]
+        estimates = http.get(f"{RECORDINGS}/{recording_id}").json()["estimates"]
         (listed,) = [one for one in http.get(RECORDINGS).json()["items"] if one["id"] == recording_id]
-        assert listed["estimates"] == shown
-        assert all(one["possible"] == (one["reason"] is None) for one in shown)
-        return {one["method"]: one["code"] for one in shown}
+        assert listed["estimates"] == estimates
+        assert all(one["possible"] == (one["reason"] is None) for one in estimates)
+        return {one["method"]: one["code"] for one in estimates}
 
     methods = {"smoother", "complementary", "rts", "kalman", "geometry"}
     window = [(0.2, 0.8)]

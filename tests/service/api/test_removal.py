@@ -18,8 +18,8 @@ RECORDINGS = "/api/v1/recordings"
 
 @pytest.fixture
 def url(postgres: TestDatabases) -> Iterator[str]:
-    with postgres.fresh() as made:
-        yield made
+    with postgres.fresh() as fresh_url:
+        yield fresh_url
 
 
 @pytest.fixture

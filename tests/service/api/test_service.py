@@ -33,8 +33,8 @@ def test_a_healthy_service_reports_version_and_uptime(http: httpx.Client) -> Non
 def test_without_its_database_the_service_reports_it_and_stays_up(postgres: TestDatabases, tmp_path: Path) -> None:
     with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
         engine = service.parts.engine
-        gone = engine.url.set(database="nowhere")
-        service.app.state.parts = _with_engine(service, str(gone.render_as_string(hide_password=False)))
+        missing_database = engine.url.set(database="nowhere")
+        service.app.state.parts = _with_engine(service, str(missing_database.render_as_string(hide_password=False)))
         for path in ("/api/v1/health", "/api/v1/recordings", "/metrics"):
             answer = http.get(path)
             assert (answer.status_code, answer.json()["code"]) == (503, "database-unreachable")

@@ -94,8 +94,8 @@ def test_the_session_follows_the_person(http: httpx.Client, trials: Sequence[byt
     }
     assert len(session_ids) == 1
     assert session_ids != {None}
-    left = http.patch(f"{RECORDINGS}/{unnamed['id']}", json={"subject_id": None}).json()
-    assert left["session_id"] is None
+    without_subject = http.patch(f"{RECORDINGS}/{unnamed['id']}", json={"subject_id": None}).json()
+    assert without_subject["session_id"] is None
 
 
 def test_a_recording_of_an_earlier_version_is_read_again(http: httpx.Client, service: Served) -> None:

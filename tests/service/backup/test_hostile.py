@@ -254,7 +254,7 @@ def test_restore_checks_in_a_child_before_anything_is_made(tmp_path: Path) -> No
     (tmp_path / "x").write_bytes(b"PK")
     own = {"PYTHONPATH": str(site), "STRIDELAB_DATA_DIR": str(tmp_path / "data")}
     command = [sys.executable, "-m", "stridelab.cli", "restore", str(tmp_path / "x")]
-    done = subprocess.run(command, env=environment(**own), capture_output=True, text=True, check=False, timeout=120)
-    assert done.returncode > 0
-    assert "backup-damaged" in done.stdout + done.stderr
+    run = subprocess.run(command, env=environment(**own), capture_output=True, text=True, check=False, timeout=120)
+    assert run.returncode > 0
+    assert "backup-damaged" in run.stdout + run.stderr
     assert not (tmp_path / "data").exists()

@@ -32,16 +32,16 @@ def test_everything_comes_back(postgres: TestDatabases, empty: str, put_back: Pu
     with postgres.fresh() as url:
         fill(url, tmp_path / "source")
         before = rows(url)
-        taken = create_backup(url, of(tmp_path / "source"), tmp_path / "lab.backup")
+        backup = create_backup(url, of(tmp_path / "source"), tmp_path / "lab.backup")
         assert rows(url) == before
-    assert put_back(tmp_path / "lab.backup", empty) == taken
+    assert put_back(tmp_path / "lab.backup", empty) == backup
     assert is_migrated(empty)
     after = rows(empty)
     assert {name: after[name] for name in after if name != "job"} == {n: before[n] for n in before if n != "job"}
     assert after["recording"][0]["filename"] == AWKWARD
     assert stored(tmp_path / "blobs") == FILES
-    assert (taken.files, taken.bytes, taken.missing) == (len(FILES), sum(map(len, FILES.values())), ())
-    assert taken.rows == {
+    assert (backup.files, backup.bytes, backup.missing) == (len(FILES), sum(map(len, FILES.values())), ())
+    assert backup.rows == {
         "subject": 1,
         "scenario": 1,
         "recording": 2,

@@ -78,20 +78,22 @@ def test_backups_among_writers_are_whole(
     writer.start()
     try:
         assert busy.wait(30), "no recording came and went"
-        taken = []
+        backups = []
         for number in range(4):
-            taken.append(create_backup(database_url, BlobStore.from_url(blobs.as_uri()), tmp_path / f"{number}.backup"))
+            backups.append(
+                create_backup(database_url, BlobStore.from_url(blobs.as_uri()), tmp_path / f"{number}.backup")
+            )
             time.sleep(0.2)
     finally:
         stop.set()
         writer.join()
-    assert [one.missing for one in taken] == [()] * 4
+    assert [one.missing for one in backups] == [()] * 4
     for number in range(4):
         with postgres.fresh(migrated=False) as url:
             put_back(tmp_path / f"{number}.backup", url)
             files = stored(tmp_path / "blobs")
             there = rows(url)["recording"]
-            assert len(there) == taken[number].rows["recording"] >= 19
+            assert len(there) == backups[number].rows["recording"] >= 19
             for row in there:
                 assert files[row["blob_key"]].decode() == f"trial {row['id'][1:]}"
                 assert files[row["tracks_key"]].decode() == f"tracks {row['id'][1:]}"

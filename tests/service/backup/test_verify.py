@@ -25,21 +25,21 @@ def test_damaged_and_missing_files_are_reported_refused_and_repaired(
         return result.exit_code, result.output
 
     with served(database_url, tmp_path / "data") as lab, lab.http() as http:
-        made = upload(http, content).json()
-        job = lab.run(add_job(lab.parts, made["id"]))
+        recording = upload(http, content).json()
+        job = lab.run(add_job(lab.parts, recording["id"]))
         lab.run(succeed(lab.parts, lab.run(start_job(lab.parts, job)), [("com.csv", "text/csv", b"time_s\n")]))
         assert verify_stored_files(database_url, lab.parts.blobs).ok
         assert doctor()[0] == 0
-        blob = blobs / "uploads" / made["sha256"]
+        blob = blobs / "uploads" / recording["sha256"]
         flipped = bytearray(content)
         flipped[len(content) // 2] ^= 1
         blob.write_bytes(flipped)
         with pytest.raises(UnreadableFile, match="damaged"):
-            lab.run(lab.parts.blobs.get_file(f"uploads/{made['sha256']}", tmp_path / "out"))
+            lab.run(lab.parts.blobs.get_file(f"uploads/{recording['sha256']}", tmp_path / "out"))
         (blobs / "results" / job / "1" / "com.csv").unlink()
         status, words = doctor()
         assert status == 1
-        assert f"damaged: recording {made['id']}, the uploaded file" in words
+        assert f"damaged: recording {recording['id']}, the uploaded file" in words
         assert f"missing: job {job}, com.csv" in words
         assert upload(http, content).status_code == 201
         assert blob.read_bytes() == content

@@ -78,10 +78,10 @@ def test_all_listeners_to_a_job_share_one_reader(database_url: str, monkeypatch:
                 await asyncio.sleep(0.01)
             await store.request_cancel(job_id)
             early += [events async for events in first]
-            seen = await asyncio.wait_for(asyncio.gather(*others), 20)
+            received = await asyncio.wait_for(asyncio.gather(*others), 20)
             expected = [event for events in early for event in events]
             assert [event.state for event in expected] == ["queued", "cancelled"]
-            assert all(events == expected for events in seen)
+            assert all(events == expected for events in received)
             assert reads < 10
             assert board._feeds == {}
             assert board._watchers == {}
@@ -99,10 +99,10 @@ def test_slow_and_late_listeners_miss_no_event(database_url: str, monkeypatch: p
         async with JobNotifications(database_url) as board:
             await asyncio.wait_for(board._listener.listening.wait(), 10)
             fast, slow = board.follow_events(store, job_id), board.follow_events(store, job_id)
-            seen: dict[str, list[int]] = {"fast": [], "slow": [event.seq for event in await anext(slow)]}
+            received: dict[str, list[int]] = {"fast": [], "slow": [event.seq for event in await anext(slow)]}
 
             async def follow(name: str, source: AsyncGenerator[tuple[JobEvent, ...], None]) -> None:
-                seen[name] += [event.seq for events in [e async for e in source] for event in events]
+                received[name] += [event.seq for events in [e async for e in source] for event in events]
 
             following = asyncio.create_task(follow("fast", fast))
             insert = text("INSERT INTO job_event (job_id, state, attempt, fraction, message) "
@@ -118,7 +118,7 @@ def test_slow_and_late_listeners_miss_no_event(database_url: str, monkeypatch: p
             late = [event.seq for event in await _all_events(board, store, job_id)]
             resumed = [event.seq for event in await _all_events(board, store, job_id, late[4])]
         assert len(late) == 12
-        assert seen["fast"] == seen["slow"] == late
+        assert received["fast"] == received["slow"] == late
         assert resumed == late[5:]
 
     within(database_url, act)

@@ -63,9 +63,11 @@ def test_of_workers_that_race_for_an_orphan_one_gets_it(
             await asyncio.gather(*(consumer.send_heartbeat() for consumer in living))
             requeued = await asyncio.gather(*(attempts.requeue_lost(STALL_S) for _ in living))
             assert [ids for ids in requeued if ids] == [[job_id]]
-            taken = [a for a in await asyncio.gather(*(take(consumer) for consumer in living)) if a]
-            assert [(one.job_id, one.number) for one in taken] == [(job_id, 2)]
-            ends = await asyncio.gather(*(attempts.end_attempt(one, "failed", None, "") for one in (lost, taken[0])))
+            attempts_taken = [a for a in await asyncio.gather(*(take(consumer) for consumer in living)) if a]
+            assert [(one.job_id, one.number) for one in attempts_taken] == [(job_id, 2)]
+            ends = await asyncio.gather(
+                *(attempts.end_attempt(one, "failed", None, "") for one in (lost, attempts_taken[0]))
+            )
             assert ends == [False, True]
 
     with_consumers(5, act)
@@ -117,10 +119,10 @@ def test_concurrent_claims_start_every_job_once(database_url: str, with_consumer
 
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
         ids = [(await store.submit("work", {"n": n})).job_id for n in range(40)]
-        taken: list[Attempt | None] = []
+        attempts_taken: list[Attempt | None] = []
         for _ in range(8):
-            taken += await asyncio.gather(*(take(one) for one in consumers))
-        assert sorted(each.job_id for each in taken if each) == sorted(ids)
+            attempts_taken += await asyncio.gather(*(take(one) for one in consumers))
+        assert sorted(each.job_id for each in attempts_taken if each) == sorted(ids)
         assert await asyncio.gather(*(take(one) for one in consumers)) == [None] * 5
 
     with_consumers(5, act)

@@ -97,13 +97,13 @@ def test_only_files_without_a_row_are_orphans(use: Any, blobs: BlobStore, databa
     (tmp_path / "x").write_bytes(b"x")
 
     async def act(store: JobStore, connection: AsyncConnection) -> None:
-        done, running = [(await store.submit("work", {"n": n})).job_id for n in range(2)]
+        finished, running = [(await store.submit("work", {"n": n})).job_id for n in range(2)]
 
         def arrange() -> None:
             with psycopg.connect(database_url) as other:
                 other.execute(
                     "UPDATE job SET state = 'succeeded', attempt = 2, blob_prefix = %s WHERE id = %s",
-                    (f"results/{done}/2", done),
+                    (f"results/{finished}/2", finished),
                 )
                 other.execute("UPDATE job SET state = 'running', attempt = 3 WHERE id = %s", (running,))
                 other.execute(
@@ -113,8 +113,8 @@ def test_only_files_without_a_row_are_orphans(use: Any, blobs: BlobStore, databa
 
         await asyncio.to_thread(arrange)
         keys = [
-            f"results/{done}/1/x",
-            f"results/{done}/2/x",
+            f"results/{finished}/1/x",
+            f"results/{finished}/2/x",
             f"results/{running}/2/x",
             f"results/{running}/3/x",
             "results/gone/1/x",
@@ -128,7 +128,7 @@ def test_only_files_without_a_row_are_orphans(use: Any, blobs: BlobStore, databa
         assert await remove_orphans(connection, blobs) == []  # all too young to be called orphans
         removed = await remove_orphans(connection, blobs, timedelta(seconds=-1))
         assert set(removed) == {
-            f"results/{done}/1",
+            f"results/{finished}/1",
             f"results/{running}/2",
             "results/gone/1",
             "recordings/kept/tracks-of-other-switches",
@@ -148,5 +148,5 @@ def test_workers_that_died_are_forgotten_after_a_day(database_url: str, blobs: B
         )
     within(database_url, lambda engine: remove_expired(engine, blobs, Settings(database_url=database_url)))
     with psycopg.connect(database_url) as connection:
-        left = connection.execute("SELECT now() - last_heartbeat < interval '24 h' FROM worker")
-        assert left.fetchall() == [(True,)]
+        remaining = connection.execute("SELECT now() - last_heartbeat < interval '24 h' FROM worker")
+        assert remaining.fetchall() == [(True,)]

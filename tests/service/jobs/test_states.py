@@ -114,7 +114,7 @@ class JobMachine(RuleBasedStateMachine):
     def submit_one(self, priority: int, key: str | None, body: int) -> None:
         waiting = sum(model.state == "queued" for model in self.models.values())
         try:
-            made = self.do(self.store.submit("work", {"n": body}, priority=priority, idempotency_key=key))
+            submission = self.do(self.store.submit("work", {"n": body}, priority=priority, idempotency_key=key))
         except Busy:
             assert waiting >= QUEUE_LIMIT
             return
@@ -123,15 +123,15 @@ class JobMachine(RuleBasedStateMachine):
             assert self.keys[key][1] != body
             return
         if key is not None and key in self.keys:
-            assert not made.created
-            assert self.keys[key] == (made.job_id, body)
+            assert not submission.created
+            assert self.keys[key] == (submission.job_id, body)
             return
-        assert made.created
+        assert submission.created
         assert waiting < QUEUE_LIMIT
         self.count += 1
-        self.models[made.job_id] = Model(priority=priority, order=self.count)
+        self.models[submission.job_id] = Model(priority=priority, order=self.count)
         if key is not None:
-            self.keys[key] = (made.job_id, body)
+            self.keys[key] = (submission.job_id, body)
 
     @rule(data=st.data())
     def cancel(self, data: Any) -> None:
@@ -188,8 +188,8 @@ class JobMachine(RuleBasedStateMachine):
         model = self.models[held.job_id]
         may = self._present(held) and not model.cancel_requested
         already = model.state == "succeeded" and model.attempt == held.attempt.number
-        done = self.do(self.attempts.publish_success(held.attempt, self.blobs, OUTCOME, [], self.folder, "log"))
-        assert done is (may or already)
+        published = self.do(self.attempts.publish_success(held.attempt, self.blobs, OUTCOME, [], self.folder, "log"))
+        assert published is (may or already)
         if may:
             model.state = "succeeded"
         elif not already:

@@ -248,11 +248,13 @@ def test_priorities_order_the_jobs_that_wait_for_slots(in_shop: Open, tmp_path: 
 def test_events_can_be_followed_and_resumed(in_shop: Open) -> None:
     async def act(shop: Shop) -> None:
         job_id = (await shop.store.submit("work", {"work_s": 0.6})).job_id
-        seen = [event async for events in shop.board.follow_events(shop.store, job_id) for event in events]
-        assert seen[0].state == "queued"
-        assert seen[-1].state == "succeeded"
-        again = [e async for events in shop.board.follow_events(shop.store, job_id, seen[2].seq) for e in events]
-        assert again == seen[3:]
+        events_received = [event async for events in shop.board.follow_events(shop.store, job_id) for event in events]
+        assert events_received[0].state == "queued"
+        assert events_received[-1].state == "succeeded"
+        again = [
+            e async for events in shop.board.follow_events(shop.store, job_id, events_received[2].seq) for e in events
+        ]
+        assert again == events_received[3:]
 
     in_shop(act)
 

@@ -132,13 +132,13 @@ def test_the_other_measure_learns_from_stances(tmp_path: Path) -> None:
 def test_a_cancelled_job_leaves_no_process_behind(tmp_path: Path) -> None:
     """As many processes as pay draw the postures; they are in the session of the job's child."""
     before = {p.pid for p in psutil.Process().children(recursive=True)}
-    seen: set[int] = set()
+    pids: set[int] = set()
 
     async def cancelled() -> IsolatedOutcome:
         cancel = asyncio.Event()
 
         def on_progress(fraction: float, _message: str) -> None:
-            seen.update(p.pid for p in psutil.Process().children(recursive=True) if p.pid not in before)
+            pids.update(p.pid for p in psutil.Process().children(recursive=True) if p.pid not in before)
             if fraction > 0.05:
                 cancel.set()
 
@@ -149,11 +149,11 @@ def test_a_cancelled_job_leaves_no_process_behind(tmp_path: Path) -> None:
             return await pool.run(target, task, tmp_path, **limits, cancel=cancel, on_progress=on_progress)
 
     assert asyncio.run(cancelled()).state == "cancelled"
-    assert len(seen) > worthwhile_processes(10)
+    assert len(pids) > worthwhile_processes(10)
     end = time.monotonic() + 10.0
-    while (left := [pid for pid in seen if psutil.pid_exists(pid)]) and time.monotonic() < end:
+    while (remaining := [pid for pid in pids if psutil.pid_exists(pid)]) and time.monotonic() < end:
         time.sleep(0.05)
-    assert left == []
+    assert remaining == []
 
 
 @pytest.mark.parametrize(

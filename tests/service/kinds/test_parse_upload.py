@@ -103,6 +103,6 @@ def test_progress_reaches_the_end_and_the_child_speaks_json(tmp_path: Path) -> N
     progress = RecordedProgress()
     source = RecordingSource(file="trial", filename="walk.c3d")
     task = ParseUploadTask(recording=source).model_dump(mode="json")
-    done = with_json(parse_upload.run)(task, tmp_path, progress)
-    RecordingFacts.model_validate(done["summary"])
+    outcome = with_json(parse_upload.run)(task, tmp_path, progress)
+    RecordingFacts.model_validate(outcome["summary"])
     assert progress.fractions[-1] == 1.0

@@ -40,7 +40,7 @@ def test_an_item_leaves_numbers_tables_and_a_drawing(tmp_path: Path) -> None:
 
 def test_the_command_line_shows_the_claims(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     reproduce_item("fig-2.5", None, None, Delivery(tmp_path / "a"))
-    shown = capsys.readouterr().out
+    output = capsys.readouterr().out
     for word in (
         "fig-2.5",
         "thesis",
@@ -51,7 +51,7 @@ def test_the_command_line_shows_the_claims(tmp_path: Path, capsys: pytest.Captur
         "bode.parquet",
         "fig-2.5.svg",
     ):
-        assert word in shown
+        assert word in output
     reproduce_item("fig-2.6", 1, 4, Delivery(tmp_path / "b", as_json=True))
     assert JobResult.model_validate_json(capsys.readouterr().out).input == {"item": "fig-2.6", "seeds": 1, "seed": 4}
 

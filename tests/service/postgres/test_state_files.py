@@ -151,18 +151,18 @@ def test_locks_and_the_sign_of_life_may_hold_anything(data: Path, tmp_path: Path
 
 @pytest.mark.parametrize("name", ["supervisor.lock", "logs", "blobs"])
 def test_a_file_in_the_place_of_a_folder_is_named(data: Path, name: str) -> None:
-    taken = data / name
-    taken.unlink(missing_ok=True)
+    file_in_place = data / name
+    file_in_place.unlink(missing_ok=True)
     if name == "supervisor.lock":
-        taken.mkdir()
+        file_in_place.mkdir()
     else:
-        taken.write_bytes(b"")
+        file_in_place.write_bytes(b"")
     try:
         message = refused_start(data)
     finally:
-        taken.rmdir() if taken.is_dir() else taken.unlink()
+        file_in_place.rmdir() if file_in_place.is_dir() else file_in_place.unlink()
     assert "data-folder-unusable" in message
-    assert str(taken) in message
+    assert str(file_in_place) in message
 
 
 def test_a_data_folder_that_is_a_file_is_named(tmp_path: Path) -> None:

@@ -195,12 +195,12 @@ def test_a_child_has_low_priority_and_no_secrets(run: Run, monkeypatch: pytest.M
     monkeypatch.setenv("STRIDELAB_DATABASE_URL", "postgresql://secret")
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
     monkeypatch.setenv("STRIDELAB_NATIVE_PATH", "a folder")
-    seen = run("environment").value
-    assert [name for name in seen["names"] if name.startswith(("STRIDELAB_", "AWS_"))] == ["STRIDELAB_NATIVE_PATH"]
-    assert seen["nice"] == min(19, os.nice(0) + 10)
-    assert seen["session"]
-    assert seen["cwd"]
-    assert seen["threads"] == "1"
+    child = run("environment").value
+    assert [name for name in child["names"] if name.startswith(("STRIDELAB_", "AWS_"))] == ["STRIDELAB_NATIVE_PATH"]
+    assert child["nice"] == min(19, os.nice(0) + 10)
+    assert child["session"]
+    assert child["cwd"]
+    assert child["threads"] == "1"
 
 
 def test_a_child_that_somebody_waits_for_keeps_its_rank(run: Run) -> None:

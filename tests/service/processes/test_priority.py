@@ -18,9 +18,9 @@ print(os.nice(0))
 
 def test_a_process_and_its_session_are_nicer() -> None:
     group = Path("/proc/self/autogroup")
-    shown = f"{ASK}print(open({str(group)!r}).read())" if group.exists() else ASK
+    program = f"{ASK}print(open({str(group)!r}).read())" if group.exists() else ASK
     run = subprocess.run(
-        [sys.executable, "-c", f"import os; os.nice(-os.nice(0)) if os.geteuid() == 0 else None\n{shown}"],
+        [sys.executable, "-c", f"import os; os.nice(-os.nice(0)) if os.geteuid() == 0 else None\n{program}"],
         start_new_session=True,
         capture_output=True,
         text=True,

@@ -27,8 +27,8 @@ PUBLISHING = ("INSERT INTO recording ", "UPDATE recording SET", "finished_at=now
 
 
 def store_on(system: VolatileFileSystem, folder: Path) -> BlobStore:
-    made = BlobStore.from_url(folder.as_uri())
-    return BlobStore(made.backend, made.folder, system)
+    store = BlobStore.from_url(folder.as_uri())
+    return BlobStore(store.backend, store.folder, system)
 
 
 def test_a_file_is_lost_where_nothing_is_synchronised(tmp_path: Path) -> None:
@@ -86,12 +86,12 @@ def system(tmp_path: Path) -> VolatileFileSystem:
 
 @pytest.fixture
 def cuts(system: VolatileFileSystem) -> Iterator[Cuts]:
-    made = Cuts(system)
-    heard = (("before_cursor_execute", made.executed), ("commit", made.committed))
+    power_cuts = Cuts(system)
+    heard = (("before_cursor_execute", power_cuts.executed), ("commit", power_cuts.committed))
     for name, act in heard:
         event.listen(sqlalchemy.Engine, name, act)
     try:
-        yield made
+        yield power_cuts
     finally:
         for name, act in heard:
             event.remove(sqlalchemy.Engine, name, act)
@@ -104,8 +104,8 @@ def test_uploads_and_changes_are_on_the_disk_when_they_are_committed(
     monkeypatch.setattr(BlobStore, "from_url", lambda *_: store)
     with served(database_url, tmp_path / "data") as lab, lab.http() as http:
         cuts.disks.clear()
-        made = [upload(http, content).json() for _ in range(2)]  # the second one finds the file of the first
-        first = made[0]["id"]
+        recordings = [upload(http, content).json() for _ in range(2)]  # the second one finds the file of the first
+        first = recordings[0]["id"]
         assert http.patch(f"/api/v1/recordings/{first}", json={"plates": {"1": {"use": False}}}).status_code == 200
     assert len(cuts.disks) == 3
     with psycopg.connect(database_url) as connection:
@@ -117,7 +117,7 @@ def test_uploads_and_changes_are_on_the_disk_when_they_are_committed(
         assert disk[blob] == content
     after_both, after_change = cuts.disks[1], cuts.disks[2]
     assert any(key.startswith(f"recordings/{first}/") for key in after_both)
-    for disk, recording in ((after_both, made[1]["id"]), (after_change, first)):
+    for disk, recording in ((after_both, recordings[1]["id"]), (after_change, first)):
         key = rows[recording]
         assert disk[key] == (tmp_path / "blobs" / key).read_bytes()
 

@@ -95,8 +95,8 @@ def test_jobs_in_flight_in_the_old_queue_are_run_by_the_new_one(postgres: TestDa
         migrate(url)
         with psycopg.connect(url, autocommit=True) as new:
             for catalogue, name in (("pg_class", "relname"), ("pg_proc", "proname"), ("pg_type", "typname")):
-                left = f"SELECT {name} FROM {catalogue} WHERE {name} LIKE '%procrastinate%'"
-                assert new.execute(left.encode()).fetchall() == []
+                leftovers = f"SELECT {name} FROM {catalogue} WHERE {name} LIKE '%procrastinate%'"
+                assert new.execute(leftovers.encode()).fetchall() == []
             lanes = "SELECT DISTINCT lane FROM job WHERE kind = %s"
             assert new.execute(lanes, ("plan-motion",)).fetchall() == [("long",)]
             assert new.execute(lanes, ("work",)).fetchall() == [("short",)]

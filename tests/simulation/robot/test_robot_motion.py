@@ -213,7 +213,7 @@ def test_seeds_vary_the_walk_and_repeat_it() -> None:
 def test_same_seed_same_walk_and_another_seed_another_one() -> None:
     gait = gait_for(0.0, 2.0)
     first, other = simulate_walk(gait, 0), simulate_walk(gait, 1)
-    assert simulate_walk(gait, 0) is first, "kept for the next caller"
+    assert simulate_walk(gait, 0) is first, "cached for the next caller"
     again = simulate_walk.__wrapped__(gait, 0)
     np.testing.assert_array_equal(first.motion.q, again.motion.q)
     np.testing.assert_array_equal(first.truth.moment_nm, again.truth.moment_nm)

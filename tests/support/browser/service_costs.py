@@ -236,10 +236,10 @@ class Lab:
 @contextmanager
 def viewer_lab(postgres: TestDatabases, data: Path, **environment: str) -> Iterator[Lab]:
     """Such a service with an empty database; ``environment`` is the viewer's."""
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        viewer_url = f"http://127.0.0.1:{taken.getsockname()[1]}"
+    with socket.create_server(("127.0.0.1", 0)) as reserved:
+        viewer_url = f"http://127.0.0.1:{reserved.getsockname()[1]}"
     with postgres.fresh() as url, served(url, data, api_token=ADMIN, viewer_url=viewer_url) as running:
-        given = {
+        variables = {
             **os.environ,
             "STRIDELAB_API_TOKEN": ADMIN,
             "STRIDELAB_HOST": "127.0.0.1",
@@ -247,7 +247,7 @@ def viewer_lab(postgres: TestDatabases, data: Path, **environment: str) -> Itera
             "STRIDELAB_VIEWER_URL": viewer_url,
             **environment,
         }
-        viewer = subprocess.Popen([sys.executable, "-m", "stridelab_web.viewer"], env=given)
+        viewer = subprocess.Popen([sys.executable, "-m", "stridelab_web.viewer"], env=variables)
         try:
             with running.http(headers={"Authorization": f"Bearer {ADMIN}"}, timeout=120) as admin:
                 yield Lab(running, admin)

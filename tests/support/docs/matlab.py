@@ -40,11 +40,11 @@ class Reader:
         return answer
 
     def _compared(self) -> Any:
-        left = self._single()
+        first_value = self._single()
         if self.tokens and self.tokens[0] in ("~=", "=="):
             same, right = self.tokens.pop(0) == "==", self._single()
-            return (left == right) is same
-        return left
+            return (first_value == right) is same
+        return first_value
 
     def _single(self) -> Any:
         token = self.tokens.pop(0)

@@ -92,21 +92,21 @@ def tables(*, with_truth: bool) -> dict[str, bytes]:
     bode: dict[str, Any] = {"frequency_hz": lines}
     for k, name in enumerate(("geometry", "force", "axis")):
         bode |= {f"{name}_gain_db": -20.0 * k - 400 * (lines > 30), f"{name}_phase_rad": 0.1 * k + 0 * lines}
-    made = {"comparison": over_time, "spectra": spectra, "contributions": shares, "bode": bode}
-    return {f"{stem}.parquet": _parquet(columns) for stem, columns in made.items()}
+    by_name = {"comparison": over_time, "spectra": spectra, "contributions": shares, "bode": bode}
+    return {f"{stem}.parquet": _parquet(columns) for stem, columns in by_name.items()}
 
 
 def comparison_result(given: dict[str, Any], files: dict[str, bytes], *, with_truth: bool) -> JobResult:
     """The result of a succeeded comparison; its methods come in the order of a mapping that keeps none."""
-    made = comparison_summary(with_truth=with_truth).model_dump(mode="json")
-    made["methods"] = dict(sorted(made["methods"].items(), key=lambda item: (len(item[0]), item[0])))
+    summary = comparison_summary(with_truth=with_truth).model_dump(mode="json")
+    summary["methods"] = dict(sorted(summary["methods"].items(), key=lambda item: (len(item[0]), item[0])))
     artifacts = [Artifact(name=name, media_type="application/x", bytes=len(content)) for name, content in files.items()]
     return JobResult(
         kind=COMPARISON_KIND,
         input=given,
         versions={"stridelab": "0.1.0"},
         references=[],
-        summary=made,
+        summary=summary,
         artifacts=artifacts,
     )
 
@@ -272,8 +272,8 @@ def listed_recordings(stored: Iterable[Recording], query: Mapping[str, str]) -> 
     if "linked" in query:
         matching = [one for one in matching if (one.subject_id is not None) == (query["linked"] == "true")]
     start, limit = int(query.get("cursor", 0)), int(query.get("limit", 50))
-    shown = [one.model_dump(mode="json") for one in matching[start : start + limit]]
-    return {"items": shown, "next": str(start + limit) if len(matching) > start + limit else None}
+    items = [one.model_dump(mode="json") for one in matching[start : start + limit]]
+    return {"items": items, "next": str(start + limit) if len(matching) > start + limit else None}
 
 
 class FakeSubjects:
@@ -285,9 +285,9 @@ class FakeSubjects:
 
     def add(self, name: str | None = "P07", **fields: Any) -> Subject:
         """A person."""
-        made = Subject(subject_id=f"s{uuid.uuid4().hex[:12]}", created_at=_NOW, name=name, **fields)
-        self.stored[made.subject_id] = made
-        return made
+        subject = Subject(subject_id=f"s{uuid.uuid4().hex[:12]}", created_at=_NOW, name=name, **fields)
+        self.stored[subject.subject_id] = subject
+        return subject
 
     def routes(self, root: str) -> list[Route]:
         """The calls below ``root``."""
@@ -304,8 +304,8 @@ class FakeSubjects:
         if request.method == "GET":
             newest = [self._shown(one) for one in reversed(self.stored.values())]
             return JSONResponse({"items": newest, "next": None})
-        given = SubjectInput.model_validate(await request.json())
-        return JSONResponse(self.add(**given.model_dump()).model_dump(mode="json"), 201)
+        subject_input = SubjectInput.model_validate(await request.json())
+        return JSONResponse(self.add(**subject_input.model_dump()).model_dump(mode="json"), 201)
 
     async def _one(self, request: Request) -> Response:
         key = request.path_params["id"]
@@ -316,8 +316,8 @@ class FakeSubjects:
             del self.stored[key]
             return Response(status_code=204)
         if request.method == "PATCH":
-            given = SubjectInput.model_validate(await request.json()).model_dump(exclude_unset=True)
-            self.stored[key] = self.stored[key].model_copy(update=given)
+            changes = SubjectInput.model_validate(await request.json()).model_dump(exclude_unset=True)
+            self.stored[key] = self.stored[key].model_copy(update=changes)
         return JSONResponse(self._shown(self.stored[key]))
 
 

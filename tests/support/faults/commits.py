@@ -246,11 +246,11 @@ def _shut(one: socket.socket) -> None:
 @contextlib.contextmanager
 def commit_proxy(target: str, plan: Plan | None = None) -> Iterator[CommitProxy]:
     """A proxy to the Unix socket ``target`` until the end of the block."""
-    made = CommitProxy(target, plan)
+    proxy = CommitProxy(target, plan)
     try:
-        yield made
+        yield proxy
     finally:
-        made.close()
+        proxy.close()
 
 
 Signal = Literal["no signal", "SIGTERM", "SIGSTOP", "SIGKILL"]

@@ -70,12 +70,12 @@ def run_pair(schedule: PairSchedule, url: str, folder: Path) -> str:
     """Do it on an empty database; returns what happened. Raises ``AssertionError`` naming all that is wrong."""
     jobs, blobs = Jobs(url), {"STRIDELAB_BLOB_URL": (folder / "blobs").as_uri(), "STRIDELAB_STALL_S": str(STALL_S)}
     ids = [jobs.submit(kind) for kind in schedule.kinds]
-    seen = pid = 0
+    n_seen = pid = 0
 
     def is_chosen(_text: str) -> bool:
-        nonlocal seen
-        seen += 1
-        return seen == schedule.commit
+        nonlocal n_seen
+        n_seen += 1
+        return n_seen == schedule.commit
 
     def send() -> None:
         if schedule.signal != "no signal":
@@ -110,7 +110,7 @@ def run_pair(schedule: PairSchedule, url: str, folder: Path) -> str:
         files = len(list((folder / "blobs" / "results").rglob("*.csv")))
         assert files == len(ids), f"{files} files after the janitor"
         starts = [jobs.get(job_id).attempt for job_id in ids]
-    what = f"struck {proxy.commits[schedule.commit - 1][:60]!r}" if struck else f"not reached, {seen} COMMITs"
+    what = f"struck {proxy.commits[schedule.commit - 1][:60]!r}" if struck else f"not reached, {n_seen} COMMITs"
     return f"{what}; {starts} starts, {len(removed)} prefixes left to the janitor"
 
 

@@ -196,12 +196,12 @@ def main() -> None:
     parser.add_argument("--clients", type=int, default=10)
     parser.add_argument("--round", type=float, default=20.0, help="seconds between two looks")
     parser.add_argument("--light", action="store_true", help="jobs that compute nothing")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     light = running_service(STRIDELAB_API_TOKEN=ADMIN)  # the tests' worker, and the real web server's logins
-    with light if given.light else real_service() as service:
+    with light if arguments.light else real_service() as service:
         os.nice(NICENESS)
-        task = LIGHT if given.light else TASK
-        soak = Soak(service, users(service.port, 2), task, 60 * given.minutes, given.round, given.clients)
+        task = LIGHT if arguments.light else TASK
+        soak = Soak(service, users(service.port, 2), task, 60 * arguments.minutes, arguments.round, arguments.clients)
         began = time.monotonic()
         soak.run()
         minutes = (time.monotonic() - began) / 60

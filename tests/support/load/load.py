@@ -249,7 +249,7 @@ class Load:
 
     async def _single(self, line: Connection, ends_at: float, tally: Tally) -> list[str]:
         """Submit one job at a time and wait until it starts; returns those that did."""
-        made = []
+        job_ids = []
         while time.perf_counter() < ends_at:
             began = time.perf_counter()
             job_id = await self._submit(line, tally)
@@ -257,10 +257,10 @@ class Load:
                 while (await self._job(line, job_id))["state"] == "queued":
                     await asyncio.sleep(0.2)
                 tally.waited_s.append(time.perf_counter() - began)
-                made.append(job_id)
+                job_ids.append(job_id)
             await asyncio.sleep(2.0)
         line.close()
-        return made
+        return job_ids
 
     async def _job(self, line: Connection, job_id: str | None) -> Any:
         return (await line.call("GET", f"/api/v1/jobs/{job_id}")).json()
@@ -339,18 +339,18 @@ def main() -> None:
     parser.add_argument("--clients", type=int, default=200)
     parser.add_argument("--seconds", type=float, default=120.0)
     parser.add_argument("--users", type=int, default=8, help="users that the clients share")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     with real_service() as service:
         os.nice(NICENESS)
-        tokens = users(service.port, given.users)
+        tokens = users(service.port, arguments.users)
         web = service.member("stridelab.service.api")
         time.sleep(10.0)  # what is got ready after the start
         before = _own_s(web)
-        load = Load(service.port, tokens, TASK, given.clients, given.seconds)
+        load = Load(service.port, tokens, TASK, arguments.clients, arguments.seconds)
         tally = asyncio.run(load.run())
         web_s = _own_s(web) - before
         inside_ms = _in_the_server(service.folder, "/jobs/{job_id}")
-    sys.stdout.write(report(tally, given.clients, given.seconds, web_s, inside_ms) + "\n")
+    sys.stdout.write(report(tally, arguments.clients, arguments.seconds, web_s, inside_ms) + "\n")
     if tally.worse:
         raise SystemExit(1)
 

@@ -52,12 +52,12 @@ def batch_s(url: str, folder: Path, cores: list[int], jobs: int, turns: int) -> 
         for core in cores:
             with pinned(core):
                 workers.enter_context(worker(url, folder / f"core-{core}"))
-        made = Jobs(url)
+        job_table = Jobs(url)
         for _ in cores:  # all are there before it begins
-            made.until_final(made.submit("crunch", turns=turns))
+            job_table.until_final(job_table.submit("crunch", turns=turns))
         time.sleep(3.0)
         ids = asyncio.run(_submit(url, jobs, turns))
-        records = [made.until_final(job_id, timeout_s=3600.0) for job_id in ids]
+        records = [job_table.until_final(job_id, timeout_s=3600.0) for job_id in ids]
     assert {record.state for record in records} == {"succeeded"}
     ends = [record.finished_at for record in records if record.finished_at]
     starts = [record.started_at for record in records if record.started_at]
@@ -80,7 +80,7 @@ def compare_speeds(given: argparse.Namespace) -> None:
     psutil.cpu_percent()
     time.sleep(2.0)
     busy, load = psutil.cpu_percent(), os.getloadavg()[0]
-    with databases() as made, made.fresh() as url, public_folder() as folder:
+    with databases() as test_databases, test_databases.fresh() as url, public_folder() as folder:
         for _ in range(given.rounds):
             one.append(batch_s(url, folder, cores[:1], given.jobs, given.turns))
             two.append(batch_s(url, folder, cores, given.jobs, given.turns))
@@ -135,11 +135,11 @@ def main() -> None:
     measurements = parser.add_subparsers(dest="measurement", required=True)
     add_options(measurements.add_parser("speed", prog="scripts/two-workers"))
     measurements.add_parser("orphans", prog="scripts/orphans").add_argument("kills", type=int, nargs="?", default=3)
-    given = parser.parse_args()
-    if given.measurement == "speed":
-        compare_speeds(given)
+    arguments = parser.parse_args()
+    if arguments.measurement == "speed":
+        compare_speeds(arguments)
     else:
-        measure_delays(given.kills)
+        measure_delays(arguments.kills)
 
 
 if __name__ == "__main__":

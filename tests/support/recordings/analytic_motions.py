@@ -269,7 +269,7 @@ def plain_walk(com_m: Points | None = None, velocity_m_s: Points | None = None, 
         com_m = np.column_stack([SPEED_M_S * time_s, np.zeros_like(time_s), np.full_like(time_s, HEIGHT_M)])
     if velocity_m_s is None:
         velocity_m_s = np.gradient(com_m, time_s, axis=0, edge_order=2)
-    given: dict[str, object] = {
+    arguments: dict[str, object] = {
         "covariance": None,
         "varying_sd_m": 0.001,
         "feet": {side: plain_foot(side, time_s) for side in ("left", "right")},
@@ -277,7 +277,7 @@ def plain_walk(com_m: Points | None = None, velocity_m_s: Points | None = None, 
         "mass_kg": MASS_KG,
         "stature_m": 1.8,
     }
-    return WalkMotion(time_s=time_s, com_m=com_m, velocity_m_s=velocity_m_s, **(given | fields))  # type: ignore[arg-type]
+    return WalkMotion(time_s=time_s, com_m=com_m, velocity_m_s=velocity_m_s, **(arguments | fields))  # type: ignore[arg-type]
 
 
 def plain_foot(side: Side, time_s: np.ndarray) -> FootMotion:

@@ -222,14 +222,14 @@ def as_integers(content: bytes, scale: float, *, unsigned: bool = False) -> byte
     n_points, n_analog, first, last = struct.unpack_from("<4H", content, 2)
     start = (struct.unpack_from("<H", content, 16)[0] - 1) * BLOCK
     n_frames = last - first + 1
-    made = bytearray(content[:start])
-    struct.pack_into("<f", made, 12, scale)
+    content_out = bytearray(content[:start])
+    struct.pack_into("<f", content_out, 12, scale)
     for _, _, name, at in _records(content):
         if name == "SCALE" and content[at + 1] == 0:
-            struct.pack_into("<f", made, at + 2, scale)
+            struct.pack_into("<f", content_out, at + 2, scale)
         if name == "OFFSET" and unsigned:
             n = content[at + 2]
-            struct.pack_into(f"<{n}H", made, at + 3, *([32768] * n))
+            struct.pack_into(f"<{n}H", content_out, at + 3, *([32768] * n))
     values = (
         np.frombuffer(content, "<f4", n_frames * (4 * n_points + n_analog), start).reshape(n_frames, -1).astype(float)
     )
@@ -238,29 +238,29 @@ def as_integers(content: bytes, scale: float, *, unsigned: bool = False) -> byte
     points[:, :, :3] = np.round(points[:, :, :3] / scale)
     counts = np.round(values[:, 4 * n_points :]) + (32768 if unsigned else 0)
     whole = np.concatenate([points.reshape(n_frames, -1), counts], axis=1).astype(np.int64).astype("<u2").tobytes()
-    return bytes(made) + whole + bytes(-len(whole) % BLOCK)
+    return bytes(content_out) + whole + bytes(-len(whole) % BLOCK)
 
 
 def as_written_by(machine: str, content: bytes) -> bytes:
     """An Intel file, of floats or of integers, in the numbers of another machine."""
-    made = bytearray(content)
-    made[515] = MACHINES[machine]
+    content_out = bytearray(content)
+    content_out[515] = MACHINES[machine]
     (scale,) = struct.unpack_from("<f", content, 12)
     (data_block,) = struct.unpack_from("<H", content, 16)
     start = (data_block - 1) * BLOCK
     for at in (*range(2, 12, 2), 16, 18, *range(294, 302, 2)):
-        _turn(made, at, 2, 1, machine)
+        _turn(content_out, at, 2, 1, machine)
     for at in (12, 20):
-        _turn(made, at, 4, 1, machine)
-    _turn(made, _EVENT_TIMES, 4, 18, machine)
+        _turn(content_out, at, 4, 1, machine)
+    _turn(content_out, _EVENT_TIMES, 4, 18, machine)
     for link, number, _, at in _records(content):
-        _turn(made, link, 2, 1, machine)
+        _turn(content_out, link, 2, 1, machine)
         if number > 0 and content[at] in (2, 4):
             n = math.prod(content[at + 2 : at + 2 + content[at + 1]])
-            _turn(made, at + 2 + content[at + 1], content[at], n, machine)
+            _turn(content_out, at + 2 + content[at + 1], content[at], n, machine)
     width = 4 if scale < 0.0 else 2
-    _turn(made, start, width, (len(content) - start) // width, machine)
-    return bytes(made)
+    _turn(content_out, start, width, (len(content) - start) // width, machine)
+    return bytes(content_out)
 
 
 def parameter_at(content: bytes, group: str, name: str) -> int:
@@ -281,18 +281,18 @@ def with_parameter(content: bytes, group: str, name: str, values: bytes, descrip
     grown = len(new) - (end - at)
     start = (struct.unpack_from("<H", content, 16)[0] - 1) * BLOCK
     assert not content[start - grown : start].strip(b"\0")
-    made = bytearray(content[:at] + new + content[end : start - grown] + content[start:])
-    struct.pack_into("<H", made, at - 2, 2 + len(new))
-    return bytes(made)
+    content_out = bytearray(content[:at] + new + content[end : start - grown] + content[start:])
+    struct.pack_into("<H", content_out, at - 2, 2 + len(new))
+    return bytes(content_out)
 
 
-def _turn(made: bytearray, at: int, width: int, count: int, machine: str) -> None:
-    raw = bytes(made[at : at + width * count])
+def _turn(content_out: bytearray, at: int, width: int, count: int, machine: str) -> None:
+    raw = bytes(content_out[at : at + width * count])
     if machine == "sgi":
-        made[at : at + width * count] = np.frombuffer(raw, f"<u{width}").astype(f">u{width}").tobytes()
+        content_out[at : at + width * count] = np.frombuffer(raw, f"<u{width}").astype(f">u{width}").tobytes()
     elif machine == "dec" and width == 4:
         halves = (np.frombuffer(raw, "<f4") * np.float32(4.0)).astype("<f4").view("<u2").reshape(-1, 2)[:, ::-1]
-        made[at : at + width * count] = np.ascontiguousarray(halves).tobytes()
+        content_out[at : at + width * count] = np.ascontiguousarray(halves).tobytes()
 
 
 def _records(content: bytes) -> list[tuple[int, int, str, int]]:
@@ -311,22 +311,22 @@ def _records(content: bytes) -> list[tuple[int, int, str, int]]:
 
 def as_dec(content: bytes) -> bytes:
     """The same file, from one of Intel's with floats for its frames."""
-    made = bytearray(content)
-    made[515] = 85
-    _exchange(made, 12, 1)
-    _exchange(made, 20, 1)
+    content_out = bytearray(content)
+    content_out[515] = 85
+    _exchange(content_out, 12, 1)
+    _exchange(content_out, 20, 1)
     for at, count in _floats(content):
-        _exchange(made, at, count)
+        _exchange(content_out, at, count)
     (first,) = struct.unpack_from("<H", content, 16)
     start = (first - 1) * BLOCK
-    _exchange(made, start, (len(content) - start) // 4)
-    return bytes(made)
+    _exchange(content_out, start, (len(content) - start) // 4)
+    return bytes(content_out)
 
 
-def _exchange(made: bytearray, at: int, count: int) -> None:
-    values = np.frombuffer(bytes(made[at : at + 4 * count]), "<f4") * np.float32(4.0)
+def _exchange(content_out: bytearray, at: int, count: int) -> None:
+    values = np.frombuffer(bytes(content_out[at : at + 4 * count]), "<f4") * np.float32(4.0)
     halves = values.astype("<f4").view("<u2").reshape(-1, 2)[:, ::-1]
-    made[at : at + 4 * count] = np.ascontiguousarray(halves).tobytes()
+    content_out[at : at + 4 * count] = np.ascontiguousarray(halves).tobytes()
 
 
 def _floats(content: bytes) -> list[tuple[int, int]]:

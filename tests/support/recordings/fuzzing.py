@@ -223,8 +223,8 @@ def outcome(reader: Reader, raw: bytes, folder: Path, *, timeout_s: float = TIME
         _child(reader, raw, folder, report)
     deadline = time.monotonic() + timeout_s
     while time.monotonic() < deadline:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
+        ended_pid, status = os.waitpid(child, os.WNOHANG)
+        if ended_pid:
             report_text = report.read_text(encoding="utf-8")
             return report_text if os.WIFEXITED(status) and report_text else f"died of status {status}: {report_text}"
         time.sleep(0.001)

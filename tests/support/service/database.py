@@ -86,9 +86,9 @@ class TestDatabases:
 @contextmanager
 def _server() -> Iterator[str]:
     """URL of the server under test: STRIDELAB_TEST_DATABASE_URL (a superuser's), or an embedded one."""
-    given = os.environ.get("STRIDELAB_TEST_DATABASE_URL")
-    if given:
-        yield given
+    stated_url = os.environ.get("STRIDELAB_TEST_DATABASE_URL")
+    if stated_url:
+        yield stated_url
         return
     with public_folder() as folder:
         server = EmbeddedPostgres(folder)
@@ -109,11 +109,11 @@ def databases() -> Iterator[TestDatabases]:
     with _server() as url:
         template = f"stridelab_template_{os.getpid()}_{next(_numbers)}"
         with psycopg.connect(url, autocommit=True) as admin:
-            made = TestDatabases(admin, url, template)
+            test_databases = TestDatabases(admin, url, template)
             admin.execute(f'CREATE DATABASE "{template}"')
             try:
-                migrate(made._url(template))
-                yield made
+                migrate(test_databases._url(template))
+                yield test_databases
             finally:
                 admin.execute(f'DROP DATABASE "{template}" WITH (FORCE)')
 

@@ -139,12 +139,12 @@ class _Handler(BaseHTTPRequestHandler):
         keys = {str(path.relative_to(self._bucket)): path for path in files}
         after, limit = self._query.get("continuation-token", [""])[0], int(self._query.get("max-keys", ["1000"])[0])
         there = [key for key in sorted(keys) if key.startswith(prefix) and key > after]
-        shown = there[:limit]
-        more = f"<NextContinuationToken>{escape(shown[-1])}</NextContinuationToken>" if len(there) > limit else ""
-        items = "".join(self._item(key, keys[key]) for key in shown)
+        listed = there[:limit]
+        more = f"<NextContinuationToken>{escape(listed[-1])}</NextContinuationToken>" if len(there) > limit else ""
+        items = "".join(self._item(key, keys[key]) for key in listed)
         self._xml(
             "ListBucketResult",
-            f"<Name>{BUCKET}</Name><KeyCount>{len(shown)}</KeyCount>{more}"
+            f"<Name>{BUCKET}</Name><KeyCount>{len(listed)}</KeyCount>{more}"
             f"<IsTruncated>{'true' if more else 'false'}</IsTruncated>{items}",
         )
 
@@ -221,8 +221,8 @@ def collector() -> Iterator[Collector]:
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
             assert self.path == "/v1/traces"
-            sent = ExportTraceServiceRequest.FromString(self.rfile.read(int(self.headers["Content-Length"])))
-            for group in sent.resource_spans:
+            export = ExportTraceServiceRequest.FromString(self.rfile.read(int(self.headers["Content-Length"])))
+            for group in export.resource_spans:
                 (service,) = (one.value.string_value for one in group.resource.attributes if one.key == "service.name")
                 heard.spans += [(service, span) for scope in group.scope_spans for span in scope.spans]
             self.send_response(200)

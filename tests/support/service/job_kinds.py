@@ -42,8 +42,8 @@ def kind(name: str, function: str, **limits: Any) -> JobKind:
 
 
 KINDS: Mapping[str, JobKind] = {
-    made.name: made
-    for made in (
+    job_kind.name: job_kind
+    for job_kind in (
         kind("work", "write_outcome", lane="short"),
         kind("long-work", "write_outcome", lane="long"),
         kind("refuse", "refuse"),

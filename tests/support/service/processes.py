@@ -103,14 +103,14 @@ class Jobs:
                     record = await store.get(job_id)
                     if condition(record):
                         return record
-                    seen = f"{record.state}, attempt {record.attempt}"
+                    state = f"{record.state}, attempt {record.attempt}"
                 except OSError as error:
-                    seen = repr(error)
+                    state = repr(error)
                 except Exception as error:
                     if "connection" not in str(error):
                         raise
-                    seen = "the database is away"
-                assert time.monotonic() < deadline, f"not within {timeout_s} s: {seen}"
+                    state = "the database is away"
+                assert time.monotonic() < deadline, f"not within {timeout_s} s: {state}"
                 await asyncio.sleep(0.1)
 
         record = self.ask(look)
@@ -205,12 +205,12 @@ class Service:
 def running_service(*command: str, **settings: str) -> Iterator[Service]:
     """A service on a folder of its own until the end of the block; ``command`` as ``Service`` has it."""
     with public_folder() as folder:
-        made = Service(folder / "data", command=command) if command else Service(folder / "data")
-        made.start(**settings)
+        service = Service(folder / "data", command=command) if command else Service(folder / "data")
+        service.start(**settings)
         try:
-            yield made
+            yield service
         finally:
-            made.stop()
+            service.stop()
 
 
 @contextmanager

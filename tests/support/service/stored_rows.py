@@ -71,13 +71,13 @@ def fill(url: str, blobs: Path) -> None:
 
 def store(blobs: Path) -> None:
     """All files, into the folder ``blobs``."""
-    made = BlobStore.from_url(blobs.as_uri())
+    blobs_store = BlobStore.from_url(blobs.as_uri())
     draft = blobs.parent / "draft"
 
     async def put() -> None:
         for key, content in FILES.items():
             draft.write_bytes(content)
-            await made.put_file(key, draft)
+            await blobs_store.put_file(key, draft)
 
     asyncio.run(put())
     draft.unlink()

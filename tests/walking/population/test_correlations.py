@@ -98,23 +98,23 @@ def test_a_correlation_through_a_third_variable_disappears_when_it_is_held_fixed
     rng = np.random.default_rng(0)
     z = rng.normal(size=4000)
     x, y = z + rng.normal(size=4000), z + rng.normal(size=4000)
-    plain, held = pearson(x, y), partial_correlation(x, y, z[:, None])
+    plain, partial = pearson(x, y), partial_correlation(x, y, z[:, None])
     assert plain is not None
-    assert held is not None
+    assert partial is not None
     assert plain.r == pytest.approx(0.5, abs=0.05)
-    assert held.ci95 is not None
-    assert held.ci95[0] < 0.0 < held.ci95[1]
+    assert partial.ci95 is not None
+    assert partial.ci95[0] < 0.0 < partial.ci95[1]
 
 
 @pytest.mark.parametrize(("rho", "k"), [(0.0, 0), (0.67, 0), (0.87, 0), (0.6, 2)])
 def test_fisher_intervals_cover_the_truth_at_n_11(rho: float, k: int) -> None:
     rng, inside, trials = np.random.default_rng(11), 0, 2000
     for _ in range(trials):
-        held = rng.normal(size=(11, k))
+        controls = rng.normal(size=(11, k))
         x, e = rng.normal(size=(2, 11))
         y = rho * x + np.sqrt(1 - rho**2) * e
-        shift = held.sum(axis=1) if k else 0.0
-        correlation = partial_correlation(x + shift, y - shift, held) if k else pearson(x, y)
+        shift = controls.sum(axis=1) if k else 0.0
+        correlation = partial_correlation(x + shift, y - shift, controls) if k else pearson(x, y)
         assert correlation is not None
         assert correlation.ci95 is not None
         inside += correlation.ci95[0] <= rho <= correlation.ci95[1]

@@ -1,4 +1,4 @@
-"""Populations of made-up people with known laws: who is counted, with whom, and what is said about it."""
+"""Studies of simulated people with known laws: groups, correlations and remarks."""
 
 import numpy as np
 import pytest

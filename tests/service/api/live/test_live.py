@@ -82,15 +82,15 @@ Fakes = list[FakeSimulation]
 @pytest.fixture
 def fakes(monkeypatch: pytest.MonkeyPatch) -> Fakes:
     """The simulations that were opened; ``fails`` of the class decides what the next one does."""
-    made: Fakes = []
+    started: Fakes = []
 
     @asynccontextmanager
     async def open_child(_rooms: LiveRooms, robot: str) -> AsyncIterator[FakeSimulation]:
-        made.append(FakeSimulation(fails=robot == "hrp2", slow_s=2.5 * TICK_S if robot == "g1" else 0.0))
-        yield made[-1]
+        started.append(FakeSimulation(fails=robot == "hrp2", slow_s=2.5 * TICK_S if robot == "g1" else 0.0))
+        yield started[-1]
 
     monkeypatch.setattr(LiveRooms, "_open_child", open_child)
-    return made
+    return started
 
 
 @pytest.fixture(scope="module")
@@ -111,10 +111,10 @@ def watching(service: Served, session: Mapping[str, Any], **headers: str) -> Ite
 
 def start(service: Served, robot: str = "talos", **headers: str) -> dict[str, Any]:
     with service.http() as http:
-        made = http.post("/api/v1/live", json={"robot": robot}, headers=headers)
-    assert made.status_code == 201, made.text
-    session: dict[str, Any] = made.json()
-    assert made.headers["Location"] == f"/api/v1/live/{session['session_id']}"
+        opened = http.post("/api/v1/live", json={"robot": robot}, headers=headers)
+    assert opened.status_code == 201, opened.text
+    session: dict[str, Any] = opened.json()
+    assert opened.headers["Location"] == f"/api/v1/live/{session['session_id']}"
     return session
 
 
@@ -255,8 +255,8 @@ def test_requests_for_missing_objects_are_refused(service: Served) -> None:
 def test_limits_of_the_service_of_a_user_and_of_viewers(guarded: Served, fakes: Fakes) -> None:
     def user(name: str, scope: str = "submit") -> dict[str, str]:
         with guarded.http(headers={"Authorization": f"Bearer {TOKEN}"}) as http:
-            made = http.post("/api/v1/tokens", json={"name": name, "scope": scope}).json()
-        return {"Authorization": f"Bearer {made['secret']}"}
+            token = http.post("/api/v1/tokens", json={"name": name, "scope": scope}).json()
+        return {"Authorization": f"Bearer {token['secret']}"}
 
     ann, bob, reader = user("ann"), user("bob"), user("cat", "read")
     session = start(guarded, **ann)

@@ -137,13 +137,15 @@ def test_the_client_uploads_many_files(service: Served, trial: Path, tmp_path: P
     for n in (20, 21):
         paths.append((f"walk {n}.c3d", tmp_path / f"{n}.c3d"))
         paths[-1][1].write_bytes(another(trial.read_bytes(), n))
-    sent: list[int] = []
+    sent_bytes: list[int] = []
     with Client(service.base_url) as client:
-        body = client.upload_batch(paths, "file,subject\nwalk 20.c3d,P20\n", progress=lambda done, _: sent.append(done))
+        body = client.upload_batch(
+            paths, "file,subject\nwalk 20.c3d,P20\n", progress=lambda done, _: sent_bytes.append(done)
+        )
         assert [one.filename for one in body.recordings] == ["walk 20.c3d", "walk 21.c3d"]
         assert body.subjects[0].subject == "P20"
         assert client.upload_batch(paths[:1]).recordings[0].sha256 == body.recordings[0].sha256
-    assert sent[-1] == sum(path.stat().st_size for _, path in paths)
+    assert sent_bytes[-1] == sum(path.stat().st_size for _, path in paths)
 
 
 def bomb() -> bytes:

@@ -32,17 +32,17 @@ def working(service: Served) -> Iterator[None]:
     """A worker for the real kinds on the service's database."""
     settings = service.parts.settings.model_copy(update={"heartbeat_s": 0.4, "stall_s": 60.0})
     workers: list[Worker] = []
-    made = threading.Event()
+    started = threading.Event()
 
     async def work() -> None:
         workers.append(Worker(str(settings.database_url), service.parts.blobs, KINDS, settings))
-        made.set()
+        started.set()
         await workers[0].run()
 
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_until_complete, args=(work(),), daemon=True)
     thread.start()
-    assert made.wait(30)
+    assert started.wait(30)
     try:
         yield
     finally:

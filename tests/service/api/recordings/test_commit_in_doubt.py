@@ -45,8 +45,8 @@ def behind(url: str, data: Path, plan: Plan) -> Iterator[tuple[Served, CommitPro
 
 @pytest.fixture
 def url(postgres: TestDatabases) -> Iterator[str]:
-    with postgres.fresh() as made:
-        yield made
+    with postgres.fresh() as fresh_url:
+        yield fresh_url
 
 
 def sweep(lab: Served, url: str, monkeypatch: pytest.MonkeyPatch) -> None:

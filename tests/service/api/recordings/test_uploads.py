@@ -89,8 +89,8 @@ def test_the_same_file_again_returns_the_newest_recording_if_reuse_is_requested(
     assert (service.stored_files(), http.get(RECORDINGS).json()) == (before, listed)
     other = reused(http, content + b"!").json()["id"]
     assert other not in {first.json()["id"], newest["id"]}, "other bytes are another recording"
-    for made in (first.json(), newest):
-        http.delete(f"{RECORDINGS}/{made['id']}")
+    for recording in (first.json(), newest):
+        http.delete(f"{RECORDINGS}/{recording['id']}")
     anew = reused(http, content)
     assert anew.status_code == 201
     assert "stridelab-reused" not in anew.headers, "the earlier ones are deleted"
@@ -99,10 +99,10 @@ def test_the_same_file_again_returns_the_newest_recording_if_reuse_is_requested(
 @pytest.mark.usefixtures("parsed_at_once")
 def test_the_same_file_again_repairs_the_damaged_one(http: httpx.Client, service: Served) -> None:
     content = b"soon damaged" * 1000
-    made = reused(http, content).json()
-    (service.data / "blobs" / f"uploads/{made['sha256']}").write_bytes(b"damaged")
-    assert reused(http, content).json()["id"] == made["id"]
-    assert http.get(f"{RECORDINGS}/{made['id']}/file").content == content
+    recording = reused(http, content).json()
+    (service.data / "blobs" / f"uploads/{recording['sha256']}").write_bytes(b"damaged")
+    assert reused(http, content).json()["id"] == recording["id"]
+    assert http.get(f"{RECORDINGS}/{recording['id']}/file").content == content
 
 
 def test_somebody_elses_upload_of_the_same_bytes_is_not_reused(http: httpx.Client, service: Served) -> None:
@@ -118,19 +118,19 @@ def test_somebody_elses_upload_of_the_same_bytes_is_not_reused(http: httpx.Clien
 def test_the_last_recording_takes_its_file_along(http: httpx.Client, service: Served, trial: Path) -> None:
     before = service.stored_files()
     content = trial.read_bytes() + b"\0" * 512
-    made = upload(http, content).json()
-    assert f"uploads/{made['sha256']}" in service.stored_files()
-    assert http.delete(f"{RECORDINGS}/{made['id']}").status_code == 204
+    recording = upload(http, content).json()
+    assert f"uploads/{recording['sha256']}" in service.stored_files()
+    assert http.delete(f"{RECORDINGS}/{recording['id']}").status_code == 204
     assert service.stored_files() == before
     for path in ("", "/file", "/tracks.parquet"):
-        assert refusal(http.get(f"{RECORDINGS}/{made['id']}{path}")) == (404, "recording-not-found")
-    assert refusal(http.delete(f"{RECORDINGS}/{made['id']}")) == (404, "recording-not-found")
+        assert refusal(http.get(f"{RECORDINGS}/{recording['id']}{path}")) == (404, "recording-not-found")
+    assert refusal(http.delete(f"{RECORDINGS}/{recording['id']}")) == (404, "recording-not-found")
 
 
 def damaged() -> dict[str, bytes]:
     archive = io.BytesIO()
-    with zipfile.ZipFile(archive, "w") as made:
-        made.writestr("readme.txt", "no trial")
+    with zipfile.ZipFile(archive, "w") as zip_file:
+        zip_file.writestr("readme.txt", "no trial")
     return {
         "text": b"time,x,y\n0,1,2\n",
         "zip without a trial": archive.getvalue(),
@@ -215,7 +215,7 @@ def test_a_field_that_is_too_long(http: httpx.Client) -> None:
 
 
 @pytest.mark.parametrize(
-    ("claimed", "shown"),
+    ("claimed", "listed_name"),
     [
         ("../../etc/passwd", "passwd"),
         ("C:\\Users\\someone\\walk.c3d", "walk.c3d"),
@@ -231,16 +231,16 @@ def test_a_field_that_is_too_long(http: httpx.Client) -> None:
         ("x" * 300 + ".c3d", "x" * 116 + ".c3d"),
     ],
 )
-def test_hostile_file_names_become_harmless(claimed: str, shown: str) -> None:
-    assert safe_filename(claimed) == shown
+def test_hostile_file_names_become_harmless(claimed: str, listed_name: str) -> None:
+    assert safe_filename(claimed) == listed_name
 
 
 @pytest.mark.usefixtures("parsed_at_once")
 def test_a_hostile_name_does_no_harm_on_its_way_back(http: httpx.Client, trial: Path) -> None:
-    made = upload(http, trial.read_bytes(), "../../Gang Ü;\\x.c3d").json()
-    assert made["filename"] == "x.c3d"
-    made = upload(http, trial.read_bytes(), "Gang Ü; a=b.c3d").json()
-    header = http.get(f"{RECORDINGS}/{made['id']}/file").headers["content-disposition"]
+    recording = upload(http, trial.read_bytes(), "../../Gang Ü;\\x.c3d").json()
+    assert recording["filename"] == "x.c3d"
+    recording = upload(http, trial.read_bytes(), "Gang Ü; a=b.c3d").json()
+    header = http.get(f"{RECORDINGS}/{recording['id']}/file").headers["content-disposition"]
     assert header == "attachment; filename=\"Gang _; a=b.c3d\"; filename*=UTF-8''Gang%20%C3%9C%3B%20a%3Db.c3d"
 
 
@@ -254,16 +254,16 @@ def raw_upload(service: Served, length: int | None, body_bytes: int, *headers: b
     multipart = b"Content-Type: multipart/form-data; boundary=b"
     head = [b"POST /api/v1/recordings HTTP/1.1", b"Host: 127.0.0.1", multipart, announced, *headers]
     place = httpx.URL(service.base_url)
-    answer, sent = b"", 0
+    answer, n_sent = b"", 0
     with socket.create_connection((place.host, place.port)) as wire:
         wire.sendall(b"\r\n".join(head) + b"\r\n\r\n")
-        while not answer and sent < body_bytes:
+        while not answer and n_sent < body_bytes:
             wire.settimeout(30)
             wire.sendall(b"%x\r\n%s\r\n" % (len(piece), piece) if length is None else piece)
-            sent += len(piece)
+            n_sent += len(piece)
             piece = b"\0" * 200_000
             answer = hear(wire, 0.02)
-        return answer or hear(wire, 30.0), sent
+        return answer or hear(wire, 30.0), n_sent
 
 
 def hear(wire: socket.socket, patience_s: float) -> bytes:
@@ -281,19 +281,19 @@ def narrow(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory):  
 
 
 def test_an_upload_over_the_limit_is_refused_from_its_announcement(service: Served) -> None:
-    answer, sent = raw_upload(service, 128_000_000 + 200_000, 128_200_000)
+    answer, n_sent = raw_upload(service, 128_000_000 + 200_000, 128_200_000)
     assert answer.startswith(b"HTTP/1.1 413 ")
-    assert sent < 5_000_000
+    assert n_sent < 5_000_000
     # A client that asks first need not send a byte of it.
-    answer, sent = raw_upload(service, 128_200_000, 0, b"Expect: 100-continue")
+    answer, n_sent = raw_upload(service, 128_200_000, 0, b"Expect: 100-continue")
     assert answer.startswith(b"HTTP/1.1 413 ")
-    assert sent == 0
+    assert n_sent == 0
 
 
 def test_an_upload_over_the_limit_is_refused_at_the_byte_that_exceeds_it(narrow: Served) -> None:
-    answer, sent = raw_upload(narrow, None, 60_000_000)
+    answer, n_sent = raw_upload(narrow, None, 60_000_000)
     assert answer.startswith(b"HTTP/1.1 413 ")
-    assert sent < 20_000_000
+    assert n_sent < 20_000_000
     assert narrow.stored_files() == set()
 
 

@@ -48,8 +48,8 @@ def no_robots(http: httpx.Client) -> Iterator[None]:
 def small(http: httpx.Client) -> dict[str, Any]:
     answer = send(http, archive({"small.urdf": Humanoid().urdf()}))
     assert answer.status_code == 201, answer.text
-    made: dict[str, Any] = answer.json()
-    return made
+    robot: dict[str, Any] = answer.json()
+    return robot
 
 
 def test_an_upload_answers_with_a_proposed_card(http: httpx.Client, small: dict[str, Any], service: Served) -> None:
@@ -135,10 +135,10 @@ def test_the_card_is_refused_field_by_field(http: httpx.Client, small: dict[str,
 
 
 def test_a_corrected_number_is_no_longer_assumed(http: httpx.Client) -> None:
-    made = send(http, archive({"small.urdf": Humanoid(effort=None).urdf()})).json()
-    assert {"limits.torque_nm.left_knee", "limits.torque_nm.right_knee"} <= set(made["assumed"])
-    made["card"]["limits"]["torque_nm"]["left_knee"] = 123.0
-    answer = put_card(http, made["card"])
+    robot = send(http, archive({"small.urdf": Humanoid(effort=None).urdf()})).json()
+    assert {"limits.torque_nm.left_knee", "limits.torque_nm.right_knee"} <= set(robot["assumed"])
+    robot["card"]["limits"]["torque_nm"]["left_knee"] = 123.0
+    answer = put_card(http, robot["card"])
     assert answer.status_code == 200, answer.text
     assert "limits.torque_nm.left_knee" not in answer.json()["assumed"]
     assert "limits.torque_nm.right_knee" in answer.json()["assumed"]

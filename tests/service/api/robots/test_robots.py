@@ -312,12 +312,12 @@ def test_a_restarted_service_computes_nothing_again(http: httpx.Client, stubbed:
 
 @pytest.mark.parametrize("file", ["facts.json", "links.glb", "uniform-reachability.json.gz"])
 def test_only_lost_files_are_computed_again(http: httpx.Client, stubbed: Served, diary: Path, file: str) -> None:
-    made = dict(zip(("facts.json", "links.glb", "uniform-reachability.json.gz"), ALL_OF_TALOS, strict=True))
+    child_of_file = dict(zip(("facts.json", "links.glb", "uniform-reachability.json.gz"), ALL_OF_TALOS, strict=True))
     stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
     stubbed.run(stubbed.parts.blobs.delete(f"robots/talos/{source_sha256('talos')}/{file}"))
     shelve(stubbed)
     stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
-    assert diary.read_text().splitlines() == [*ALL_OF_TALOS, made[file]]
+    assert diary.read_text().splitlines() == [*ALL_OF_TALOS, child_of_file[file]]
 
 
 @pytest.mark.parametrize("file", ["facts.json", "uniform-reachability.json.gz"])
@@ -336,16 +336,16 @@ def test_a_damaged_file_is_not_served(
 
 def test_the_progress_of_a_preparation_is_reported(http: httpx.Client, stubbed: Served, diary: Path) -> None:
     path = f"{ROBOTS}/talos/preparation"
-    seen: list[dict[str, Any]] = []
-    while not seen or seen[-1]["state"] == "preparing":
+    states: list[dict[str, Any]] = []
+    while not states or states[-1]["state"] == "preparing":
         began = time.monotonic()
-        seen.append(http.get(path).json())
+        states.append(http.get(path).json())
         assert time.monotonic() - began < 5.0, "the answer does not wait for the files"
-    fractions = [each["fraction"] for each in seen]
+    fractions = [each["fraction"] for each in states]
     assert fractions == sorted(fractions)
-    assert seen[0]["state"] == "preparing"
-    assert seen[-1] == {"state": "ready", "fraction": 1.0, "message": "ready"}
-    assert "half way" in [each["message"] for each in seen]
+    assert states[0]["state"] == "preparing"
+    assert states[-1] == {"state": "ready", "fraction": 1.0, "message": "ready"}
+    assert "half way" in [each["message"] for each in states]
     assert diary.read_text().splitlines() == ALL_OF_TALOS, "however often it is asked"
 
 

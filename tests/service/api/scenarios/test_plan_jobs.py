@@ -45,9 +45,9 @@ def test_a_plan_belongs_to_its_scenario(http: httpx.Client, service: Served, sce
 
 
 def test_a_plan_of_a_scenario_in_the_request_belongs_to_no_stored_scenario(http: httpx.Client) -> None:
-    made = http.post(PLAN, json={"scenario": one_step()})
-    assert made.status_code == 202, made.text
-    assert made.json()["scenario_id"] is None
+    submitted = http.post(PLAN, json={"scenario": one_step()})
+    assert submitted.status_code == 202, submitted.text
+    assert submitted.json()["scenario_id"] is None
 
 
 @pytest.mark.parametrize("identifier", ["f" * 32, "nope", "a b", "\n", "", "x" * 65, "'; DROP TABLE scenario; --"])

@@ -30,37 +30,37 @@ def stored(http: httpx.Client) -> list[str]:
 def test_a_scenario_from_storing_to_deletion(http: httpx.Client) -> None:
     answer = http.post(SCENARIOS, json=one_step(description="two\nlines"))
     assert answer.status_code == 201, answer.text
-    made = answer.json()
-    path = f"{SCENARIOS}/{made['id']}"
+    stored = answer.json()
+    path = f"{SCENARIOS}/{stored['id']}"
     assert answer.headers["location"] == path
-    assert (made["name"], made["description"], made["bundled"], made["owner"]) == (
+    assert (stored["name"], stored["description"], stored["bundled"], stored["owner"]) == (
         "One step",
         "two\nlines",
         False,
         None,
     )
-    assert made["phases"][2]["contacts"][0]["position_m"] == [0.2, 0.09, 0.0]
-    assert made["phases"][0]["contacts"][0]["orientation_wxyz"] == [1.0, 0.0, 0.0, 0.0]
-    assert http.get(path).json() == made
+    assert stored["phases"][2]["contacts"][0]["position_m"] == [0.2, 0.09, 0.0]
+    assert stored["phases"][0]["contacts"][0]["orientation_wxyz"] == [1.0, 0.0, 0.0, 0.0]
+    assert http.get(path).json() == stored
 
     other = http.put(path, json=one_step(name="Slower")).json()
-    assert (other["id"], other["name"], other["description"]) == (made["id"], "Slower", "")
-    assert other["created_at"] == made["created_at"]
-    assert other["updated_at"] > made["updated_at"] == made["created_at"]
+    assert (other["id"], other["name"], other["description"]) == (stored["id"], "Slower", "")
+    assert other["created_at"] == stored["created_at"]
+    assert other["updated_at"] > stored["updated_at"] == stored["created_at"]
     assert http.get(path).json() == other
 
-    gone = http.delete(path)
-    assert (gone.status_code, gone.content) == (204, b"")
+    deletion = http.delete(path)
+    assert (deletion.status_code, deletion.content) == (204, b"")
     for method in ("GET", "DELETE"):
         assert refusal(http.request(method, path)) == (404, "scenario-not-found")
     assert refusal(http.put(path, json=one_step())) == (404, "scenario-not-found")
 
 
 def test_scenarios_of_other_users_are_not_overwritten(http: httpx.Client) -> None:
-    made = http.post(SCENARIOS, json=one_step()).json()
-    path = f"{SCENARIOS}/{made['id']}"
+    stored = http.post(SCENARIOS, json=one_step()).json()
+    path = f"{SCENARIOS}/{stored['id']}"
     first = http.get(path).headers["etag"]
-    assert first == f'"{made["updated_at"]}"'
+    assert first == f'"{stored["updated_at"]}"'
     theirs = http.put(path, json=one_step(name="Theirs"), headers={"If-Match": first})
     assert theirs.status_code == 200
     ours = http.put(path, json=one_step(name="Ours"), headers={"If-Match": first})
@@ -78,14 +78,14 @@ def test_pages_of_the_list_hold_bundled_ones_too(postgres: TestDatabases, tmp_pa
     with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
         service.run(scenarios.seed_scenarios(service.parts.engine))
         shipped = sorted(scenarios.bundled_scenarios(), reverse=True)
-        made = [http.post(SCENARIOS, json=one_step()).json()["id"] for _ in range(3)]
-        seen, cursor, pages = [], None, 0
+        ids = [http.post(SCENARIOS, json=one_step()).json()["id"] for _ in range(3)]
+        listed, cursor, pages = [], None, 0
         while pages == 0 or cursor:
             page = http.get(SCENARIOS, params={"limit": 2, **({"cursor": cursor} if cursor else {})}).json()
             assert 0 < len(page["items"]) <= 2
-            seen += [(item["id"], item["bundled"]) for item in page["items"]]
+            listed += [(item["id"], item["bundled"]) for item in page["items"]]
             cursor, pages = page["next"], pages + 1
-        assert seen == [(each, False) for each in made[::-1]] + [(each, True) for each in shipped]
+        assert listed == [(each, False) for each in ids[::-1]] + [(each, True) for each in shipped]
         for limit in ("0", "201", "x"):
             assert refusal(http.get(SCENARIOS, params={"limit": limit})) == (422, "invalid-request")
         assert refusal(http.get(SCENARIOS, params={"cursor": "x"})) == (422, "invalid-cursor")
@@ -96,16 +96,16 @@ def test_a_page_of_very_long_scenarios_ends_early(
 ) -> None:
     monkeypatch.setattr(repository, "PAGE_PARTS", 20)  # one step has 9: a terrain, 3 phases, 5 contacts
     with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
-        made = [service.run(add_scenario(service.parts)) for _ in range(5)]
+        ids = [service.run(add_scenario(service.parts)) for _ in range(5)]
         first = http.get(SCENARIOS).json()
-        assert [item["id"] for item in first["items"]] == made[:2:-1]
+        assert [item["id"] for item in first["items"]] == ids[:2:-1]
         rest = http.get(SCENARIOS, params={"cursor": first["next"], "limit": 1}).json()
-        assert [item["id"] for item in rest["items"]] == made[2:1:-1]
+        assert [item["id"] for item in rest["items"]] == ids[2:1:-1]
         monkeypatch.setattr(repository, "PAGE_PARTS", 0)  # a page holds one at least
         alone = http.get(SCENARIOS, params={"cursor": rest["next"]}).json()
-        assert [item["id"] for item in alone["items"]] == [made[1]]
+        assert [item["id"] for item in alone["items"]] == [ids[1]]
         last = http.get(SCENARIOS, params={"cursor": alone["next"]}).json()
-        assert ([item["id"] for item in last["items"]], last["next"]) == ([made[0]], None)
+        assert ([item["id"] for item in last["items"]], last["next"]) == ([ids[0]], None)
 
 
 @pytest.mark.parametrize("stem", sorted(scenarios.bundled_scenarios()))
@@ -174,10 +174,10 @@ def test_an_infeasible_scenario_is_refused_and_not_stored(http: httpx.Client, na
     assert refusal(refused) == (422, "scenario-invalid")
     assert refused.json()["errors"] == check.json()["errors"]
     assert where in refused.json()["detail"] or len(check.json()["errors"]) > 1
-    made = http.post(SCENARIOS, json=one_step()).json()
-    assert refusal(http.put(f"{SCENARIOS}/{made['id']}", json=body)) == (422, "scenario-invalid")
-    assert http.get(f"{SCENARIOS}/{made['id']}").json() == made
-    http.delete(f"{SCENARIOS}/{made['id']}")
+    valid = http.post(SCENARIOS, json=one_step()).json()
+    assert refusal(http.put(f"{SCENARIOS}/{valid['id']}", json=body)) == (422, "scenario-invalid")
+    assert http.get(f"{SCENARIOS}/{valid['id']}").json() == valid
+    http.delete(f"{SCENARIOS}/{valid['id']}")
     assert stored(http) == before
 
 
@@ -308,9 +308,9 @@ def test_of_many_faults_only_the_first_are_listed(http: httpx.Client) -> None:
     "name", ["'; DROP TABLE scenario; --", '" OR ""="', "%00", "<img src=x onerror=alert(1)>", "{{7*7}}", "日本 🦿"]
 )
 def test_odd_names_are_only_text(http: httpx.Client, name: str) -> None:
-    made = http.post(SCENARIOS, json=one_step(name=name)).json()
-    assert http.get(f"{SCENARIOS}/{made['id']}").json()["name"] == name
-    assert http.delete(f"{SCENARIOS}/{made['id']}").status_code == 204
+    stored = http.post(SCENARIOS, json=one_step(name=name)).json()
+    assert http.get(f"{SCENARIOS}/{stored['id']}").json()["name"] == name
+    assert http.delete(f"{SCENARIOS}/{stored['id']}").status_code == 204
 
 
 @pytest.mark.parametrize(

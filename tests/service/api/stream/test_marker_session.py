@@ -59,8 +59,8 @@ def test_a_centre_of_pressure_is_as_good_as_a_moment() -> None:
 def test_pictures_are_sent_at_most_fifty_times_a_second() -> None:
     running = session()
     contents = [json.dumps({**frame(k), "t_s": k / 200.0}).encode() for k in range(21)]
-    shown = [answer.picture for content in contents for answer in running.answer_frames([content])]
-    assert sum(map(bool, shown)) == round(0.1 / PICTURE_S) + 1
+    pictures = [answer.picture for content in contents for answer in running.answer_frames([content])]
+    assert sum(map(bool, pictures)) == round(0.1 / PICTURE_S) + 1
 
 
 def test_a_force_that_points_down_is_remarked() -> None:

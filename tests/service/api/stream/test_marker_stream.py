@@ -152,11 +152,11 @@ def test_units_and_axes_of_the_laboratory(service: Served) -> None:
         last_reply = answers(socket, [{k: v for k, v in one.items() if k != "plates"} for one in plain])[-1]
     with marker_socket(service) as socket:
         opened(socket, units="mm", up_axis="+y", plates=[])
-        seen = answers(socket, in_lab)[-1]
+        in_lab_units = answers(socket, in_lab)[-1]
     for name in ("com_m", "velocity_m_s", "xcom_m"):
-        assert seen[name] == pytest.approx(turned(last_reply[name], 1.0), abs=1e-6)
-    assert seen["margin_m"] == pytest.approx(last_reply["margin_m"], abs=1e-6)
-    assert seen["com_sd_m"][1] == pytest.approx(last_reply["com_sd_m"][2], abs=1e-9)
+        assert in_lab_units[name] == pytest.approx(turned(last_reply[name], 1.0), abs=1e-6)
+    assert in_lab_units["margin_m"] == pytest.approx(last_reply["margin_m"], abs=1e-6)
+    assert in_lab_units["com_sd_m"][1] == pytest.approx(last_reply["com_sd_m"][2], abs=1e-9)
 
 
 def test_a_body_out_of_view_has_no_estimate_until_it_returns(service: Served) -> None:
@@ -164,11 +164,15 @@ def test_a_body_out_of_view_has_no_estimate_until_it_returns(service: Served) ->
     with marker_socket(service) as socket:
         opened(socket)
         replies = answers(socket, [*(frame(k) for k in range(50)), *nothing, *(frame(k) for k in range(200, 230))])
-    gone, back = replies[60:200], replies[-1]
-    assert all(one["com_m"] is None and one["xcom_m"] is None and one["margin_m"] is None for one in gone)
-    assert {one["reason"] for one in gone} <= {"pelvis-markers-missing", "markers-hidden", "markers-never-together"}
-    assert back["com_m"] is not None
-    assert back["reason"] is None
+    out_of_view, last_reply = replies[60:200], replies[-1]
+    assert all(one["com_m"] is None and one["xcom_m"] is None and one["margin_m"] is None for one in out_of_view)
+    assert {one["reason"] for one in out_of_view} <= {
+        "pelvis-markers-missing",
+        "markers-hidden",
+        "markers-never-together",
+    }
+    assert last_reply["com_m"] is not None
+    assert last_reply["reason"] is None
 
 
 def test_viewers_receive_the_stream_and_its_end(service: Served) -> None:
@@ -243,8 +247,8 @@ def test_limits_login_and_origin_are_those_of_every_stream(guarded: Served, serv
 def test_a_reading_token_may_list_and_not_stream(guarded: Served) -> None:
     admin = {"Authorization": f"Bearer {TOKEN}"}
     with guarded.http() as http:
-        made = http.post("/api/v1/tokens", json={"name": "reader", "scope": "read"}, headers=admin).json()
-        reader = {"Authorization": f"Bearer {made['secret']}"}
+        token = http.post("/api/v1/tokens", json={"name": "reader", "scope": "read"}, headers=admin).json()
+        reader = {"Authorization": f"Bearer {token['secret']}"}
         assert http.get("/api/v1/stream/markers", headers=reader).status_code == 200
     with pytest.raises(InvalidStatus) as refused, marker_socket(guarded, **reader):
         pass
@@ -274,10 +278,10 @@ def test_a_static_pose_gives_the_widths_that_the_walk_does_not_show(service: Ser
             used = fields.get("labels", list(sample().markers_m))
             markers = [sample().markers_m[label][0].tolist() for label in used]
             tracks.append(answers(socket, [{"t_s": 0.0, "markers": markers}])[0]["com_m"])
-    whole, without, sent, reused = np.array(tracks)
-    assert np.abs(sent - whole).max() < 1e-3
+    whole, without, with_static, reused = np.array(tracks)
+    assert np.abs(with_static - whole).max() < 1e-3
     assert np.abs(reused - whole).max() < 1e-3
-    assert np.abs(without - whole).max() > 2.0 * np.abs(sent - whole).max()
+    assert np.abs(without - whole).max() > 2.0 * np.abs(with_static - whole).max()
     with marker_socket(service) as socket:
         assert opened(socket, static_recording_id="0" * 32)["problem"]["code"] == "recording-not-found"
         assert goodbye(socket) == (4404, "recording-not-found")

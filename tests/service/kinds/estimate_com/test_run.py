@@ -155,12 +155,12 @@ def test_a_result_has_provenance(result) -> None:  # type: ignore[no-untyped-def
 
 
 def test_the_observability_is_that_of_walking(result) -> None:  # type: ignore[no-untyped-def]
-    seen = result[1].observability
-    assert (seen["rank_force"], seen["rank_with_geometry"]) == (7, 11)
-    assert seen["unobservable"][2] > 0.99
-    assert 0.05 < seen["tilt_rad"] < 0.5
-    assert seen["flight_s"] == 0.0
-    assert "the height comes from the markers" in seen["sentence"]
+    observability = result[1].observability
+    assert (observability["rank_force"], observability["rank_with_geometry"]) == (7, 11)
+    assert observability["unobservable"][2] > 0.99
+    assert 0.05 < observability["tilt_rad"] < 0.5
+    assert observability["flight_s"] == 0.0
+    assert "the height comes from the markers" in observability["sentence"]
 
 
 def test_the_direction_that_the_force_cannot_see_is_given_over_time(result) -> None:  # type: ignore[no-untyped-def]
@@ -376,5 +376,5 @@ def test_a_damaged_static_trial_is_named(tmp_path: Path) -> None:
 
 def test_task_and_outcome_of_the_child_are_json(tmp_path: Path) -> None:
     task = estimate_task(TRIAL, tmp_path)
-    done = with_json(estimate_com.run)(task.model_dump(mode="json"), tmp_path, quiet)
-    assert set(done) == {"summary", "references", "artifacts"}
+    outcome = with_json(estimate_com.run)(task.model_dump(mode="json"), tmp_path, quiet)
+    assert set(outcome) == {"summary", "references", "artifacts"}

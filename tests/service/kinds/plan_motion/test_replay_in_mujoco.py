@@ -42,11 +42,11 @@ def test_base_and_joints_of_other_names_are_set(folder: Path) -> None:
 
 def test_the_script_runs_alone_and_reports_the_fit(folder: Path) -> None:
     command = [sys.executable, "replay_in_mujoco.py", "robot.xml", "--check"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
     model = mujoco.MjModel.from_xml_path(str(folder / "robot.xml"))
     data = mujoco.MjData(model)
     data.qpos[:] = positions(model, read_motion(folder / "joints.csv"))[0]
     mujoco.mj_forward(model, data)
-    assert done.stdout.startswith(f"2 joints fit; centre of mass {data.subtree_com[0, 2]:.3f} m high at the start")
-    assert done.stdout.rstrip().endswith("not in the model: arm_rad")
+    assert run.stdout.startswith(f"2 joints fit; centre of mass {data.subtree_com[0, 2]:.3f} m high at the start")
+    assert run.stdout.rstrip().endswith("not in the model: arm_rad")
     assert np.isfinite(data.qpos).all()

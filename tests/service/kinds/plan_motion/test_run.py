@@ -186,10 +186,10 @@ def test_scenario_and_certificate_can_be_read_back(walked: Planned) -> None:
 
 def test_without_the_whole_body_there_is_the_plan_only(tmp_path: Path) -> None:
     task = plan_task(whole_body=False).model_dump(mode="json")
-    done = with_json(plan_motion.run)(task, tmp_path, quiet)
-    assert {a["name"] for a in done["artifacts"]} == CENTROIDAL_FILES == {path.name for path in tmp_path.iterdir()}
-    assert list(done["summary"]["stage_times_s"]) == ["check", "reachability", "centroidal", "export"]
-    assert (done["summary"]["certificate"], done["summary"]["replay"]) == (None, None)
+    outcome = with_json(plan_motion.run)(task, tmp_path, quiet)
+    assert {a["name"] for a in outcome["artifacts"]} == CENTROIDAL_FILES == {path.name for path in tmp_path.iterdir()}
+    assert list(outcome["summary"]["stage_times_s"]) == ["check", "reachability", "centroidal", "export"]
+    assert (outcome["summary"]["certificate"], outcome["summary"]["replay"]) == (None, None)
 
 
 def refused(
@@ -252,11 +252,9 @@ def test_densities_of_another_description_are_refused(tmp_path: Path, monkeypatc
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(
-    ("requested", "taken"), [(None, DEFAULT_MEASURE), ("uniform", "uniform"), ("conditioned",) * 2]
-)
+@pytest.mark.parametrize(("requested", "used"), [(None, DEFAULT_MEASURE), ("uniform", "uniform"), ("conditioned",) * 2])
 def test_the_requested_measure_is_used(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, requested: str | None, taken: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, requested: str | None, used: str
 ) -> None:
     """Null means the default one."""
     looked: list[str] = []
@@ -268,7 +266,7 @@ def test_the_requested_measure_is_used(
     monkeypatch.setattr(plan_problem, "load_card", stand_in)
     with pytest.raises(NotFound):
         run(tmp_path, short_walk(), whole_body=False, measure=requested)
-    assert looked == [taken]
+    assert looked == [used]
 
 
 def test_a_solver_that_does_not_converge_is_reported_with_status_and_iterations(

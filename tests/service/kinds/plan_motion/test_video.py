@@ -82,12 +82,12 @@ def test_the_last_line_of_ffmpeg_is_the_reason(programs: Path, tmp_path: Path) -
 
 
 def test_the_robot_stands_where_the_camera_looks(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen = poses()
-    camera = Camera.looking_at(seen[:1, :, :3].reshape(-1, 3))
+    link_poses = poses()
+    camera = Camera.looking_at(link_poses[:1, :, :3].reshape(-1, 3))
     monkeypatch.setattr(Camera, "looking_at", staticmethod(lambda _: camera))
-    seen[1] = np.nan  # a robot that is not there
+    link_poses[1] = np.nan  # a robot that is not there
     with_robot, without = (
-        np.asarray(picture) for picture in render_frames(one_step().terrain, link_meshes(talos()), seen)
+        np.asarray(picture) for picture in render_frames(one_step().terrain, link_meshes(talos()), link_poses)
     )
     changed = np.argwhere((with_robot != without).any(axis=2))
     assert len(changed) > 0.02 * SIZE_PX[0] * SIZE_PX[1]
