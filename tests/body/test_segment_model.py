@@ -10,7 +10,7 @@ from stridelab.body import segment_tables
 from stridelab.body.segment_model import SegmentModel, segment_frames
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.recordings.marker_sets import marker_sets
-from support.recordings.walks import landmarks, mirrored, recording
+from support.recordings.walks import landmarks, mirrored_tracks, recording
 
 TABLES = ("dumas2007", "deleva1996")
 angles = st.floats(-3.0, 3.0)
@@ -67,7 +67,7 @@ def test_the_mirror_image_of_a_body_has_the_mirror_image_of_its_com(name, hidden
     tracks = without(landmarks(), *hidden)
     tracks = {key: track + np.array([0.0, 0.002 * i, 0.003 * i]) for i, (key, track) in enumerate(tracks.items())}
     com_m = com(tracks, "carried", carried=carried).com_m
-    in_mirror = com(mirrored(tracks), "carried", carried=carried).com_m
+    in_mirror = com(mirrored_tracks(tracks), "carried", carried=carried).com_m
     np.testing.assert_allclose(in_mirror, com_m * [1.0, -1.0, 1.0], atol=1e-9)
 
 

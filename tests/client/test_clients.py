@@ -18,7 +18,7 @@ from stridelab.schemas.base import Problem
 from stridelab.schemas.jobs import EstimateComInput, Job
 from stridelab.schemas.recordings import PlateSwitch, RecordingPatch, SubjectFields, SubjectInput
 from support.recordings.c3d_files import small_trial
-from support.service.stored_rows import add_job, add_recording, fail, report, start_job, succeed
+from support.service.stored_rows import add_job, add_recording, fail_attempt, publish_result, report_progress, start_job
 from support.service.web_server import Served
 
 
@@ -102,7 +102,9 @@ def test_a_job_from_submission_to_files(lab: Client, service: Served, tmp_path: 
     assert [item.id for item in lab.jobs(recording_id=recording_id, kind="estimate-com", state="queued").items] == [
         job.id
     ]
-    service.run(succeed(service.parts, service.run(start_job(service.parts, job.id)), [("com.csv", "text/csv", b"x")]))
+    service.run(
+        publish_result(service.parts, service.run(start_job(service.parts, job.id)), [("com.csv", "text/csv", b"x")])
+    )
     assert lab.wait(job.id, timeout_s=5.0).state == "succeeded"
     assert lab.result(job.id).input == {"recording_id": recording_id, "method": "geometry"}
     assert lab.read_artifact(job.id, "com.csv") == b"x"
@@ -127,7 +129,7 @@ def later(work: Callable[[], Any], delay_s: float = 0.2) -> threading.Thread:
 def test_waiting_returns_as_soon_as_the_job_has_finished(lab: Client, service: Served) -> None:
     job_id = service.run(add_job(service.parts))
     attempt = service.run(start_job(service.parts, job_id))
-    thread = later(lambda: service.run(fail(service.parts, attempt)))
+    thread = later(lambda: service.run(fail_attempt(service.parts, attempt)))
     began_s = time.monotonic()
     job = lab.wait(job_id)
     assert job.state == "failed"
@@ -147,8 +149,8 @@ def test_events_are_received_until_the_job_ends(lab: Client, service: Served) ->
     attempt = service.run(start_job(service.parts, job_id))
 
     def work() -> None:
-        service.run(report(service.parts, attempt, 0.5, "half"))
-        service.run(succeed(service.parts, attempt))
+        service.run(report_progress(service.parts, attempt, 0.5, "half"))
+        service.run(publish_result(service.parts, attempt))
 
     thread = later(work)
     events = list(lab.events(job_id))
@@ -168,7 +170,7 @@ async def test_the_asynchronous_client_does_the_same(service: Served, tmp_path: 
         assert progress[-1] == recording.bytes
         job = await lab.submit("estimate-com", {"recording_id": recording.id})
         attempt = service.run(start_job(service.parts, job.id))
-        thread = later(lambda: service.run(succeed(service.parts, attempt, [("com.csv", "text/csv", b"x")])))
+        thread = later(lambda: service.run(publish_result(service.parts, attempt, [("com.csv", "text/csv", b"x")])))
         assert [event.state async for event in lab.events(job.id)][-1] == "succeeded"
         thread.join()
         assert (await lab.wait(job.id)).state == "succeeded"

@@ -8,7 +8,7 @@ import pytest
 from stridelab.client import AsyncClient, Client, ClientError, ProblemError, Unreachable
 from stridelab.client.streams import decode_estimates, encode_samples
 from stridelab.schemas.streams import StreamConfiguration, StreamSample
-from support.service.streams import CONFIGURATION, MOTION, RATE_HZ, packed, walk_samples
+from support.service.streams import CONFIGURATION, MOTION, RATE_HZ, pack_samples, walk_samples
 from support.service.web_server import Served
 
 SAMPLES = walk_samples(0.5)
@@ -61,9 +61,9 @@ def test_packing_is_the_documented_layout() -> None:
     ]
     nan = float("nan")
     rows = ((0.0, *range(1, 10)), (0.5, 1, 2, 3, nan, nan, nan, nan, nan, nan))
-    assert encode_samples(some, "float32") == packed(7.0, *rows)
-    assert encode_samples([], "float32") == packed(0.0)
-    (back,) = decode_estimates(packed(7.0, (0.5, *range(1, 10))))
+    assert encode_samples(some, "float32") == pack_samples(7.0, *rows)
+    assert encode_samples([], "float32") == pack_samples(0.0)
+    (back,) = decode_estimates(pack_samples(7.0, (0.5, *range(1, 10))))
     assert (back.time_s, back.com_m, back.velocity_m_s, back.sd_m) == (7.5, (1, 2, 3), (4, 5, 6), (7, 8, 9))
 
 

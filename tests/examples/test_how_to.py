@@ -131,7 +131,7 @@ def test_the_job_kind_weighs_the_stored_sample(kind_files: Path, database_url: s
             return await kind.stage(connection, store, kind.input_model.model_validate(example["value"]), folder)
 
     module, _, function = kind.run.partition(":")
-    task = database.within(database_url, act)
+    task = database.run_with_engine(database_url, act)
     outcome = with_json(getattr(importlib.import_module(module), function))(task, folder, lambda _share, _message: None)
     assert outcome["summary"]["mass_kg"] == pytest.approx(60.0, rel=0.03)
     assert len(outcome["summary"]["largest_force_n"]) == 2

@@ -13,9 +13,9 @@ from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
 from support.recordings.c3d_files import (
     PlateChannels,
-    as_integers,
     as_written_by,
     parameter_at,
+    with_integer_samples,
     with_parameter,
     write_file,
 )
@@ -58,7 +58,7 @@ def assert_same(recording: Recording, expected: Recording, within_m: float) -> N
 @pytest.mark.parametrize("machine", ["intel", "dec", "sgi"])
 def test_integer_files_of_every_scale_and_machine(machine: str, step_mm: float, tmp_path: Path) -> None:
     content = float_file(tmp_path)
-    whole = as_integers(content, step_mm)
+    whole = with_integer_samples(content, step_mm)
     assert len(whole) < 0.6 * len(content) + 4 * BLOCK
     recording = read(tmp_path, as_written_by(machine, whole))
     assert_same(recording, read(tmp_path, content), 0.51e-3 * step_mm)
@@ -73,7 +73,7 @@ def test_float_files_of_other_machines(machine: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("machine", ["intel", "dec", "sgi"])
 def test_an_integer_file_that_ends_early_is_still_refused(machine: str, tmp_path: Path) -> None:
-    whole = as_written_by(machine, as_integers(float_file(tmp_path), 0.1))
+    whole = as_written_by(machine, with_integer_samples(float_file(tmp_path), 0.1))
     with pytest.raises(UnreadableFile) as refused:
         read(tmp_path, whole[: len(whole) - 2 * BLOCK])
     assert refused.value.code == "truncated-file"
@@ -84,7 +84,7 @@ def test_unsigned_analog_counts(machine: str, tmp_path: Path) -> None:
     """Counts from 0 to 65535 about an offset of 32768, as ANALOG:FORMAT says."""
     signed = float_file(tmp_path)
     stated = float_file(tmp_path, parameters={("ANALOG", "FORMAT"): ["UNSIGNED"]})
-    recording = read(tmp_path, as_written_by(machine, as_integers(stated, 0.1, unsigned=True)))
+    recording = read(tmp_path, as_written_by(machine, with_integer_samples(stated, 0.1, unsigned=True)))
     assert_same(recording, read(tmp_path, signed), 0.06e-3)
 
 

@@ -19,7 +19,7 @@ from support.recordings.walks import (
     MovingBody,
     corners,
     moving_body,
-    smooth,
+    smooth_step,
 )
 
 STANDING_M = 0.95
@@ -58,7 +58,7 @@ def held(fall_g: float) -> MovingBody:
 
     body = moving_body(sinks, np.zeros_like, 3.0)
     time_s = body.recording.time_s
-    lift = 0.2 * smooth(time_s, 1.0, 1.1) * (1.0 - smooth(time_s, 1.5, 1.6))
+    lift = 0.2 * smooth_step(time_s, 1.0, 1.1) * (1.0 - smooth_step(time_s, 1.5, 1.6))
     (plate,) = body.recording.plates
     force_s = np.arange(len(plate.force_n)) / FORCE_RATE_HZ
     force_n = plate.force_n.copy()

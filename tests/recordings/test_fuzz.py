@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from stridelab.errors import UnreadableFile
-from support.recordings.fuzzing import Reader, inputs, outcome
+from support.recordings.fuzzing import Reader, inputs, read_in_child
 
 
 def test_no_reader_crashes_on_mutated_files() -> None:
@@ -54,7 +54,7 @@ def refuse(_: bytes, __: Path) -> None:
     [(crash, "died"), (hang, "longer"), (swell, "MemoryError"), (blunder, "KeyError"), (refuse, "refused")],
 )
 def test_the_fuzzer_reports_crashes_and_unnamed_errors(read, reported: str, tmp_path: Path) -> None:
-    assert reported in outcome(Reader((b"x",), read), b"x", tmp_path, timeout_s=3.0)
+    assert reported in read_in_child(Reader((b"x",), read), b"x", tmp_path, timeout_s=3.0)
 
 
 def test_an_input_can_be_made_again_from_its_number() -> None:

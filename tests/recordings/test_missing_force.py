@@ -21,7 +21,7 @@ from support.recordings.walks import (
     drop_jump,
     moving_body,
     sit_to_stand,
-    smooth,
+    smooth_step,
     stand,
     walk,
 )
@@ -108,14 +108,16 @@ def test_sitting_on_a_chair_beside_the_plate_is_not_measured() -> None:
 
 
 def test_without_a_chair_the_same_movement_is_measured_from_end_to_end() -> None:
-    body = moving_body(lambda t: 0.62 + 0.35 * smooth(t, 1.4, 2.8), np.zeros_like, duration_s=4.5)
+    body = moving_body(lambda t: 0.62 + 0.35 * smooth_step(t, 1.4, 2.8), np.zeros_like, duration_s=4.5)
     search = find_windows(body.recording, LANDMARKS, motion(body))
     assert search.remarks == ()
     assert search.windows == (Window(0.0, float(body.recording.time_s[-1])),)
 
 
 def test_a_rail_that_carries_a_third_of_the_weight_is_detected() -> None:
-    body = moving_body(lambda t: 0.95 + 0 * t, lambda t: 0.33 * smooth(t, 1.0, 1.3) * (1 - smooth(t, 2, 2.3)), 4.0)
+    body = moving_body(
+        lambda t: 0.95 + 0 * t, lambda t: 0.33 * smooth_step(t, 1.0, 1.3) * (1 - smooth_step(t, 2, 2.3)), 4.0
+    )
     first, second = find_windows(body.recording, LANDMARKS, motion(body)).windows
     assert 1.0 < first.end_s < 1.2
     assert 2.1 < second.start_s < 2.3

@@ -12,7 +12,7 @@ from websockets.sync.client import ClientConnection, connect
 from support.browser.service_costs import Lab, viewer_lab
 from support.robots.scenario_bodies import one_step
 from support.service.database import TestDatabases
-from support.service.web_server import refusal
+from support.service.web_server import refusal_code
 
 PER_USER = 2
 
@@ -54,7 +54,7 @@ def test_a_user_at_the_limit_of_scenes_is_refused_with_advice_to_close_one(lab: 
     with ExitStack() as open_browsers:
         first, *_ = [open_browsers.enter_context(browser(lab, ann, scene)) for scene in scenes[:PER_USER]]
         refused = opened(ann, scenes[-1])
-        assert refusal(refused) == (429, "scene-limit")
+        assert refusal_code(refused) == (429, "scene-limit")
         assert refused.headers["content-type"] == "application/problem+json"
         assert "Close one of those tabs" in refused.json()["detail"]
         with pytest.raises(websockets.ConnectionClosed) as closed:

@@ -13,7 +13,7 @@ from stridelab.walking.alternative_models import (
     compare_time_models,
 )
 from stridelab.walking.curtate_cycloid import Wheel
-from support.recordings.analytic_motions import PERIOD_S, walked
+from support.recordings.analytic_motions import PERIOD_S, rolled_wheel
 
 T = np.arange(62) / 100.0
 W = 2 * np.pi / PERIOD_S
@@ -76,7 +76,7 @@ def test_aic_counts_independent_samples_and_every_parameter():
     for c in contests.values():
         assert c.aic == pytest.approx(data.effective_samples * np.log(c.rms_m**2 + NO_ERROR_M2) + 2 * c.parameters)
     t = np.linspace(0.0, 0.61, 123)
-    twice = StepData(t, walked().wheel.position_m(W * t - 4.0), PERIOD_S, t > 0.42)
+    twice = StepData(t, rolled_wheel().wheel.position_m(W * t - 4.0), PERIOD_S, t > 0.42)
     assert twice.effective_samples == data.effective_samples  # sampling faster is no news
 
 

@@ -7,9 +7,9 @@ from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.walking.curtate_cycloid import Plane
 from stridelab.walking.path_fit import fit_path
 from stridelab.walking.timed_fit import fit_in_time
-from support.recordings.analytic_motions import PERIOD_S, walked
+from support.recordings.analytic_motions import PERIOD_S, rolled_wheel
 
-CASE = walked()
+CASE = rolled_wheel()
 FITS = [fit_path, fit_in_time]
 
 

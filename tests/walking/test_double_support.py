@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from stridelab.walking.double_support import crossings_at_lowest, double_support_of_wheel
 from stridelab.walking.path_fit import fit_path
 from stridelab.walking.timed_fit import fit_in_time
-from support.recordings.analytic_motions import PERIOD_S, walked, walks
+from support.recordings.analytic_motions import PERIOD_S, rolled_wheel, walks
 
 OMEGA = 2 * np.pi / PERIOD_S
 
@@ -19,7 +19,7 @@ def instant(case, angle_rad: float) -> float:
 
 @pytest.mark.parametrize("fit", [fit_path, fit_in_time])
 def test_the_rule_is_the_passage_of_the_hub_s_height(fit):
-    case = walked(theta0_rad=-4.5, turns=1.2)  # to +3.0: both passages lie inside
+    case = rolled_wheel(theta0_rad=-4.5, turns=1.2)  # to +3.0: both passages lie inside
     start, end = double_support_of_wheel(fit(case.time_s, case.path_m, PERIOD_S), case.time_s)
     assert start == pytest.approx(case.time_s[0] + (4.5 - np.pi / 2) / OMEGA, abs=1e-6)
     assert end == pytest.approx(case.time_s[0] + (4.5 + np.pi / 2) / OMEGA, abs=1e-6)
@@ -59,7 +59,7 @@ def test_of_two_minima_the_requested_one_is_used():
 
 def test_by_default_the_minimum_at_the_end_of_the_step_is_used():
     """As fast as people can walk: a step begins just before one lowest point and ends before the next."""
-    case = walked(theta0_rad=-0.1, turns=0.9)
+    case = rolled_wheel(theta0_rad=-0.1, turns=0.9)
     fit = fit_path(case.time_s, case.path_m, PERIOD_S)
     start, end = double_support_of_wheel(fit, case.time_s)
     assert start == pytest.approx(case.time_s[0] + (0.1 + 1.5 * np.pi) / OMEGA, abs=1e-6)

@@ -11,7 +11,7 @@ from scipy.stats import t as student
 
 from stridelab.walking.curtate_cycloid import Wheel
 from stridelab.walking.path_fit import PathFit, fit_path
-from support.recordings.analytic_motions import HUMAN, PERIOD_S, central_differences, parameters, walked, walks
+from support.recordings.analytic_motions import HUMAN, PERIOD_S, central_differences, parameters, rolled_wheel, walks
 
 NOISE_M = 0.001
 FITS = 500
@@ -54,7 +54,7 @@ def dense(case_path: np.ndarray, start: PathFit, branch: int):
 @pytest.mark.parametrize("branch", [1, -1])
 @pytest.mark.parametrize("disturbed_m", [0.0005, 0.003])
 def test_a_general_solver_finds_the_same_wheel_and_covariance(branch, disturbed_m):
-    case = walked(replace(HUMAN, branch=branch), unevenness=0.1)
+    case = rolled_wheel(replace(HUMAN, branch=branch), unevenness=0.1)
     s = np.linspace(0.0, 1.0, len(case.time_s))
     path = case.path_m + disturbed_m * np.column_stack([np.sin(9 * s), np.cos(14 * s)])
     fit = fit_path(case.time_s, path, case.period_s, branch)
@@ -72,7 +72,7 @@ def test_a_general_solver_finds_the_same_wheel_and_covariance(branch, disturbed_
 def noisy(request) -> tuple[Wheel, list[PathFit]]:
     """Five hundred steps with 1 mm of white noise ahead and up."""
     rng = np.random.default_rng(5)
-    case = walked(replace(HUMAN, branch=request.param), unevenness=0.1)
+    case = rolled_wheel(replace(HUMAN, branch=request.param), unevenness=0.1)
     clean = case.path_m
     return case.wheel, [
         fit_path(case.time_s, clean + NOISE_M * rng.standard_normal(clean.shape), PERIOD_S, request.param)
@@ -109,7 +109,7 @@ def test_where_the_hub_is_has_its_own_deviation_whatever_theta_is_called(noisy):
 
 
 def test_moving_and_mirroring_the_laboratory_moves_the_wheel_and_nothing_else():
-    case = walked(unevenness=0.1)
+    case = rolled_wheel(unevenness=0.1)
     rng = np.random.default_rng(0)
     path = case.path_m + NOISE_M * rng.standard_normal(case.path_m.shape)
     at_home = fit_path(case.time_s, path, case.period_s)
@@ -121,7 +121,7 @@ def test_moving_and_mirroring_the_laboratory_moves_the_wheel_and_nothing_else():
 
 
 def test_the_step_period_serves_the_first_guess_alone():
-    case = walked(unevenness=0.15)
+    case = rolled_wheel(unevenness=0.15)
     path = case.path_m + 0.001 * np.column_stack([np.sin(8 * case.theta_rad), np.cos(5 * case.theta_rad)])
     fits = [fit_path(case.time_s, path, share * case.period_s) for share in (0.8, 0.9, 1.0, 1.1, 1.25)]
     shapes = np.array([parameters(fit.wheel) for fit in fits])

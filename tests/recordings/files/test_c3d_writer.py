@@ -15,9 +15,9 @@ from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Event, Plate, Recording, Subject
 from support.recordings.c3d_files import (
     PlateChannels,
-    as_integers,
     parameter_at,
     read_plain,
+    with_integer_samples,
     with_parameter,
     write_file,
 )
@@ -155,7 +155,7 @@ def test_header_and_parameters_agree_and_no_data_are_lost(as_integer_file: bool,
     for at in (12, parameter_at(bytes(content), "POINT", "SCALE") + 2):
         struct.pack_into("<f", content, at, -0.01)
     before = read_plain(source)
-    source.write_bytes(as_integers(bytes(content), 0.1) if as_integer_file else bytes(content))
+    source.write_bytes(with_integer_samples(bytes(content), 0.1) if as_integer_file else bytes(content))
     add_points_to_c3d(source, target, {"CentreOfMass": np.full((40, 3), 0.9)}, "+y")
     after = read_plain(target)
     assert after.scale == after.numbers("POINT", "SCALE")[0] == np.float32(-0.1 if as_integer_file else -0.01)

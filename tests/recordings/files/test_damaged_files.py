@@ -13,7 +13,7 @@ import pytest
 
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.reader import read_recording
-from support.recordings.c3d_files import BLOCK, MACHINES, as_integers, as_written_by, parameter_at, small_trial
+from support.recordings.c3d_files import BLOCK, MACHINES, as_written_by, parameter_at, small_trial, with_integer_samples
 
 MEMORY_MIB = 1024
 FRAMES = 30
@@ -133,7 +133,7 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     write_c3d(folder / "whole.c3d", read_recording(small_trial(folder / "small.c3d", seconds=FRAMES / 100.0)))
     floats = (folder / "whole.c3d").read_bytes()
     return {
-        form: as_written_by(form.split()[0], floats if form.endswith("floats") else as_integers(floats, 0.1))
+        form: as_written_by(form.split()[0], floats if form.endswith("floats") else with_integer_samples(floats, 0.1))
         for form in FORMATS
     }
 

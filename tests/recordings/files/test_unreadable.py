@@ -13,7 +13,7 @@ from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.recordings.files import opensim_zip
 from stridelab.recordings.files.trc_mot import parse_mot
 from stridelab.recordings.reader import read_recording
-from support.recordings.c3d_files import PlateChannels, as_dec, write_file
+from support.recordings.c3d_files import PlateChannels, with_dec_floats, write_file
 
 TRC = """PathFileType\t4\t(X/Y/Z)\ta.trc
 DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits
@@ -141,7 +141,7 @@ def test_an_impossible_analog_rate_is_refused(rate_hz: float, tmp_path: Path) ->
 def test_the_rate_of_a_dec_machine_is_read_with_its_own_floats(tmp_path: Path) -> None:
     """As one of Intel's, the float of its 1000 Hz would be 2.5e-41 Hz."""
     content = good(tmp_path)
-    (tmp_path / "dec.c3d").write_bytes(as_dec(content))
+    (tmp_path / "dec.c3d").write_bytes(with_dec_floats(content))
     read, intel = read_recording(tmp_path / "dec.c3d"), read_recording(tmp_path / "good.c3d")
     assert read.plates[0].force_n.shape == intel.plates[0].force_n.shape
     for label, track in intel.markers_m.items():
@@ -150,7 +150,7 @@ def test_the_rate_of_a_dec_machine_is_read_with_its_own_floats(tmp_path: Path) -
     absurd = bytearray(content)
     analog = absurd.index(b"ANALOG", 512)
     struct.pack_into("<f", absurd, absurd.index(b"RATE", analog) + len("RATE") + 4, 1e9)
-    error = refused_bytes(tmp_path, as_dec(bytes(absurd)))
+    error = refused_bytes(tmp_path, with_dec_floats(bytes(absurd)))
     assert error.code == "c3d-parameters-broken"
     assert "ANALOG:RATE is 1e+09 Hz" in error.faults[0].message
 

@@ -24,7 +24,7 @@ from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise
 from support.command_line import quiet
 from support.service.stored_rows import add_recording, facts
-from support.service.web_server import Served, places, refusal
+from support.service.web_server import Served, fault_places, refusal_code
 
 JOBS = "/api/v1/jobs"
 
@@ -57,16 +57,16 @@ def test_a_session_without_walks_of_the_sender_is_not_found(
 ) -> None:
     add(service, session_id="of-another", owner="somebody else")
     answer = http.post(f"{JOBS}/gait-report", json={"session_id": session_id})
-    assert refusal(answer) == (404, "session-not-found")
-    assert places(answer) == ["session_id"]
+    assert refusal_code(answer) == (404, "session-not-found")
+    assert fault_places(answer) == ["session_id"]
 
 
 @pytest.mark.parametrize("field", ["reference_recording_ids", "before_recording_ids"])
 def test_a_recording_of_the_session_is_in_no_other_group(service: Served, http: httpx.Client, field: str) -> None:
     other, walk = add(service), add(service, session_id=f"twice-{field[:6]}")
     answer = http.post(f"{JOBS}/gait-report", json={"session_id": f"twice-{field[:6]}", field: [other, walk]})
-    assert refusal(answer) == (422, "recording-twice")
-    assert places(answer) == [f"{field}.1"]
+    assert refusal_code(answer) == (422, "recording-twice")
+    assert fault_places(answer) == [f"{field}.1"]
 
 
 @pytest.mark.parametrize(
@@ -81,15 +81,15 @@ def test_a_recording_of_the_session_is_in_no_other_group(service: Served, http: 
     ],
 )
 def test_a_request_that_names_no_recordings_or_two_ways_is_refused(http: httpx.Client, body: dict[str, object]) -> None:
-    assert refusal(http.post(f"{JOBS}/gait-report", json=body)) == (422, "invalid-request")
+    assert refusal_code(http.post(f"{JOBS}/gait-report", json=body)) == (422, "invalid-request")
 
 
 def test_unknown_recordings_are_named_by_their_field(service: Served, http: httpx.Client) -> None:
     known = add(service)
     body = {"recording_ids": [known], "reference_recording_ids": ["f" * 32]}
     answer = http.post(f"{JOBS}/gait-report", json=body)
-    assert refusal(answer) == (404, "recording-not-found")
-    assert places(answer) == ["reference_recording_ids.0"]
+    assert refusal_code(answer) == (404, "recording-not-found")
+    assert fault_places(answer) == ["reference_recording_ids.0"]
 
 
 def test_the_people_of_the_reference_group_are_distinguished(service: Served, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from stridelab.schemas.tasks import EstimateComTask
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.staging import stage_estimate_com
 from support.command_line import SAMPLE, quiet
-from support.service.web_server import Served, refusal, upload
+from support.service.web_server import Served, refusal_code, upload
 
 SETS = "/api/v1/marker-sets"
 RECORDINGS = "/api/v1/recordings"
@@ -61,11 +61,11 @@ def test_a_set_from_storing_to_deletion(http: httpx.Client) -> None:
     assert path == f"{SETS}/{stored_set['id']}"
     assert http.get(path).json() == {name: value for name, value in stored_set.items() if name != "recordings"}
     assert [item["id"] for item in http.get(SETS).json()["items"]] == [stored_set["id"]]
-    assert refusal(http.post(SETS, json=body)) == (409, "marker-set-name-taken")
-    assert refusal(http.post(SETS, json={**body, "name": "plug-in-gait"})) == (409, "marker-set-name-taken")
+    assert refusal_code(http.post(SETS, json=body)) == (409, "marker-set-name-taken")
+    assert refusal_code(http.post(SETS, json={**body, "name": "plug-in-gait"})) == (409, "marker-set-name-taken")
     assert http.delete(path).status_code == 204
     for method in ("GET", "DELETE"):
-        assert refusal(http.request(method, path)) == (404, "marker-set-not-found")
+        assert refusal_code(http.request(method, path)) == (404, "marker-set-not-found")
     actions = [(item["action"], item["what"]) for item in http.get("/api/v1/audit").json()["items"]]
     assert actions[:2] == [("marker-set-deleted", stored_set["id"]), ("marker-set-added", stored_set["id"])]
 
@@ -80,7 +80,7 @@ def test_a_set_from_storing_to_deletion(http: httpx.Client) -> None:
 )
 def test_an_invalid_set_is_refused_naming_the_entry(http: httpx.Client, changes: dict[str, Any], place: str) -> None:
     answer = http.post(SETS, json={"name": "own", **changes})
-    assert refusal(answer) == (422, "marker-set-invalid")
+    assert refusal_code(answer) == (422, "marker-set-invalid")
     assert place in [fault["where"] for fault in answer.json()["errors"]]
     assert http.get(SETS).json()["items"] == []
 
@@ -156,4 +156,4 @@ def test_a_proposal_for_a_recording_names_every_label_once(
     assert sorted([*labels, *proposal["unassigned"]]) == sorted(recording["labels"])
     right = [name for name, one in proposal["landmarks"].items() if landmarks.get(name) == one["label"]]
     assert len(right) >= 0.7 * len(landmarks), "from position and motion alone"
-    assert refusal(http.post(f"{SETS}/propose", json={"recording_id": "none"})) == (404, "recording-not-found")
+    assert refusal_code(http.post(f"{SETS}/propose", json={"recording_id": "none"})) == (404, "recording-not-found")

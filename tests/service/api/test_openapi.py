@@ -32,7 +32,7 @@ from stridelab.service.samples.recording import seed_sample
 from stridelab.service.settings import Settings
 from stridelab_web.app import web_routes
 from support.robots.scenario_bodies import add_scenario
-from support.service.stored_rows import add_job, add_own_robot, add_recording, facts, start_job, succeed
+from support.service.stored_rows import add_job, add_own_robot, add_recording, facts, publish_result, start_job
 from support.service.web_server import Served
 
 DESCRIPTION = create_app(Settings()).openapi()
@@ -114,7 +114,7 @@ def stocked(service: Served) -> Iterator[Served]:
     service.run(add_own_robot(parts, ROBOT))
     for _ in range(2):
         job_id = service.run(add_job(parts))
-        service.run(succeed(parts, service.run(start_job(parts, job_id)), [("com.csv", "text/csv", b"x")]))
+        service.run(publish_result(parts, service.run(start_job(parts, job_id)), [("com.csv", "text/csv", b"x")]))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("stridelab.service.api.recordings.endpoints.parse_recording", unreadable)
         patch.setattr("stridelab.service.api.recordings.service.parse_recording", understood)

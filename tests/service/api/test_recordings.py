@@ -9,8 +9,8 @@ from sqlalchemy import select
 
 from stridelab.service.storage.tables import job, recording
 from support.service.database import TestDatabases
-from support.service.stored_rows import add_job, add_recording, facts, start_job, succeed
-from support.service.web_server import Served, places, refusal, served, upload
+from support.service.stored_rows import add_job, add_recording, facts, publish_result, start_job
+from support.service.web_server import Served, fault_places, refusal_code, served, upload
 
 RECORDINGS = "/api/v1/recordings"
 
@@ -35,7 +35,7 @@ def test_pages_of_the_list(postgres: TestDatabases, tmp_path: Path) -> None:
         assert cursor is None
         assert http.get(RECORDINGS, params={"limit": 5}).json()["next"] is None
         for limit in ("0", "201", "x", "-1"):
-            assert refusal(http.get(RECORDINGS, params={"limit": limit})) == (422, "invalid-request")
+            assert refusal_code(http.get(RECORDINGS, params={"limit": limit})) == (422, "invalid-request")
 
 
 def test_stated_fields_win_over_the_subject_and_the_file(http: httpx.Client, service: Served) -> None:
@@ -91,14 +91,14 @@ def test_contradictory_changes_are_refused(
     before = http.get(f"{RECORDINGS}/{recording_id}").json()
     content = json.dumps(patch).replace("Infinity", "1e999")
     answer = http.patch(f"{RECORDINGS}/{recording_id}", content=content, headers={"Content-Type": "application/json"})
-    assert refusal(answer) == (422, "invalid-request")
-    assert places(answer) == [where]
+    assert refusal_code(answer) == (422, "invalid-request")
+    assert fault_places(answer) == [where]
     assert http.get(f"{RECORDINGS}/{recording_id}").json() == before
 
 
 def test_a_recording_is_not_its_own_static_trial(http: httpx.Client, service: Served) -> None:
     one, other = (service.run(add_recording(service.parts)) for _ in range(2))
-    assert refusal(http.patch(f"{RECORDINGS}/{one}", json={"static_recording_id": one}))[0] == 422
+    assert refusal_code(http.patch(f"{RECORDINGS}/{one}", json={"static_recording_id": one}))[0] == 422
     linked = http.patch(f"{RECORDINGS}/{one}", json={"static_recording_id": other}).json()
     assert linked["static_recording_id"] == other
     http.delete(f"{RECORDINGS}/{other}")
@@ -122,14 +122,14 @@ def test_a_belt_speed_is_compared_with_the_feet(http: httpx.Client, service: Ser
     path = f"{RECORDINGS}/{uploaded}"
     before = http.get(path).json()
     answer = http.patch(path, json={"plates": {"1": {"belt_speed_m_s": 3.0}}})
-    assert refusal(answer) == (422, "belt-speed-contradicts-feet")
+    assert refusal_code(answer) == (422, "belt-speed-contradicts-feet")
     assert http.get(path).json() == before
 
 
 def test_a_sample_is_read_only(http: httpx.Client, service: Served) -> None:
     recording_id = service.run(add_recording(service.parts, bundled=True))
-    assert refusal(http.delete(f"{RECORDINGS}/{recording_id}")) == (409, "bundled-read-only")
-    assert refusal(http.patch(f"{RECORDINGS}/{recording_id}", json={"subject": {}})) == (409, "bundled-read-only")
+    assert refusal_code(http.delete(f"{RECORDINGS}/{recording_id}")) == (409, "bundled-read-only")
+    assert refusal_code(http.patch(f"{RECORDINGS}/{recording_id}", json={"subject": {}})) == (409, "bundled-read-only")
 
 
 def test_a_deletion_takes_jobs_and_results_along(http: httpx.Client, service: Served) -> None:
@@ -137,13 +137,13 @@ def test_a_deletion_takes_jobs_and_results_along(http: httpx.Client, service: Se
     recording_id = service.run(add_recording(service.parts))
     finished, running, queued = (service.run(add_job(service.parts, recording_id)) for _ in range(3))
     attempt = service.run(start_job(service.parts, finished))
-    service.run(succeed(service.parts, attempt, [("com.csv", "text/csv", b"time_s\n")]))
+    service.run(publish_result(service.parts, attempt, [("com.csv", "text/csv", b"time_s\n")]))
     service.run(start_job(service.parts, running))
     assert len(service.stored_files()) == len(before) + 3
     assert http.delete(f"{RECORDINGS}/{recording_id}").status_code == 204
     assert service.stored_files() == before
     for job_id in (finished, running, queued):
-        assert refusal(http.get(f"/api/v1/jobs/{job_id}")) == (404, "job-not-found")
+        assert refusal_code(http.get(f"/api/v1/jobs/{job_id}")) == (404, "job-not-found")
 
     async def left() -> int:
         async with service.parts.engine.connect() as connection:

@@ -11,7 +11,7 @@ from stridelab.service.jobs import retention
 from stridelab.service.settings import Settings
 from support.recordings.c3d_files import small_trial
 from support.service.database import TestDatabases
-from support.service.web_server import Served, refusal, served, upload
+from support.service.web_server import Served, refusal_code, served, upload
 
 RECORDINGS = "/api/v1/recordings"
 
@@ -51,7 +51,7 @@ def test_files_stay_until_a_backup_is_done(
             named = rows.referenced_files()
             assert http.patch(f"{RECORDINGS}/{remaining_id}", json={"plates": {"1": {"use": False}}}).status_code == 200
             assert http.delete(f"{RECORDINGS}/{deleted_id}").status_code == 204
-            assert refusal(http.get(f"{RECORDINGS}/{deleted_id}")) == (404, "recording-not-found")
+            assert refusal_code(http.get(f"{RECORDINGS}/{deleted_id}")) == (404, "recording-not-found")
             sweep(lab, url)
             assert named <= lab.stored_files()
             assert before < lab.stored_files()

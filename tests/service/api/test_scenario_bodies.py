@@ -9,7 +9,7 @@ import pytest
 
 from stridelab.machine.models_folder import models_dir
 from support.robots.scenario_bodies import one_step, with_contact
-from support.service.web_server import refusal
+from support.service.web_server import refusal_code
 
 CHECK = "/api/v1/scenarios/check"
 
@@ -79,7 +79,7 @@ def test_the_posture_of_a_phase_stands_on_its_contacts(http: httpx.Client) -> No
     assert len(check_scenario(http, one_step(), posture_of=7)["phases"]) == 3
     for wrong in ("-1", "x"):
         refused = http.post(CHECK, json=one_step(), params={"body_checked": True, "posture_of": wrong})
-        assert refusal(refused) == (422, "invalid-request")
+        assert refusal_code(refused) == (422, "invalid-request")
 
 
 def test_contacts_that_are_invalid_are_not_checked_for_the_body(http: httpx.Client) -> None:
@@ -116,7 +116,7 @@ def test_a_stored_scenario_has_the_verdict_of_the_body(http: httpx.Client) -> No
     check = stored_check(http, added.json()["id"])
     assert (check["valid"], [one["body"] for one in check["phases"]]) == (True, ["reachable"] * 3)
     unknown = http.get(f"/api/v1/scenarios/{'0' * 32}/check")
-    assert refusal(unknown) == (404, "scenario-not-found")
+    assert refusal_code(unknown) == (404, "scenario-not-found")
 
 
 def test_the_phase_that_is_shown_comes_first_and_the_others_in_further_requests(http: httpx.Client) -> None:

@@ -20,7 +20,7 @@ from stridelab.service.api.app import create_app
 from stridelab.service.logging import BURST, RATE_HZ, RepeatedLineFilter, configure_logging
 from stridelab.service.settings import Settings
 from support.service.database import TestDatabases
-from support.service.stored_rows import add_job, add_recording, fail, start_job
+from support.service.stored_rows import add_job, add_recording, fail_attempt, start_job
 from support.service.web_server import Served, served
 
 
@@ -73,7 +73,7 @@ def test_metrics_count_what_is_there(postgres: TestDatabases, tmp_path: Path) ->
         recording_id = service.run(add_recording(service.parts))
         jobs = [service.run(add_job(service.parts, recording_id)) for _ in range(4)]
         for job_id in jobs[:2]:
-            service.run(fail(service.parts, service.run(start_job(service.parts, job_id))))
+            service.run(fail_attempt(service.parts, service.run(start_job(service.parts, job_id))))
         with psycopg.connect(url) as connection:
             connection.execute(
                 "UPDATE job SET started_at = created_at + interval '2 s', finished_at = created_at + interval '7 s',"

@@ -18,7 +18,7 @@ from stridelab.service.recording_sessions import session_id_of
 from stridelab.service.storage.tables import recording
 from support.recordings.c3d_files import small_trial
 from support.service.stored_rows import add_recording, facts
-from support.service.web_server import Served, places, refusal, upload
+from support.service.web_server import Served, fault_places, refusal_code, upload
 
 RECORDINGS = "/api/v1/recordings"
 NOW = datetime(2026, 3, 1, 12, tzinfo=UTC)
@@ -50,7 +50,7 @@ def test_trials_of_one_person_and_day_find_each_other(http: httpx.Client, trials
     assert not first["session_stated"]
     assert listed(http, first["session_id"]) == {first["id"], second["id"]}
     assert listed(http, "no-such-session") == set()
-    assert refusal(http.get(RECORDINGS, params={"session_id": "a b"})) == (422, "invalid-request")
+    assert refusal_code(http.get(RECORDINGS, params={"session_id": "a b"})) == (422, "invalid-request")
 
 
 def test_height_and_mass_tell_who_it_is_and_nothing_tells_nothing(http: httpx.Client, trials: Sequence[bytes]) -> None:
@@ -78,11 +78,11 @@ def test_a_stated_session_stands_until_it_is_taken_back(http: httpx.Client, tria
 @pytest.mark.parametrize("session_id", ["a b", "ä", "x" * 65, "a/b"])
 def test_a_session_that_is_no_name_is_refused(http: httpx.Client, trials: Sequence[bytes], session_id: str) -> None:
     answer = upload(http, trials[0], session_id=session_id)
-    assert refusal(answer) == (422, "invalid-request")
-    assert places(answer) == ["session_id"]
+    assert refusal_code(answer) == (422, "invalid-request")
+    assert fault_places(answer) == ["session_id"]
     stored = session_of(http, trials[0])
     answer = http.patch(f"{RECORDINGS}/{stored['id']}", json={"session_id": session_id})
-    assert refusal(answer) == (422, "invalid-request")
+    assert refusal_code(answer) == (422, "invalid-request")
 
 
 def test_the_session_follows_the_person(http: httpx.Client, trials: Sequence[bytes]) -> None:
@@ -211,14 +211,14 @@ def test_the_static_trial_of_the_session_is_fetched_unless_another_is_stated(ser
 def test_the_map_may_name_labels_of_the_static_trial(http: httpx.Client, service: Served, tmp_path: Path) -> None:
     walk = session_of(http, small_trial(tmp_path / "walk.c3d", seconds=1.7).read_bytes(), session_id="mapped")
     path, patch = f"{RECORDINGS}/{walk['id']}", {"marker_map": {"l_knee_medial": "LMEPI"}}
-    assert refusal(http.patch(path, json=patch)) == (422, "invalid-request")
+    assert refusal_code(http.patch(path, json=patch)) == (422, "invalid-request")
     known = facts(still=True, labels=["LASI", "LMEPI"]).model_dump(mode="json")
     service.run(add_recording(service.parts, facts=known, session_id="mapped"))
     changed = http.patch(path, json=patch)
     assert changed.status_code == 200, changed.text
     assert changed.json()["marker_map"] == patch["marker_map"]
     assert "l_knee_medial" not in changed.json()["landmarks"]
-    assert refusal(http.patch(path, json={"marker_map": {"l_knee_medial": "NONE"}})) == (422, "invalid-request")
+    assert refusal_code(http.patch(path, json={"marker_map": {"l_knee_medial": "NONE"}})) == (422, "invalid-request")
 
 
 def test_uploads_at_once_are_one_session(service: Served, trials: Sequence[bytes]) -> None:

@@ -19,7 +19,7 @@ from stridelab.service.backup.archive import MANIFEST, check_archive, open_archi
 from stridelab.service.backup.create import BackupContents
 from stridelab.service.storage.migrate import is_migrated
 from support.service.processes import environment
-from support.service.stored_rows import rows, stored
+from support.service.stored_rows import read_rows, read_stored_files
 
 PutBack = Callable[..., BackupContents]
 Contents = dict[str, bytes]
@@ -200,13 +200,13 @@ ROWS: dict[str, Callable[[Contents], Contents]] = {
 def test_rows_that_cannot_be(backup: Path, database_url: str, put_back: PutBack, tmp_path: Path, what: str) -> None:
     with psycopg.connect(database_url) as connection:
         connection.execute("INSERT INTO subject (id, fields) VALUES ('kept', '{}')")
-    before = rows(database_url)
+    before = read_rows(database_url)
     path = write(tmp_path / "x", ROWS[what](contents(backup)))
     with pytest.raises(UnreadableFile) as caught:
         put_back(path, database_url, replace=True)
     assert caught.value.code == "backup-damaged"
-    assert rows(database_url) == before
-    assert stored(tmp_path / "blobs") == {}
+    assert read_rows(database_url) == before
+    assert read_stored_files(tmp_path / "blobs") == {}
 
 
 def test_a_revision_that_is_not_known(backup: Path, empty: str, put_back: PutBack, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from stridelab.service.postgres.embedded import EmbeddedPostgres
 from stridelab.service.settings import Settings
 from stridelab.service.storage.migrate import migrate
 from support.service.database import public_folder
-from support.service.stored_rows import FILES, fill, rows, stored
+from support.service.stored_rows import FILES, fill_tables, read_rows, read_stored_files
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def lab() -> Iterator[Path]:
         server = EmbeddedPostgres(data)
         url = server.start()
         migrate(url)
-        fill(url, data / "blobs")
+        fill_tables(url, data / "blobs")
         server.stop()
         yield data
 
@@ -60,7 +60,7 @@ class Command:
 def restored(data: Path) -> dict[str, list[dict[str, object]]]:
     server = EmbeddedPostgres(data)
     try:
-        return rows(server.start())
+        return read_rows(server.start())
     finally:
         server.stop()
 
@@ -72,7 +72,7 @@ def test_a_stopped_service_is_backed_up_and_comes_back_elsewhere(lab: Path, comm
     assert not (lab / "supervisor.lock").read_text()  # stopped again, and free
     assert "restored 2 recordings" in command.well("restore", file, data_dir=data)
     assert {row["id"] for row in restored(data)["job"]} == {"done", "half", "gone", "at-work", "second", "first"}
-    assert stored(data / "blobs") == FILES
+    assert read_stored_files(data / "blobs") == FILES
 
 
 def test_a_running_service_is_backed_up_and_not_restored_under(lab: Path, command: Command) -> None:
@@ -103,16 +103,16 @@ def test_an_embedded_service_moves_to_a_server(lab: Path, command: Command, data
     store = command.folder / "store"
     output = command.well("adopt", lab, database_url=database_url, blob_url=store.as_uri())
     assert "adopted 2 recordings" in output
-    assert [row["id"] for row in rows(database_url)["recording"]] == ["rec1", "rec2"]
-    assert stored(store) == FILES
-    assert stored(lab / "blobs") == FILES
+    assert [row["id"] for row in read_rows(database_url)["recording"]] == ["rec1", "rec2"]
+    assert read_stored_files(store) == FILES
+    assert read_stored_files(lab / "blobs") == FILES
     assert not list(lab.glob(".stridelab-adopt-*"))
 
     assert command.refused("adopt", lab, database_url=database_url, blob_url=store.as_uri()) == "restore-over-data"
     # with the same store, files stay where they are
     (store / "uploads" / ("a" * 64)).unlink()
     command.well("adopt", lab, "--replace", database_url=database_url, blob_url=(lab / "blobs").as_uri())
-    assert len(stored(store)) == len(FILES) - 1
+    assert len(read_stored_files(store)) == len(FILES) - 1
 
 
 def test_adopting_needs_a_server_and_a_folder(lab: Path, command: Command, database_url: str) -> None:

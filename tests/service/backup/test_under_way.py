@@ -23,7 +23,7 @@ from stridelab.service.storage import locks
 from stridelab.service.storage.blobs import BlobStore
 from support.service.database import TestDatabases
 from support.service.processes import wait_until
-from support.service.stored_rows import rows, stored
+from support.service.stored_rows import read_rows, read_stored_files
 from support.service.web_server import LatePool
 
 PutBack = Callable[..., BackupContents]
@@ -91,8 +91,8 @@ def test_backups_among_writers_are_whole(
     for number in range(4):
         with postgres.fresh(migrated=False) as url:
             put_back(tmp_path / f"{number}.backup", url)
-            files = stored(tmp_path / "blobs")
-            there = rows(url)["recording"]
+            files = read_stored_files(tmp_path / "blobs")
+            there = read_rows(url)["recording"]
             assert len(there) == backups[number].rows["recording"] >= 19
             for row in there:
                 assert files[row["blob_key"]].decode() == f"trial {row['id'][1:]}"
@@ -133,13 +133,13 @@ def test_a_web_server_comes_up_while_a_backup_runs(database_url: str, tmp_path: 
         mock.patch.object(RobotCache, "prepare_all", mock.AsyncMock()),
     ):
         assert asyncio.run(come_up()) < 5.0
-    assert [row["id"] for row in rows(database_url)["recording"]] == [SAMPLE_ID]
+    assert [row["id"] for row in read_rows(database_url)["recording"]] == [SAMPLE_ID]
 
 
 def test_a_restore_that_is_killed_has_changed_no_row(backup: Path, database_url: str, tmp_path: Path) -> None:
     with psycopg.connect(database_url) as connection:
         connection.execute("INSERT INTO subject (id, fields) VALUES ('kept', '{}')")
-    before = rows(database_url)
+    before = read_rows(database_url)
     process = subprocess.Popen(
         [sys.executable, "-c", SLOW_RESTORE, str(backup), database_url, (tmp_path / "blobs").as_uri()],
         stdout=subprocess.PIPE,
@@ -156,5 +156,5 @@ def test_a_restore_that_is_killed_has_changed_no_row(backup: Path, database_url:
             return connection.execute(others).fetchone() == (1,)
 
     wait_until(free, 20, "the server noticed")
-    assert rows(database_url) == before
-    assert len(stored(tmp_path / "blobs")) == 1  # which no row names: the janitor's
+    assert read_rows(database_url) == before
+    assert len(read_stored_files(tmp_path / "blobs")) == 1  # which no row names: the janitor's

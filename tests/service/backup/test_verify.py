@@ -9,7 +9,7 @@ from stridelab.cli.app import app
 from stridelab.errors import UnreadableFile
 from stridelab.service.backup.verify import verify_stored_files
 from support.recordings.c3d_files import small_trial
-from support.service.stored_rows import add_job, start_job, succeed
+from support.service.stored_rows import add_job, publish_result, start_job
 from support.service.web_server import served, upload
 
 
@@ -27,7 +27,7 @@ def test_damaged_and_missing_files_are_reported_refused_and_repaired(
     with served(database_url, tmp_path / "data") as lab, lab.http() as http:
         recording = upload(http, content).json()
         job = lab.run(add_job(lab.parts, recording["id"]))
-        lab.run(succeed(lab.parts, lab.run(start_job(lab.parts, job)), [("com.csv", "text/csv", b"time_s\n")]))
+        lab.run(publish_result(lab.parts, lab.run(start_job(lab.parts, job)), [("com.csv", "text/csv", b"time_s\n")]))
         assert verify_stored_files(database_url, lab.parts.blobs).ok
         assert doctor()[0] == 0
         blob = blobs / "uploads" / recording["sha256"]

@@ -16,7 +16,7 @@ from stridelab.service.jobs.notifications import JobNotifications
 from stridelab.service.jobs.store import CHANNEL, JobStore
 from stridelab.service.postgres.embedded import EmbeddedPostgres
 from stridelab.service.storage.migrate import migrate
-from support.service.database import public_folder, within
+from support.service.database import public_folder, run_with_engine
 from support.service.job_kinds import KINDS
 
 
@@ -34,7 +34,7 @@ def test_waiting_ends_when_the_job_does(database_url: str) -> None:
                 await board.wait_for_end(store, "nothing", 1.0)
             assert board._watchers == {}
 
-    within(database_url, act)
+    run_with_engine(database_url, act)
 
 
 def test_many_watchers_of_one_job_and_none_of_another(database_url: str) -> None:
@@ -53,7 +53,7 @@ def test_many_watchers_of_one_job_and_none_of_another(database_url: str) -> None
                 await asyncio.wait_for(asyncio.gather(a.wait(), b.wait()), 5.0)
                 assert not c.is_set()
 
-    within(database_url, act)
+    run_with_engine(database_url, act)
 
 
 def test_all_listeners_to_a_job_share_one_reader(database_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,7 +86,7 @@ def test_all_listeners_to_a_job_share_one_reader(database_url: str, monkeypatch:
             assert board._feeds == {}
             assert board._watchers == {}
 
-    within(database_url, act)
+    run_with_engine(database_url, act)
 
 
 def test_slow_and_late_listeners_miss_no_event(database_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,7 +121,7 @@ def test_slow_and_late_listeners_miss_no_event(database_url: str, monkeypatch: p
         assert received["fast"] == received["slow"] == late
         assert resumed == late[5:]
 
-    within(database_url, act)
+    run_with_engine(database_url, act)
 
 
 def test_listeners_end_with_the_server_and_with_the_job_row(database_url: str) -> None:
@@ -138,7 +138,7 @@ def test_listeners_end_with_the_server_and_with_the_job_row(database_url: str) -
                 await _all_events(board, store, "nothing")
             assert board._feeds == {}
 
-    within(database_url, act)
+    run_with_engine(database_url, act)
 
 
 async def _all_events(
@@ -164,7 +164,7 @@ def test_lost_notifications_cost_only_time(database_url: str, monkeypatch: pytes
             await asyncio.to_thread(change_silently)
             assert (await asyncio.wait_for(waiting, 10.0)).state == "failed"
 
-    within(database_url, act)
+    run_with_engine(database_url, act)
 
 
 def test_board_survives_a_restart_of_the_database() -> None:
@@ -189,6 +189,6 @@ def test_board_survives_a_restart_of_the_database() -> None:
                 assert (await asyncio.wait_for(waiting, 20.0)).state == "cancelled"
 
         try:
-            within(url, act)
+            run_with_engine(url, act)
         finally:
             server.stop()

@@ -12,7 +12,7 @@ from stridelab.service.jobs.retention import remove_expired, remove_old_events, 
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
-from support.service.database import within
+from support.service.database import run_with_engine
 from support.service.job_kinds import KINDS
 
 Act = Callable[[JobStore, AsyncConnection], Awaitable[Any]]
@@ -30,7 +30,7 @@ def use(database_url: str) -> Callable[[Act], Any]:
             async with engine.connect() as connection:
                 return await act(JobStore(engine, KINDS), connection)
 
-        return within(database_url, inside)
+        return run_with_engine(database_url, inside)
 
     return run
 
@@ -146,7 +146,7 @@ def test_workers_that_died_are_forgotten_after_a_day(database_url: str, blobs: B
         connection.execute(
             "INSERT INTO worker (last_heartbeat) VALUES (now() - interval '23 h'), (now() - interval '25 h')"
         )
-    within(database_url, lambda engine: remove_expired(engine, blobs, Settings(database_url=database_url)))
+    run_with_engine(database_url, lambda engine: remove_expired(engine, blobs, Settings(database_url=database_url)))
     with psycopg.connect(database_url) as connection:
         remaining = connection.execute("SELECT now() - last_heartbeat < interval '24 h' FROM worker")
         assert remaining.fetchall() == [(True,)]

@@ -8,7 +8,7 @@ import pytest
 from stridelab.errors import Busy, Conflict, InvalidInput, NotFound
 from stridelab.service.jobs.queue import LANES, Attempt, QueueConsumer
 from stridelab.service.jobs.store import JobStore
-from support.service.database import within
+from support.service.database import run_with_engine
 from support.service.job_kinds import KINDS
 
 
@@ -21,7 +21,7 @@ def use(database_url: str) -> Use:
     """Run an asynchronous function with a store."""
 
     def run(act: Callable[[JobStore], Awaitable[Any]], **options: Any) -> Any:
-        return within(database_url, lambda engine: act(JobStore(engine, KINDS, **options)))
+        return run_with_engine(database_url, lambda engine: act(JobStore(engine, KINDS, **options)))
 
     return run
 

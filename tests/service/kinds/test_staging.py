@@ -73,7 +73,7 @@ def within(url: str, act: Callable[[AsyncConnection], Awaitable[Any]]) -> Any:
         async with engine.begin() as connection:
             return await act(connection)
 
-    return database.within(url, in_transaction)
+    return database.run_with_engine(url, in_transaction)
 
 
 async def store_recording(connection: AsyncConnection, blobs: BlobStore, source: Path, key: str, **fields: Any) -> None:

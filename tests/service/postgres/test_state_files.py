@@ -18,7 +18,7 @@ from stridelab.errors import InvalidInput, Unavailable
 from stridelab.service.jobs.work_folder import HEARTBEAT_FILE, WorkFolder
 from stridelab.service.postgres.embedded import EmbeddedPostgres, running_url
 from stridelab.service.settings import Settings
-from support.faults.disks import mounted
+from support.faults.disks import mounted_folder
 from support.service.database import public_folder
 from support.service.processes import environment, free_port
 
@@ -175,7 +175,7 @@ def test_a_data_folder_that_is_a_file_is_named(tmp_path: Path) -> None:
 
 
 def test_a_read_only_data_folder_is_named() -> None:
-    with public_folder() as folder, mounted(folder / "disk", "size=1m") as disk:
+    with public_folder() as folder, mounted_folder(folder / "disk", "size=1m") as disk:
         subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
         for place in (disk, disk / "data"):
             message = refused_start(place)
@@ -188,7 +188,7 @@ def test_a_read_only_data_folder_is_named() -> None:
 
 @pytest.mark.parametrize("with_database", [False, True])
 def test_a_full_disk_is_reported_at_the_start(with_database: bool) -> None:
-    with public_folder() as folder, mounted(folder / "disk", "size=128m,mode=755") as disk:
+    with public_folder() as folder, mounted_folder(folder / "disk", "size=128m,mode=755") as disk:
         if with_database:
             server = EmbeddedPostgres(disk / "data")
             server.start()

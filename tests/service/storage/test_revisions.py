@@ -6,9 +6,9 @@ import psycopg
 import pytest
 
 from stridelab.service.storage.migrate import all_revisions, engine_of, is_migrated, migrate
-from support.service.database import TestDatabases, differences, migrate_to
+from support.service.database import TestDatabases, migrate_to, schema_differences
 from support.service.processes import Jobs, assert_sound, worker
-from support.service.stored_rows import fill, rows
+from support.service.stored_rows import fill_tables, read_rows
 
 OLD_QUEUE = Path(__file__).parents[2] / "support" / "service" / "procrastinate-3.10.sql"
 DELIVER = (
@@ -40,10 +40,10 @@ def test_every_row_survives_the_way_from(postgres: TestDatabases, tmp_path: Path
     """All that an earlier version kept is there afterwards, value for value, and the tables are the declared ones."""
     with postgres.fresh(migrated=False) as url:
         migrate_to(url, revision)
-        fill(url, tmp_path / "blobs")
-        before = rows(url)
+        fill_tables(url, tmp_path / "blobs")
+        before = read_rows(url)
         migrate(url)
-        after = rows(url)
+        after = read_rows(url)
         for table, rows_before in before.items():
             for old in rows_before:
                 old.pop("queue_id", None)  # the row of the queue that revision 0009 drops
@@ -51,10 +51,10 @@ def test_every_row_survives_the_way_from(postgres: TestDatabases, tmp_path: Path
                 {name: new[name] for name in old} for old, new in zip(rows_before, after[table], strict=True)
             ] == rows_before
         migrate(url)  # nothing is left to do
-        assert rows(url) == after
+        assert read_rows(url) == after
         engine = engine_of(url)
         with engine.connect() as connection:
-            assert differences(connection) == []
+            assert schema_differences(connection) == []
         engine.dispose()
 
 

@@ -30,7 +30,7 @@ from typing import Final, Literal
 
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service.storage.database import parse_url
-from support.service.database import TestDatabases, databases, remove_orphans_now, socket_of, within
+from support.service.database import TestDatabases, databases, remove_orphans_now, run_with_engine, socket_of
 from support.service.processes import Jobs, assert_sound, wait_until, worker
 
 Fault = Literal["lost request", "lost answer", "late request", "late answer", "cut after"]
@@ -325,7 +325,7 @@ def run(schedule: Schedule, url: str, folder: Path) -> str:
             assert record.error["code"] == "stopped", record.error
         assert record.state in FINAL_STATES
         assert_sound(url, folder / "blobs", [job_id])
-        removed = within(url, lambda engine: remove_orphans_now(engine, folder / "blobs"))
+        removed = run_with_engine(url, lambda engine: remove_orphans_now(engine, folder / "blobs"))
         assert_sound(url, folder / "blobs", [job_id])
         result_files = list((folder / "blobs" / "results").rglob("*.csv"))
         assert len(result_files) == 1, f"{len(result_files)} files after the janitor"

@@ -63,7 +63,7 @@ class VolatileFileSystem:
 
 
 @contextmanager
-def mounted(folder: Path, options: str) -> Iterator[Path]:
+def mounted_folder(folder: Path, options: str) -> Iterator[Path]:
     """A file system in memory at ``folder``, which is made; the test is skipped where this machine mounts none."""
     folder.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", options, "stridelab-test", str(folder)]

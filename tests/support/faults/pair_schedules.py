@@ -28,7 +28,7 @@ from support.faults.commits import (
     commit_proxy,
     through_proxy,
 )
-from support.service.database import remove_orphans_now, socket_of, within
+from support.service.database import remove_orphans_now, run_with_engine, socket_of
 from support.service.processes import Jobs, assert_sound, wait_until, worker
 
 KINDS: Final = (
@@ -105,7 +105,7 @@ def run_pair(schedule: PairSchedule, url: str, folder: Path) -> str:
         states = [record.state for record in ended]
         assert states == [ENDS[kind] for kind in schedule.kinds], f"{states}: {[record.error for record in ended]}"
         assert_sound(url, folder / "blobs", ids)
-        removed = within(url, lambda engine: remove_orphans_now(engine, folder / "blobs"))
+        removed = run_with_engine(url, lambda engine: remove_orphans_now(engine, folder / "blobs"))
         assert_sound(url, folder / "blobs", ids)
         files = len(list((folder / "blobs" / "results").rglob("*.csv")))
         assert files == len(ids), f"{files} files after the janitor"

@@ -79,7 +79,7 @@ def look(service: Service, accepted: int) -> Sample:
     return sample
 
 
-def growth(values: list[float]) -> float:
+def fit_growth(values: list[float]) -> float:
     """What the values have grown by from first to last, along the line of their median slope (Theil and Sen)."""
     slopes = [(late - early) / (j - i) for i, early in enumerate(values) for j, late in enumerate(values) if j > i]
     return statistics.median(slopes) * (len(values) - 1) if slopes else 0.0
@@ -136,7 +136,7 @@ class Soak:
                 f"| open files of the {role} | {first.files.get(role, 0)} | {last.files[role]} | {fitted:+.1f} "
                 f"| {FILES:.0f} |"
             )
-        connections = growth([float(sample.connections) for sample in self._counted()])
+        connections = fit_growth([float(sample.connections) for sample in self._counted()])
         lines.append(
             f"| connections | {first.connections} | {last.connections} | {connections:+.1f} | {CONNECTIONS:.0f} |"
         )
@@ -158,7 +158,7 @@ class Soak:
             for role, fitted in self._fitted(name).items():
                 if fitted > most:
                     faults.append(f"{name} of the {role} has grown by {fitted:.1f}")
-        if growth([float(sample.connections) for sample in self._counted()]) > CONNECTIONS:
+        if fit_growth([float(sample.connections) for sample in self._counted()]) > CONNECTIONS:
             faults.append("there are more and more connections")
         if last.scratch > first.scratch:
             faults.append(f"{last.scratch} folders of work in progress, and nothing is in progress")
@@ -182,7 +182,7 @@ class Soak:
     def _fitted(self, name: str) -> dict[str, float]:
         counted = [getattr(sample, name) for sample in self._counted()]
         roles = set.intersection(*(set(values) for values in counted))
-        return {role: growth([float(values[role]) for values in counted]) for role in ROLES if role in roles}
+        return {role: fit_growth([float(values[role]) for values in counted]) for role in ROLES if role in roles}
 
 
 LIGHT: tuple[str, dict[str, object]] = ("reproduce", {"item": "fig-2.5"})

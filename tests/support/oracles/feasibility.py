@@ -56,7 +56,7 @@ def step_matrices(h):
     return A, B, -B[:, 2]
 
 
-def exists(problem: CentroidalProblem) -> Answer:
+def motion_exists(problem: CentroidalProblem) -> Answer:
     """Whether any forces in their cones lead a motion from the start of ``problem`` to rest at its end."""
     assert problem.terminal == "rest"
     assert problem.bounds.com_height_m is None

@@ -148,7 +148,7 @@ class Walked:
         return self.wheel.position_m(self.theta_rad)
 
 
-def walked(wheel: Wheel = HUMAN, theta0_rad: float = -4.0, turns: float = 1.1, unevenness: float = 0.0) -> Walked:
+def rolled_wheel(wheel: Wheel = HUMAN, theta0_rad: float = -4.0, turns: float = 1.1, unevenness: float = 0.0) -> Walked:
     """At 100 Hz from ``theta0_rad`` on; the clock is uneven by that share of its speed."""
     omega = 2 * np.pi / PERIOD_S
     t = 7.0 + np.arange(round(100 * turns * PERIOD_S) + 1) / 100.0

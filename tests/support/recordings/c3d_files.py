@@ -214,7 +214,7 @@ def read_plain(path: Path) -> PlainC3d:
     return PlainC3d(n_points, scale, rate_hz, data_block, parameters, points, values[:, 4 * n_points :])
 
 
-def as_integers(content: bytes, scale: float, *, unsigned: bool = False) -> bytes:
+def with_integer_samples(content: bytes, scale: float, *, unsigned: bool = False) -> bytes:
     """An Intel float file with its points in steps of ``scale`` and its analog counts as 16-bit integers.
 
     ``unsigned`` moves the counts up by 32768 and says so in ANALOG:FORMAT (which must hold eight letters) and OFFSET.
@@ -309,7 +309,7 @@ def _records(content: bytes) -> list[tuple[int, int, str, int]]:
     return records
 
 
-def as_dec(content: bytes) -> bytes:
+def with_dec_floats(content: bytes) -> bytes:
     """The same file, from one of Intel's with floats for its frames."""
     content_out = bytearray(content)
     content_out[515] = 85

@@ -178,7 +178,7 @@ def _csv() -> str:
     return devices + head + "\n".join(_rows(",", frame=True)) + "\n"
 
 
-def mutated(seed: bytes, random_: random.Random) -> bytes:
+def mutated_input(seed: bytes, random_: random.Random) -> bytes:
     """``seed`` with one to eight changes."""
     raw = bytearray(seed)
     for _ in range(random_.choice((1, 1, 1, 2, 4, 8))):
@@ -210,11 +210,11 @@ def inputs(name: str, reader: Reader, first: int = 0) -> Iterator[tuple[int, byt
     number = first
     while True:
         random_ = random.Random(f"{name} {number}")
-        yield number, mutated(random_.choice(reader.seeds), random_)
+        yield number, mutated_input(random_.choice(reader.seeds), random_)
         number += 1
 
 
-def outcome(reader: Reader, raw: bytes, folder: Path, *, timeout_s: float = TIMEOUT_S) -> str:
+def read_in_child(reader: Reader, raw: bytes, folder: Path, *, timeout_s: float = TIMEOUT_S) -> str:
     """``read``, ``refused``, or what went wrong, of one input in a child process."""
     report = folder / "report"
     report.write_bytes(b"")
@@ -260,7 +260,7 @@ def fuzz(
     for number, raw in inputs(name, reader, first):
         if number >= first + count or time.monotonic() > ends:
             return counts, findings
-        how = outcome(reader, raw, folder)
+        how = read_in_child(reader, raw, folder)
         if how in counts:
             counts[how] += 1
         else:

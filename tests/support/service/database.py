@@ -46,7 +46,7 @@ def public_folder() -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def within(url: str, act: Callable[[AsyncEngine], Awaitable[Any]]) -> Any:
+def run_with_engine(url: str, act: Callable[[AsyncEngine], Awaitable[Any]]) -> Any:
     """What ``act`` returns of an engine on ``url``, in a loop of its own."""
 
     async def inside() -> Any:
@@ -126,7 +126,7 @@ def migrate_to(url: str, revision: str) -> None:
     engine.dispose()
 
 
-def differences(connection: sqlalchemy.Connection) -> list[Any]:
+def schema_differences(connection: sqlalchemy.Connection) -> list[Any]:
     """In what the tables differ from the declared ones."""
     context = MigrationContext.configure(connection, opts={"compare_server_default": True})
     return list(compare_metadata(context, metadata))

@@ -28,7 +28,7 @@ from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.samples.recording import SHIPPED_JOBS
 from stridelab.service.storage.blobs import BlobStore
-from support.service.database import public_folder, within
+from support.service.database import public_folder, run_with_engine
 from support.service.job_kinds import KINDS
 from support.service.supervisor_entry import WORKER
 
@@ -60,7 +60,7 @@ def environment(**settings: str) -> dict[str, str]:
     return {**variables, "PYTHONPATH": str(TESTS), **BRISK, **settings}
 
 
-def ended(process: psutil.Process) -> bool:
+def wait_for_exit(process: psutil.Process) -> bool:
     try:
         return process.status() == psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
@@ -81,7 +81,7 @@ class Jobs:
     url: str
 
     def ask(self, act: Callable[[JobStore], Awaitable[Any]]) -> Any:
-        return within(self.url, lambda engine: act(JobStore(engine, KINDS)))
+        return run_with_engine(self.url, lambda engine: act(JobStore(engine, KINDS)))
 
     def submit(self, kind: str, **task: Any) -> str:
         return str(self.ask(lambda store: store.submit(kind, task)).job_id)
@@ -238,7 +238,7 @@ NEXT = {
 Row = dict[str, Any]
 
 
-def faults(url: str, blobs: Path | str, accepted: Iterable[str] = ()) -> list[str]:
+def find_job_faults(url: str, blobs: Path | str, accepted: Iterable[str] = ()) -> list[str]:
     """Everything that is wrong with the jobs of a database whose files lie in the folder or at the URL ``blobs``.
 
     ``accepted`` are the jobs that must be there; all that are there must have ended.
@@ -258,7 +258,7 @@ def faults(url: str, blobs: Path | str, accepted: Iterable[str] = ()) -> list[st
 def assert_sound(url: str, blobs: Path | str, accepted: Iterable[str] = (), timeout_s: float = 15.0) -> None:
     """Assert that nothing is wrong, as soon as workers have ended what they hold."""
     job_ids, deadline = list(accepted), time.monotonic() + timeout_s
-    while remaining_faults := faults(url, blobs, job_ids):
+    while remaining_faults := find_job_faults(url, blobs, job_ids):
         assert time.monotonic() < deadline, "\n".join(remaining_faults)
         time.sleep(0.2)
 

@@ -189,13 +189,13 @@ def served(database_url: str, data: Path, **options: Any) -> Iterator[Served]:
         assert not thread.is_alive()
 
 
-def refusal(answer: httpx.Response) -> tuple[int, str]:
+def refusal_code(answer: httpx.Response) -> tuple[int, str]:
     """Status and code of an answer that must be a problem."""
     assert answer.headers["content-type"] == "application/problem+json", answer.text
     return answer.status_code, answer.json()["code"]
 
 
-def places(answer: httpx.Response) -> list[str]:
+def fault_places(answer: httpx.Response) -> list[str]:
     """Where a problem says that something is wrong."""
     return [fault["where"] for fault in answer.json()["errors"]]
 

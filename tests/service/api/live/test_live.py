@@ -23,7 +23,7 @@ from stridelab.service.processes.running_child import IsolatedOutcome
 from stridelab.service.samples.scenario_bodies import ONE_STEP
 from support.service.database import TestDatabases
 from support.service.processes import wait_until
-from support.service.streams import goodbye, received
+from support.service.streams import receive_close, receive_reply
 from support.service.web_server import Served, served
 
 TOKEN = "a-secret-of-the-lab"
@@ -126,7 +126,7 @@ def end(service: Served, session: Mapping[str, Any]) -> None:
 def next_with(socket: ClientConnection, kind: str, holds: Callable[[dict[str, Any]], bool] = bool) -> dict[str, Any]:
     """The next message of a kind for which ``holds``."""
     for _ in range(2000):
-        message = received(socket)
+        message = receive_reply(socket)
         if message.get("type") == kind and holds(message):
             return message
     raise AssertionError(f"no {kind} came")
@@ -205,7 +205,7 @@ def test_an_invalid_command_is_refused_and_the_robot_continues(service: Served, 
         assert fakes[0].settings == LiveSettings()
         socket.send(" " * (COMMAND_BYTES + 1))
         assert next_problem(socket) == "message-too-large"
-        assert goodbye(socket) == (4413, "message-too-large")
+        assert receive_close(socket) == (4413, "message-too-large")
     with watching(service, session) as flood:
         for _ in range(400):
             flood.send('{"type":"pause"}')
@@ -215,7 +215,7 @@ def test_an_invalid_command_is_refused_and_the_robot_continues(service: Served, 
 
 def next_problem(socket: ClientConnection) -> str:
     for _ in range(2000):
-        message = received(socket)
+        message = receive_reply(socket)
         if "problem" in message and "type" not in message:
             return str(message["problem"]["code"])
     raise AssertionError("no problem came")
@@ -249,7 +249,7 @@ def test_requests_for_missing_objects_are_refused(service: Served) -> None:
         assert http.delete("/api/v1/live/0123").status_code == 404
     with watching(service, {"socket": "/api/v1/live/0123"}) as socket:
         assert next_problem(socket) == "session-not-found"
-        assert goodbye(socket) == (4404, "session-not-found")
+        assert receive_close(socket) == (4404, "session-not-found")
 
 
 def test_limits_of_the_service_of_a_user_and_of_viewers(guarded: Served, fakes: Fakes) -> None:
@@ -303,7 +303,7 @@ def test_the_number_of_viewers_of_a_robot_is_limited(service: Served, fakes: Fak
     service.run(fill())
     with watching(service, session) as socket:
         assert next_problem(socket) == "too-many-watching"
-        assert goodbye(socket) == (4429, "too-many-watching")
+        assert receive_close(socket) == (4429, "too-many-watching")
     end(service, session)
 
 
@@ -330,7 +330,7 @@ def ended(socket: ClientConnection) -> tuple[int, str]:
     with contextlib.suppress(ConnectionClosed):
         while True:
             socket.recv(timeout=30)
-    return goodbye(socket)
+    return receive_close(socket)
 
 
 def drain(socket: ClientConnection) -> None:

@@ -16,8 +16,8 @@ from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.resident import PreviewProcess
 from stridelab.service.samples import scenarios
 from support.robots.scenario_bodies import one_step, with_contact
-from support.service.processes import ended, wait_until
-from support.service.web_server import Served, places, refusal
+from support.service.processes import wait_for_exit, wait_until
+from support.service.web_server import Served, fault_places, refusal_code
 
 SOLVERS, PREVIEW = "/api/v1/solvers", "/api/v1/plans/preview"
 REQUEST: dict[str, Any] = {"ask": "solvers"}
@@ -50,16 +50,16 @@ def test_a_child_that_was_killed_is_replaced(service: Served, http: httpx.Client
 
 
 def test_an_invalid_scenario_is_refused_by_name(http: httpx.Client) -> None:
-    assert refusal(http.post(PREVIEW, json={})) == (422, "invalid-request")
+    assert refusal_code(http.post(PREVIEW, json={})) == (422, "invalid-request")
     both = {"scenario": one_step(), "push": {"time_s": 1.0, "velocity_m_s": [0, 0, 0], "force_n": [0, 0, 0]}}
-    assert refusal(http.post(PREVIEW, json=both)) == (422, "invalid-request")
-    assert refusal(http.post(PREVIEW, json={"scenario_id": "0" * 32})) == (404, "scenario-not-found")
+    assert refusal_code(http.post(PREVIEW, json=both)) == (422, "invalid-request")
+    assert refusal_code(http.post(PREVIEW, json={"scenario_id": "0" * 32})) == (404, "scenario-not-found")
 
 
 @pytest.mark.skipif(not MISSING, reason="the C++ solver is on this machine")
 def test_a_missing_solver_is_reported(http: httpx.Client) -> None:
     answer = http.post(PREVIEW, json={"scenario": one_step()})
-    assert refusal(answer) == (422, "solver-unavailable")
+    assert refusal_code(answer) == (422, "solver-unavailable")
     assert "C++ solver" in answer.json()["detail"]
 
 
@@ -107,8 +107,8 @@ class TestPreview:
     def test_a_push_after_the_end_is_named(self, http: httpx.Client) -> None:
         push = {"time_s": 2.95, "velocity_m_s": [0.0, 0.1, 0.0]}
         answer = http.post(PREVIEW, json={"scenario": one_step(), "push": push})
-        assert refusal(answer) == (422, "push-too-late")
-        assert places(answer) == ["push.time_s"]
+        assert refusal_code(answer) == (422, "push-too-late")
+        assert fault_places(answer) == ["push.time_s"]
 
     def test_an_infeasible_scenario_has_a_preview_with_the_reason(self, http: httpx.Client) -> None:
         answer = http.post(PREVIEW, json={"scenario": with_contact(0, 1, position_m=[0.0, -0.09, 0.3])})
@@ -168,4 +168,4 @@ async def test_no_child_process_remains() -> None:
     async with IsolatedPool() as pool, PreviewProcess(pool) as resident:
         await resident.ask(REQUEST)
         child = psutil.Process(resident.pid)
-    wait_until(lambda: ended(child), 10, "the child ends")
+    wait_until(lambda: wait_for_exit(child), 10, "the child ends")

@@ -16,7 +16,7 @@ from stridelab.service.api.recordings import service as storing
 from stridelab.service.filenames import safe_filename
 from support.service.database import TestDatabases
 from support.service.stored_rows import add_recording, facts
-from support.service.web_server import Served, places, refusal, served, upload
+from support.service.web_server import Served, fault_places, refusal_code, served, upload
 
 RECORDINGS = "/api/v1/recordings"
 
@@ -111,7 +111,7 @@ def test_somebody_elses_upload_of_the_same_bytes_is_not_reused(http: httpx.Clien
     for owner in ("colleague", None):
         columns = {"owner": owner, "bundled": owner is None, "blob_key": f"uploads/{digest}"}
         service.run(add_recording(service.parts, content=content, **columns))
-    assert refusal(reused(http, content))[0] == 422, "it is read like any new file, and is no recording"
+    assert refusal_code(reused(http, content))[0] == 422, "it is read like any new file, and is no recording"
 
 
 @pytest.mark.usefixtures("parsed_at_once")
@@ -123,8 +123,8 @@ def test_the_last_recording_takes_its_file_along(http: httpx.Client, service: Se
     assert http.delete(f"{RECORDINGS}/{recording['id']}").status_code == 204
     assert service.stored_files() == before
     for path in ("", "/file", "/tracks.parquet"):
-        assert refusal(http.get(f"{RECORDINGS}/{recording['id']}{path}")) == (404, "recording-not-found")
-    assert refusal(http.delete(f"{RECORDINGS}/{recording['id']}")) == (404, "recording-not-found")
+        assert refusal_code(http.get(f"{RECORDINGS}/{recording['id']}{path}")) == (404, "recording-not-found")
+    assert refusal_code(http.delete(f"{RECORDINGS}/{recording['id']}")) == (404, "recording-not-found")
 
 
 def damaged() -> dict[str, bytes]:
@@ -155,10 +155,10 @@ def test_a_cut_off_trial_is_refused(http: httpx.Client, trial: Path) -> None:
 
 
 def test_an_empty_file_and_a_missing_file(http: httpx.Client) -> None:
-    assert refusal(upload(http, b"")) == (422, "empty-file")
-    assert refusal(http.post(RECORDINGS, files={"data": ("a.c3d", b"x")})) == (422, "file-missing")
+    assert refusal_code(upload(http, b"")) == (422, "empty-file")
+    assert refusal_code(http.post(RECORDINGS, files={"data": ("a.c3d", b"x")})) == (422, "file-missing")
     twice = [("file", ("a.c3d", b"x")), ("file", ("b.c3d", b"x"))]
-    assert refusal(http.post(RECORDINGS, files=twice)) == (422, "invalid-request")
+    assert refusal_code(http.post(RECORDINGS, files=twice)) == (422, "invalid-request")
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_an_empty_file_and_a_missing_file(http: httpx.Client) -> None:
 def test_bodies_that_are_no_form_are_refused(
     http: httpx.Client, media_type: str, content: bytes, expected: tuple[int, str]
 ) -> None:
-    assert refusal(http.post(RECORDINGS, content=content, headers={"Content-Type": media_type})) == expected
+    assert refusal_code(http.post(RECORDINGS, content=content, headers={"Content-Type": media_type})) == expected
 
 
 @pytest.mark.parametrize(
@@ -201,17 +201,17 @@ def test_bodies_that_are_no_form_are_refused(
 )
 def test_absurd_form_fields_are_named(http: httpx.Client, trial: Path, field: str, value: str) -> None:
     answer = upload(http, trial.read_bytes(), **{field: value})
-    assert refusal(answer) == (422, "invalid-request")
-    assert places(answer) == [field]
+    assert refusal_code(answer) == (422, "invalid-request")
+    assert fault_places(answer) == [field]
 
 
 def test_all_absurd_fields_are_named_at_once(http: httpx.Client, trial: Path) -> None:
     answer = upload(http, trial.read_bytes(), height_m="171", mass_kg="x", shoe_size="42")
-    assert set(places(answer)) == {"height_m", "mass_kg", "shoe_size"}
+    assert set(fault_places(answer)) == {"height_m", "mass_kg", "shoe_size"}
 
 
 def test_a_field_that_is_too_long(http: httpx.Client) -> None:
-    assert refusal(upload(http, b"x", subject_name="x" * 5000)) == (422, "invalid-request")
+    assert refusal_code(upload(http, b"x", subject_name="x" * 5000)) == (422, "invalid-request")
 
 
 @pytest.mark.parametrize(
@@ -300,10 +300,10 @@ def test_an_upload_over_the_limit_is_refused_at_the_byte_that_exceeds_it(narrow:
 def test_a_client_that_sends_on_still_receives_the_refusal(narrow: Served) -> None:
     with narrow.http() as http:
         for _ in range(3):
-            assert refusal(upload(http, b"\0" * 30_000_000)) == (413, "upload-too-large")
+            assert refusal_code(upload(http, b"\0" * 30_000_000)) == (413, "upload-too-large")
         for _ in range(3):
             answer = http.post(RECORDINGS, content=(b"\0" * 1_000_000 for _ in range(30)))
-            assert refusal(answer) == (415, "unsupported-media-type")
+            assert refusal_code(answer) == (415, "unsupported-media-type")
 
 
 @pytest.mark.usefixtures("parsed_at_once")
@@ -331,7 +331,7 @@ def test_a_large_upload_is_never_held_in_memory(service: Served) -> None:
 
 def test_a_full_disk_is_reported(postgres: TestDatabases, tmp_path: Path) -> None:
     with postgres.fresh() as url, served(url, tmp_path, min_free_disk_mb=10**9) as full, full.http() as http:
-        assert refusal(upload(http, b"x" * 10)) == (507, "disk-full")
+        assert refusal_code(upload(http, b"x" * 10)) == (507, "disk-full")
         assert full.stored_files() == set()
 
 
@@ -347,7 +347,7 @@ def test_a_file_that_breaks_its_reader_breaks_nothing_else(
             ("refuse", "no-plates"),
         ):
             monkeypatch.setattr(parse, "PARSE_UPLOAD", f"support.service.computations:{reader}")
-            assert refusal(upload(http, b"x" * 10)) == (422, code)
+            assert refusal_code(upload(http, b"x" * 10)) == (422, code)
             assert service.stored_files() == set()
             assert http.get("/api/v1/health").status_code == 200
 
@@ -384,7 +384,7 @@ def test_a_trc_alone_is_a_recording_without_plates(http: httpx.Client) -> None:
 def test_a_broken_trc_is_refused_by_its_name_and_line(http: httpx.Client, service: Served) -> None:
     before = service.stored_files()
     answer = upload(http, TRC.replace("\n9\t0.08\t8", "\n9\t0.08\tx").encode(), "walk 07.trc")
-    assert refusal(answer) == (422, "trc-broken")
+    assert refusal_code(answer) == (422, "trc-broken")
     assert "walk 07.trc is broken: line 15, column 3 holds 'x'" in answer.json()["detail"]
-    assert places(answer) == ["walk 07.trc"]
+    assert fault_places(answer) == ["walk 07.trc"]
     assert service.stored_files() == before

@@ -17,7 +17,7 @@ from stridelab.service.kinds.staging import stage_scenario
 from stridelab.service.storage.tables import audit, robot
 from support.robots.humanoid import Humanoid, archive
 from support.robots.scenario_bodies import one_step
-from support.service.web_server import Served, refusal
+from support.service.web_server import Served, refusal_code
 
 ROBOTS = "/api/v1/robots"
 
@@ -31,7 +31,7 @@ def put_card(http: httpx.Client, card: dict[str, Any]) -> httpx.Response:
 
 
 def problem_of(answer: httpx.Response, status: int) -> dict[str, Any]:
-    assert refusal(answer)[0] == status, answer.text
+    assert refusal_code(answer)[0] == status, answer.text
     problem: dict[str, Any] = answer.json()
     return problem
 

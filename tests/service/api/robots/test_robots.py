@@ -22,7 +22,7 @@ from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.priority import NICENESS
 from stridelab.service.samples.scenario_bodies import ONE_STEP
 from support.service.robot_children import FACTS, GLB, REACH
-from support.service.web_server import Served, refusal
+from support.service.web_server import Served, refusal_code
 
 ROBOTS = "/api/v1/robots"
 STUBS = {name: f"support.service.robot_children:{name}" for name in ("describe", "draw", "enclose")}
@@ -90,7 +90,7 @@ def test_a_robot_whose_card_is_broken_is_unavailable_and_can_do_nothing(
     assert [fault["where"] for fault in checked["errors"]] == ["robot"]
     assert message in checked["errors"][0]["message"]
     for path, body in (("scenarios", ONE_STEP), ("jobs/plan-motion", {"scenario": ONE_STEP})):
-        assert refusal(http.post(f"/api/v1/{path}", json=body)) == (422, "scenario-invalid")
+        assert refusal_code(http.post(f"/api/v1/{path}", json=body)) == (422, "scenario-invalid")
     assert len(diary.read_text().splitlines()) == len(listed), "a failure is remembered for a while"
 
     monkeypatch.setattr(shelf_module, "RETRY_S", 0.0)
@@ -192,7 +192,7 @@ def test_reach_is_enclosed_once_for_each_measure(http: httpx.Client, stubbed: Se
 def test_an_unknown_measure_starts_no_child(
     http: httpx.Client, stubbed: Served, diary: Path, measure: str, status: int, code: str
 ) -> None:
-    assert refusal(http.get(f"{ROBOTS}/talos/reachability", params={"measure": measure})) == (status, code)
+    assert refusal_code(http.get(f"{ROBOTS}/talos/reachability", params={"measure": measure})) == (status, code)
     assert "enclose" not in diary.read_text()
 
 
@@ -200,8 +200,8 @@ def test_densities_of_another_description_are_refused(http: httpx.Client, stubbe
     shelve(stubbed, describe="support.service.robot_children:describe_changed")
     path = f"{ROBOTS}/talos/reachability"
     for params in ({}, {"measure": "uniform"}):
-        assert refusal(http.get(path, params=params)) == (503, "reachability-of-another-robot")
-    assert refusal(http.get(path, params={"measure": "conditioned"})) == (404, "reachability-not-learned")
+        assert refusal_code(http.get(path, params=params)) == (503, "reachability-of-another-robot")
+    assert refusal_code(http.get(path, params={"measure": "conditioned"})) == (404, "reachability-not-learned")
     assert diary.read_text() == ""
 
 
@@ -211,18 +211,18 @@ def test_a_failure_is_reported_and_tried_again(
 ) -> None:
     shelve(stubbed, describe=f"support.service.robot_children:{child}")
     for path in (f"{ROBOTS}/talos", f"{ROBOTS}/talos/links"):
-        assert refusal(http.get(path)) == (503, code)
+        assert refusal_code(http.get(path)) == (503, code)
     assert len(diary.read_text().splitlines()) == 2
     shelve(stubbed, draw=f"support.service.robot_children:{child}", enclose=f"support.service.robot_children:{child}")
     for path in (f"{ROBOTS}/talos/links", f"{ROBOTS}/talos/reachability"):
-        assert refusal(http.get(path)) == (503, code)
+        assert refusal_code(http.get(path)) == (503, code)
     assert http.get(f"{ROBOTS}/talos").status_code == 200
 
 
 @pytest.mark.parametrize("name", ["nao", "..%2Ftalos", "talos.toml", "TALOS", "%00", "x" * 300, "talos%0a", "'; --"])
 def test_an_unknown_robot_starts_no_child(http: httpx.Client, stubbed: Served, diary: Path, name: str) -> None:
     for path in (f"{ROBOTS}/{name}", f"{ROBOTS}/{name}/links", f"{ROBOTS}/{name}/reachability"):
-        status, code = refusal(http.get(path))
+        status, code = refusal_code(http.get(path))
         assert (status, code in {"robot-not-found", "unknown-path"}) == (404, True)
     assert diary.read_text() == ""
 
@@ -367,5 +367,5 @@ def test_a_failed_preparation_gives_the_reason_and_is_tried_again_later(
 
 
 def test_the_preparation_of_an_unknown_robot_is_refused(http: httpx.Client, stubbed: Served, diary: Path) -> None:
-    assert refusal(http.get(f"{ROBOTS}/nao/preparation")) == (404, "robot-not-found")
+    assert refusal_code(http.get(f"{ROBOTS}/nao/preparation")) == (404, "robot-not-found")
     assert diary.read_text() == ""

@@ -11,7 +11,7 @@ from stridelab.service.api.scenarios import repository
 from stridelab.service.samples import scenarios
 from support.robots.scenario_bodies import add_scenario, one_step, with_contact
 from support.service.database import TestDatabases
-from support.service.web_server import Served, places, refusal, served
+from support.service.web_server import Served, fault_places, refusal_code, served
 
 SCENARIOS = "/api/v1/scenarios"
 CHECK = f"{SCENARIOS}/check"
@@ -52,8 +52,8 @@ def test_a_scenario_from_storing_to_deletion(http: httpx.Client) -> None:
     deletion = http.delete(path)
     assert (deletion.status_code, deletion.content) == (204, b"")
     for method in ("GET", "DELETE"):
-        assert refusal(http.request(method, path)) == (404, "scenario-not-found")
-    assert refusal(http.put(path, json=one_step())) == (404, "scenario-not-found")
+        assert refusal_code(http.request(method, path)) == (404, "scenario-not-found")
+    assert refusal_code(http.put(path, json=one_step())) == (404, "scenario-not-found")
 
 
 def test_scenarios_of_other_users_are_not_overwritten(http: httpx.Client) -> None:
@@ -64,7 +64,7 @@ def test_scenarios_of_other_users_are_not_overwritten(http: httpx.Client) -> Non
     theirs = http.put(path, json=one_step(name="Theirs"), headers={"If-Match": first})
     assert theirs.status_code == 200
     ours = http.put(path, json=one_step(name="Ours"), headers={"If-Match": first})
-    assert refusal(ours) == (412, "scenario-changed")
+    assert refusal_code(ours) == (412, "scenario-changed")
     assert http.get(path).json() == theirs.json()
     for named in ("{now}", f"{first}, {{now}}", "*"):
         now = theirs.headers["etag"]
@@ -87,8 +87,8 @@ def test_pages_of_the_list_hold_bundled_ones_too(postgres: TestDatabases, tmp_pa
             cursor, pages = page["next"], pages + 1
         assert listed == [(each, False) for each in ids[::-1]] + [(each, True) for each in shipped]
         for limit in ("0", "201", "x"):
-            assert refusal(http.get(SCENARIOS, params={"limit": limit})) == (422, "invalid-request")
-        assert refusal(http.get(SCENARIOS, params={"cursor": "x"})) == (422, "invalid-cursor")
+            assert refusal_code(http.get(SCENARIOS, params={"limit": limit})) == (422, "invalid-request")
+        assert refusal_code(http.get(SCENARIOS, params={"cursor": "x"})) == (422, "invalid-cursor")
 
 
 def test_a_page_of_very_long_scenarios_ends_early(
@@ -121,8 +121,8 @@ def test_bundled_scenarios_are_valid_and_read_only(seeded: Served, http: httpx.C
         "slow walking and climbing: it could stop anywhere"
     )
     assert check["duration_s"] == pytest.approx(sum(phase["duration_s"] for phase in body["phases"]))
-    assert refusal(http.delete(path)) == (409, "scenario-read-only")
-    assert refusal(http.put(path, json=one_step())) == (409, "scenario-read-only")
+    assert refusal_code(http.delete(path)) == (409, "scenario-read-only")
+    assert refusal_code(http.put(path, json=one_step())) == (409, "scenario-read-only")
     assert http.get(path).json() == before
     copy = http.post(SCENARIOS, json=body)
     assert copy.status_code == 201
@@ -171,11 +171,11 @@ def test_an_infeasible_scenario_is_refused_and_not_stored(http: httpx.Client, na
     assert check.json()["valid"] is False
     assert any(fault["where"].startswith(where) for fault in check.json()["errors"]), check.json()["errors"]
     refused = http.post(SCENARIOS, json=body)
-    assert refusal(refused) == (422, "scenario-invalid")
+    assert refusal_code(refused) == (422, "scenario-invalid")
     assert refused.json()["errors"] == check.json()["errors"]
     assert where in refused.json()["detail"] or len(check.json()["errors"]) > 1
     valid = http.post(SCENARIOS, json=one_step()).json()
-    assert refusal(http.put(f"{SCENARIOS}/{valid['id']}", json=body)) == (422, "scenario-invalid")
+    assert refusal_code(http.put(f"{SCENARIOS}/{valid['id']}", json=body)) == (422, "scenario-invalid")
     assert http.get(f"{SCENARIOS}/{valid['id']}").json() == valid
     http.delete(f"{SCENARIOS}/{valid['id']}")
     assert stored(http) == before
@@ -192,17 +192,17 @@ def test_a_value_that_is_not_a_number_names_phase_and_effector(http: httpx.Clien
     for position, code in ((nan, "not-json"), (text_, "invalid-request"), (far, "invalid-request")):
         content = json.dumps(with_contact(2, 1, position_m=position))
         answer = http.post(SCENARIOS, content=content, headers={"Content-Type": "application/json"})
-        assert refusal(answer)[1] == code
-        assert places(answer) == ["phases.2.contacts.1.position_m.1"]
+        assert refusal_code(answer)[1] == code
+        assert fault_places(answer) == ["phases.2.contacts.1.position_m.1"]
         assert answer.json()["errors"][0]["message"].startswith("right_foot: ")
     answer = http.post(SCENARIOS, content='{"a": NaN, "a": 1}', headers={"Content-Type": "application/json"})
-    assert (refusal(answer), places(answer)) == ((400, "not-json"), ["body"])
+    assert (refusal_code(answer), fault_places(answer)) == ((400, "not-json"), ["body"])
 
 
 def test_too_many_phases_are_counted(http: httpx.Client) -> None:
     answer = http.post(CHECK, json=one_step(phases=one_step()["phases"][:1] * 500))
-    assert refusal(answer) == (422, "invalid-request")
-    assert places(answer) == ["phases"]
+    assert refusal_code(answer) == (422, "invalid-request")
+    assert fault_places(answer) == ["phases"]
     assert "400" in answer.json()["errors"][0]["message"]
     assert "500" in answer.json()["errors"][0]["message"]
 
@@ -282,16 +282,16 @@ HOSTILE: dict[str, tuple[str, tuple[int, str], str | None]] = {
 def test_an_invalid_scenario_is_refused(http: httpx.Client, path: str, name: str) -> None:
     content, expected, where = HOSTILE[name]
     answer = http.post(path, content=content, headers={"Content-Type": "application/json"})
-    assert refusal(answer) == expected, answer.text[:500]
+    assert refusal_code(answer) == expected, answer.text[:500]
     assert len(answer.content) < 20_000
     if where is not None:
-        assert places(answer) == [where]
+        assert fault_places(answer) == [where]
 
 
 def test_a_body_of_faults_gets_a_short_answer(http: httpx.Client) -> None:
     unknown = {f"field{i}": None for i in range(30_000)}
     answer = http.post(CHECK, json=unknown)
-    assert refusal(answer) == (422, "invalid-request")
+    assert refusal_code(answer) == (422, "invalid-request")
     assert len(answer.content) < 50_000
 
 
@@ -321,12 +321,12 @@ def test_odd_ids_are_not_found(http: httpx.Client, identifier: str) -> None:
     for method, body in (("GET", None), ("PUT", one_step()), ("DELETE", None)):
         answer = http.request(method, f"{SCENARIOS}/{identifier}", json=body)
         assert answer.status_code == 404
-        assert refusal(answer)[1] in {"scenario-not-found", "unknown-path"}
+        assert refusal_code(answer)[1] in {"scenario-not-found", "unknown-path"}
 
 
 def test_only_json_is_read(http: httpx.Client) -> None:
-    assert refusal(http.post(SCENARIOS, content=json.dumps(one_step()))) == (415, "unsupported-media-type")
-    assert refusal(http.patch(SCENARIOS, json={})) == (405, "method-not-allowed")
+    assert refusal_code(http.post(SCENARIOS, content=json.dumps(one_step()))) == (415, "unsupported-media-type")
+    assert refusal_code(http.patch(SCENARIOS, json={})) == (405, "method-not-allowed")
 
 
 def test_a_course_becomes_the_input_of_the_contact_planner(http: httpx.Client) -> None:
@@ -346,10 +346,10 @@ def test_a_course_becomes_the_input_of_the_contact_planner(http: httpx.Client) -
     assert stored(http) == before
 
     answer = http.post(f"{SCENARIOS}/compose", json={**course, "robot": "nessie"})
-    assert refusal(answer) == (404, "robot-not-found")
+    assert refusal_code(answer) == (404, "robot-not-found")
     answer = http.post(f"{SCENARIOS}/compose", json={**course, "elements": [{"kind": "stairs", "rise_m": 9.0}]})
-    assert refusal(answer) == (422, "invalid-request")
-    assert "rise_m" in places(answer)[0]
+    assert refusal_code(answer) == (422, "invalid-request")
+    assert "rise_m" in fault_places(answer)[0]
     long = [{"kind": "level", "length_m": 9.0}] * 2
     answer = http.post(f"{SCENARIOS}/compose", json={**course, "elements": long})
-    assert refusal(answer) == (422, "course-too-long")
+    assert refusal_code(answer) == (422, "course-too-long")

@@ -13,7 +13,7 @@ from stridelab.schemas.streams import StreamConfiguration, StreamPriors
 from stridelab.service.api.stream.estimators import smoother_priors
 from stridelab.service.api.stream.messages import PACKED, TEXT, Parcel
 from stridelab.service.api.stream.session import StreamSession
-from support.service.streams import CONFIGURATION, MOTION, packed, walk_samples
+from support.service.streams import CONFIGURATION, MOTION, pack_samples, walk_samples
 
 SAMPLE = {"time_s": 0.0, "geometry_m": [0, 0, 1], "force_n": [0, 0, 686.7], "moment_nm": [0, 0, 0]}
 ROW = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 686.7, 0.0, 0.0, 0.0)
@@ -46,8 +46,8 @@ def test_blocks_and_single_samples_give_the_same_numbers(method: str) -> None:
 
 def test_an_empty_message_has_an_empty_answer() -> None:
     assert json.loads(session().answer_message(text([])).content) == {"samples": []}
-    answer = session(format="float32").answer_message(Parcel(PACKED, packed(3.0)))
-    assert (answer.content, answer.samples) == (packed(3.0), 0)
+    answer = session(format="float32").answer_message(Parcel(PACKED, pack_samples(3.0)))
+    assert (answer.content, answer.samples) == (pack_samples(3.0), 0)
 
 
 def test_times_of_a_long_stream_keep_their_resolution() -> None:
@@ -55,7 +55,7 @@ def test_times_of_a_long_stream_keep_their_resolution() -> None:
     day = 86_400.0
     running = session(format="float32")
     for k in range(5):
-        answer = running.answer_message(Parcel(PACKED, packed(day + k / 1000, ROW)))
+        answer = running.answer_message(Parcel(PACKED, pack_samples(day + k / 1000, ROW)))
         assert answer.content[:8] == struct.pack("<d", day + k / 1000)
 
 
@@ -183,16 +183,16 @@ def test_an_invalid_message_is_refused(content: bytes) -> None:
     ("content", "code"),
     [
         (b"", "wrong-packing"),
-        (packed(0.0, ROW)[:-1], "wrong-packing"),
-        (packed(0.0, ROW) + b"\x00" * 4, "wrong-packing"),
+        (pack_samples(0.0, ROW)[:-1], "wrong-packing"),
+        (pack_samples(0.0, ROW) + b"\x00" * 4, "wrong-packing"),
         (struct.pack("<10f", *ROW), "wrong-packing"),
-        (packed(NAN, ROW), "not-finite"),
-        (packed(INFINITE, ROW), "not-finite"),
-        (packed(0.0, (*ROW[:3], NAN, *ROW[4:])), "not-finite"),
-        (packed(0.0, (*ROW[:4], INFINITE, *ROW[5:])), "not-finite"),
-        (packed(0.0, (*ROW[:4], NAN, NAN, NAN, *ROW[7:])), "force-without-moment"),
-        (packed(0.0, (0.0, NAN, NAN, NAN, *ROW[4:])), "geometry-missing"),
-        (packed(0.0, ROW, ROW), "time-not-increasing"),
+        (pack_samples(NAN, ROW), "not-finite"),
+        (pack_samples(INFINITE, ROW), "not-finite"),
+        (pack_samples(0.0, (*ROW[:3], NAN, *ROW[4:])), "not-finite"),
+        (pack_samples(0.0, (*ROW[:4], INFINITE, *ROW[5:])), "not-finite"),
+        (pack_samples(0.0, (*ROW[:4], NAN, NAN, NAN, *ROW[7:])), "force-without-moment"),
+        (pack_samples(0.0, (0.0, NAN, NAN, NAN, *ROW[4:])), "geometry-missing"),
+        (pack_samples(0.0, ROW, ROW), "time-not-increasing"),
         (struct.pack(">d20f", 1.0, *ROW, *ROW), "time-not-increasing"),
     ],
 )
@@ -204,7 +204,7 @@ def test_wrong_packing_is_refused(content: bytes, code: str, method: str) -> Non
 
 
 def test_every_message_has_the_documented_format() -> None:
-    for form, parcel in (("json", Parcel(PACKED, packed(0.0, ROW))), ("float32", text([SAMPLE]))):
+    for form, parcel in (("json", Parcel(PACKED, pack_samples(0.0, ROW))), ("float32", text([SAMPLE]))):
         with pytest.raises(InvalidInput) as refused:
             session(format=form).answer_message(parcel)
         assert refused.value.code == "wrong-format"
