@@ -17,7 +17,7 @@ from experiments.centroidal_variations import (
 
 
 def tell(outcome: Outcome) -> None:
-    """Of those that did not converge."""
+    """Report the variations that did not converge."""
     if outcome.ending != "converged":
         sys.stderr.write(f"{outcome.ending}: {outcome.variation}: {outcome.reason}\n")
 

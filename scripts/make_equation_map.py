@@ -73,7 +73,7 @@ def cited_in(text: str, order: list[str]) -> Iterator[str]:
 
 
 def docstrings(path: Path) -> Iterator[tuple[str, str]]:
-    """All strings of a file that stand alone, with the name of the test function that they are in."""
+    """Docstrings and other bare strings of a file, each with the name of the test function around it."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     tests = [n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name.startswith("test")]
     for node in ast.walk(tree):

@@ -107,7 +107,7 @@ def main() -> None:
 
 
 def carried_out(robot: str, folder: Path, *, anew: bool = False) -> list[Execution]:
-    """All scenarios of one robot, kept after each."""
+    """Execute all scenarios of one robot; results are stored after each."""
     path = folder / f"{robot}.json"
     known = {} if anew or not path.is_file() else {e.name: e for e in REPORTS.validate_json(path.read_bytes())}
     for name in CASES[robot]:

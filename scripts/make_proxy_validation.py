@@ -162,7 +162,7 @@ def corrected(name: str) -> Mapping[str, Proxy]:
 
 
 def pairs_path(name: str, contacts: str, within: str, purpose: str) -> Path:
-    """Where pairs are kept."""
+    """Path of the cached pairs."""
     return CACHE / f"pairs-{name}-{contacts.replace(' ', '-')}-{within}-{purpose}.npz"
 
 
@@ -186,7 +186,7 @@ def save(path: Path, pairs: LabelledPairs) -> None:
 
 
 def load(path: Path) -> LabelledPairs:
-    """What ``save`` wrote."""
+    """Load the arrays that ``save`` wrote."""
     with np.load(path, allow_pickle=False) as archive:
         names = [key[2:] for key in archive.files if key.startswith("p_")]
         targets = {

@@ -57,7 +57,7 @@ def main() -> None:
 
 
 def head(sections: list[Section], seeds: int) -> str:
-    """What the page is."""
+    """Introduction of the page."""
     missing = "\nThe recordings were not at hand, so that the sections on people are missing."
     note = "" if any(section.name in PEOPLE for section in sections) else missing
     return f"""# Reproduction

@@ -55,7 +55,7 @@ def main() -> None:
 
 
 def run(variations: tuple[Variation, ...], known: dict[int, SearchResult], out: Path) -> None:
-    """All as they were drawn, then the search for those that were refused; kept after each."""
+    """Run all variations as drawn, then search near the refused ones; results are stored after each."""
     for index, case in enumerate(variations):
         if index not in known:
             keep(SearchResult(index, run_variation(case)), known, out)

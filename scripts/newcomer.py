@@ -54,7 +54,7 @@ def say(line: str) -> None:
 
 
 def processor_s(process: psutil.Process) -> float:
-    """What it and all that it started have used of the processors: what it takes is less only on several cores."""
+    """Processor time of the process and its descendants; wall-clock time is less only on several cores."""
     total_s = 0.0
     for each in (process, *process.children(recursive=True)):
         with contextlib.suppress(psutil.NoSuchProcess):
@@ -64,7 +64,7 @@ def processor_s(process: psutil.Process) -> float:
 
 
 def newcomers_environment(home: Path, port: int, *, cold: bool) -> dict[str, str]:
-    """Nothing of this checkout's: no virtual environment, no setting, no cache but that of packages."""
+    """Environment without this checkout's virtual environment, settings and caches, except that of packages."""
     variables = {
         key: value for key, value in os.environ.items() if not key.startswith(("STRIDELAB_", "XDG_", "VIRTUAL_"))
     }
@@ -137,7 +137,7 @@ def lines_of_readme() -> tuple[str, str]:
 
 
 def scripted(lines: str, port: int, clone: Path, environment: dict[str, str]) -> str:
-    """What the shell lines print, against this port."""
+    """Run the shell lines against this port; return their output."""
     lines = lines.replace("127.0.0.1:8000", f"127.0.0.1:{port}")
     run = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", lines], cwd=clone, env=environment, capture_output=True, text=True,

@@ -166,7 +166,7 @@ def rows(costs: dict[str, list[dict[str, float]]], crowds: Sequence[int], number
 
 
 def loads(measurements: dict[str, Any], crowds: Sequence[int]) -> Iterator[list[str]]:
-    """What else so many users ask for, by arithmetic: processors of web servers, reports of progress, storage."""
+    """Further loads of so many users, by arithmetic: processors of web servers, progress reports, storage."""
     kinds, calls = measurements["kinds"], measurements["calls"]
     job_bytes = sum(share * sum(one["bytes"] for one in kinds[k]) / len(kinds[k]) for k, share in SHARES.items())
     for users in crowds:

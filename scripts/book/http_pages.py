@@ -43,7 +43,7 @@ def cell(text: object) -> str:
 
 
 def unit(name: str) -> str:
-    """What a name ends with, as a unit: ``height_m`` is in m."""
+    """Unit at the end of a name: ``height_m`` is in m."""
     ends = (name.split("_", k)[-1] for k in range(1, name.count("_") + 1))
     return next((UNITS[end] for end in ends if end in UNITS), "")
 

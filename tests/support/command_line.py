@@ -1,4 +1,4 @@
-"""What a command left behind, callbacks for progress, a staged folder for runs, and a client of a scripted service."""
+"""Results of commands, callbacks for progress, staged folders for runs, and a client with scripted answers."""
 
 import json
 import shutil
@@ -32,7 +32,7 @@ SAMPLE = models_dir() / "recordings" / "sample-walk"
 
 @dataclass
 class RecordedProgress:
-    """Fractions never fall, end at 1, and every stage says what it does."""
+    """Progress callback that records its calls and asserts that fractions never fall and messages are not empty."""
 
     fractions: list[float] = field(default_factory=list)
     messages: list[str] = field(default_factory=list)

@@ -41,7 +41,7 @@ class DaskCluster:
         return self.workers[-1]
 
     def kill_worker(self, worker: subprocess.Popen[bytes]) -> None:
-        """As a node that loses power: the nanny, the worker, and what it runs."""
+        """Kill nanny, worker and the worker's processes at once, like a node that loses power."""
         family = [psutil.Process(worker.pid), *psutil.Process(worker.pid).children(recursive=True)]
         for process in family:
             with contextlib.suppress(psutil.NoSuchProcess):

@@ -39,7 +39,7 @@ calls, fixtures = defaultdict[str, float](float), defaultdict[str, float](float)
 
 
 def pytest_sessionstart() -> None:
-    """Nothing is remembered from runs before the change."""
+    """Clear caches of runs before the change."""
     gc.unfreeze()  # tests/conftest.py has put what was imported out of sight
     for thing in gc.get_objects():
         if isinstance(thing, _lru_cache_wrapper):
@@ -129,7 +129,7 @@ def mutmut(folder: Path, *arguments: str) -> str:
 
 
 def verdicts(folder: Path) -> dict[str, str]:
-    """What became of every mutant, by its name."""
+    """Outcome of every mutant by name."""
     return dict(re.findall(r"^ +(\S+): (.+)$", mutmut(folder, "results", "--all", "true"), re.MULTILINE))
 
 

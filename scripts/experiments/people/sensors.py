@@ -1,4 +1,4 @@
-"""What markers, segment table, plates and clocks make of a drawn motion.
+"""Simulated markers, segment table, plates and clocks of a drawn motion.
 
 Errors of the geometry: the table's mass fractions and centres of mass (their sum over the limbs follows the posture),
 an unseen load on the trunk, soft tissue that moves with the stride and after each contact, marker noise, possibly

@@ -29,7 +29,7 @@ Answer = TypeVar("Answer")
 
 
 def run(work: Coroutine[None, None, Answer]) -> Answer:
-    """What ``work`` returns."""
+    """Run ``work`` in the loop and return its result."""
     with ThreadPoolExecutor(1) as thread:
         return thread.submit(lambda: asyncio.run(work)).result()
 

@@ -1,4 +1,4 @@
-"""What a service that answers browsers costs: traffic, processor time and memory.
+"""Costs of a service that answers browsers: traffic, processor time and memory.
 
 What the processes of a running service that answer browsers cost: processor time and memory.
 
@@ -41,7 +41,7 @@ class Consumption:
 
     @staticmethod
     def of(pid: int | None) -> "Consumption":
-        """Those of the service with the process ``pid``."""
+        """The processes of the service with the process ``pid``."""
         processes: dict[str, psutil.Process] = {}
         for process in psutil.Process(pid).children(recursive=True):
             line = process.cmdline()
@@ -81,7 +81,7 @@ class Wire:
 
 @dataclass
 class Meter:
-    """What has passed since the start; ``url`` is where the service is reached through the door.
+    """Traffic since the start; ``url`` is the address of the service behind the counting proxy.
 
     Of a connection that has sent ``up_at_most`` bytes nothing more is let through until the number is taken away.
     """
@@ -97,7 +97,7 @@ class Meter:
 
     @property
     def answer_bytes(self) -> int:
-        """Those of them outside websockets, which ask now and then whether the other side is there."""
+        """Bytes by the service outside websockets, whose keep-alive messages are not of interest."""
         return sum(wire.down_bytes for wire in self.wires if not wire.is_socket)
 
     @property

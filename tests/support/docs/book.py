@@ -223,7 +223,7 @@ _VARIABLE = re.compile(r"\$\{([A-Z_]+)(?::-([^}]*))?\}")
 
 
 def compose(*files: Path) -> dict[str, Any]:
-    """All files in one; a part that two of them define would have to be merged, and none is."""
+    """All compose files merged into one; fails if two of them define the same part."""
     merged: dict[str, Any] = {}
     for file in files:
         text = _VARIABLE.sub(lambda match: match[2] or "", file.read_text(encoding="utf-8"))

@@ -126,7 +126,7 @@ def _body(lines: Iterator[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class Form:
-    """What ``MultipartFormProvider`` sends: names with texts or files, in pieces without a length."""
+    """A multipart form as ``MultipartFormProvider`` sends it: names with texts or files, chunked."""
 
     parts: tuple[tuple[str, str | Path], ...]
 

@@ -47,7 +47,7 @@ def models() -> dict[str, type[BaseModel]]:
 
 
 def operation(method: str, path: str) -> dict[str, Any] | None:
-    """What the service does at a path, whose variable parts may be anything."""
+    """Description of the operation at a path, whose variable parts may have any value."""
     fits = [
         (template.count("{"), methods[method.lower()])
         for template, methods in description()["paths"].items()
@@ -72,7 +72,7 @@ class Call:
 
 
 def complaints(call: Call) -> list[str]:
-    """What is wrong with a call: its path, method, query, JSON body or form fields."""
+    """Faults of a call: its path, method, query, JSON body or form fields."""
     what, described = f"{call.method} {call.path}", operation(call.method, call.path)
     if described is None:
         return [f"there is no {what}"]
@@ -198,7 +198,7 @@ def check_curl(command: Command) -> list[str]:
 
 
 def check_jq(command: Command) -> list[str]:
-    """What is picked from the answer of a call is in it."""
+    """Check that the selected field is in the answer of the call."""
     picked = [word for word in command.arguments if re.fullmatch(r"(?:\.[a-z_]\w*)+", word)]
     call = call_of(command.fed_by) if command.fed_by and command.fed_by.program == "curl" else ""
     if isinstance(call, str):
@@ -227,7 +227,7 @@ CHECKS = {"stridelab": check_stridelab, "curl": check_curl, "jq": check_jq, "mak
 
 
 def check_command(command: Command) -> list[str]:
-    """What is wrong with one command of a shell."""
+    """Faults of one shell command."""
     wrong = [f"{name} is no setting" for name in command.assigned if not known_variable(name)]
     program = re.sub(r"^(?:\.\./)*\.venv/bin/", "", command.program)
     if program in CHECKS:

@@ -63,7 +63,7 @@ def truth_m(time_s: np.ndarray) -> np.ndarray:
 
 
 def comparison_summary(*, with_truth: bool) -> CompareEstimatorsSummary:
-    """What the tables show."""
+    """Summary of a comparison."""
     return CompareEstimatorsSummary(
         window_s=WINDOW_S, rate_hz=RATE_HZ, segment_table="carried", mass_kg=60.0, latency_s=0.012, latency_sd_s=0.002,
         latency_applied_s=0.012, reference="truth" if with_truth else "geometry",
@@ -206,7 +206,7 @@ PEOPLE = (
 
 
 def population_summary() -> StudyPopulationSummary:
-    """What the page shows."""
+    """Summary of a study."""
     return StudyPopulationSummary(
         subjects=[_subject(*person) for person in PEOPLE],
         correlations=[

@@ -349,7 +349,7 @@ def robots(reason: str | None = None) -> list[RobotSummary]:
 
 
 def refusal(given: Scenario) -> list[tuple[str, str]]:
-    """What the fake judge finds wrong."""
+    """Problem body with the faults of the fake validation."""
     return [
         (f"phases[{k}].contacts[{contact.effector}]", "The foot stands on nothing.")
         for k, phase in enumerate(given.phases)
@@ -359,7 +359,7 @@ def refusal(given: Scenario) -> list[tuple[str, str]]:
 
 
 def support(k: int, phase: ScenarioPhase) -> PhaseSupport:
-    """How the fake judge says that a phase is held: not at rest on the right foot alone."""
+    """Support of a phase by the fake validation: not at rest on the right foot alone."""
     feet = [contact for contact in phase.contacts if "foot" in contact.effector]
     alone = [foot.effector for foot in feet] == ["right_foot"]
     x, y, z = feet[0].position_m
@@ -373,7 +373,7 @@ def region(phase: ScenarioPhase) -> list[tuple[float, float]]:
 
 
 def check(given: Scenario) -> ScenarioCheck:
-    """What the fake judge says."""
+    """Answer of the fake validation."""
     wrong = refusal(given)
     margins = [
         ContactMargin(phase=k, effector=c.effector, surface="ground", height_m=0.0, edge_m=0.04, reach_m=0.25)

@@ -24,7 +24,7 @@ from support.fakes.service import FakeService
 
 
 def anybody(scope: Scope, scenario_id: str, owner: str | None) -> ScenarioRight:
-    """A service without a token: everybody changes everything."""
+    """Rights of a service without tokens: every caller may change everything."""
     return ScenarioRight(ANONYMOUS_KEY)
 
 
@@ -68,7 +68,7 @@ STARTED_WITHIN_S = 180.0
 
 @dataclass(frozen=True)
 class Lab:
-    """Where it listens, and what it shows."""
+    """Addresses of a running web app, and the fake service behind it."""
 
     url: str
     fake: FakeService

@@ -44,7 +44,7 @@ STARTS = "SELECT sum(attempt - 1), max(attempt) FROM job WHERE kind = 'work'"
 
 @dataclass
 class Run:
-    """What happened so far."""
+    """State and counts of a run."""
 
     service: Service
     work_s: float
@@ -116,7 +116,7 @@ def _is_child(process: psutil.Process) -> bool:
 
 
 def run(jobs: int, kills: int, *, work_s: float, pause_s: tuple[float, float], limit_s: float) -> str:
-    """Do it; returns what to write down. Raises ``AssertionError`` naming every job that was lost, doubled or stuck."""
+    """Run the jobs under kills; return the report. Raises ``AssertionError`` naming jobs lost, doubled or stuck."""
     began = time.monotonic()
     with running_service(**SETTINGS) as service:
         chaos = Run(service, work_s)

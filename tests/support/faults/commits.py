@@ -143,7 +143,7 @@ class CommitProxy:
 
 @dataclass
 class _Connection:
-    """One client's connection, and what is known of its transaction."""
+    """One client's connection and the state of its transaction."""
 
     near: socket.socket
     far: socket.socket
@@ -268,7 +268,7 @@ DELAY_S: Final = 6.0
 
 @dataclass(frozen=True)
 class Schedule:
-    """One job, one transaction, what becomes of its COMMIT, and what the worker is sent at that moment."""
+    """One job, one transaction, the fault of its COMMIT, and the signal to the worker at that moment."""
 
     kind: str
     transaction: str

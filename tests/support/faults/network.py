@@ -40,7 +40,7 @@ class Hosts:
         return ("ip", "netns", "exec", f"{self.name}-b")
 
     def pull(self) -> None:
-        """Pull the cable: packets are lost, and nobody is told."""
+        """Pull the cable: packets are lost without an error to either side."""
         _ip("-n", f"{self.name}-a", "link", "set", _CABLE, "down")
 
     def plug(self) -> None:
@@ -75,7 +75,7 @@ def _ip(*words: str) -> None:
 
 
 class Cut:
-    """While it is pulled, bytes are taken from nobody and given to nobody, as with a cable that lies on the floor."""
+    """While the cable is pulled, no bytes are read or forwarded, as with an unplugged cable."""
 
     def __init__(self, target: str, address: str, port: int = 0) -> None:
         self._target = target

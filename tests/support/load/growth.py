@@ -40,7 +40,7 @@ WARM: Final = 1 / 3
 
 @dataclass
 class Sample:
-    """What there is at one moment; memory in MB of what a process shares with none."""
+    """Resources at one moment; memory is the unshared memory of a process in MB."""
 
     accepted: int
     memory_mb: dict[str, float] = field(default_factory=dict)
@@ -80,7 +80,7 @@ def look(service: Service, accepted: int) -> Sample:
 
 
 def fit_growth(values: list[float]) -> float:
-    """What the values have grown by from first to last, along the line of their median slope (Theil and Sen)."""
+    """Growth from the first to the last value along the line of their median slope (Theil and Sen)."""
     slopes = [(late - early) / (j - i) for i, early in enumerate(values) for j, late in enumerate(values) if j > i]
     return statistics.median(slopes) * (len(values) - 1) if slopes else 0.0
 
@@ -100,7 +100,7 @@ class Soak:
     worse: int = 0
 
     def run(self) -> None:
-        """Do it; the first and the last look find all done. Raises where a job is lost, doubled or stuck."""
+        """Run the load; no job runs at the first and last sample. Raises if a job is lost, doubled or stuck."""
         asyncio.run(self._round(0))
         self._settle()
         for number in range(max(3, round(self.seconds / self.round_s))):

@@ -29,7 +29,7 @@ RESTS_S = 3.0
 
 @dataclass(frozen=True)
 class Answer:
-    """What came back."""
+    """Answer of the service."""
 
     status: int
     headers: dict[str, str]
@@ -116,7 +116,7 @@ MANY: Final = 100
 
 @dataclass
 class Tally:
-    """What was seen."""
+    """Counts and latencies."""
 
     took_s: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
     statuses: Counter[tuple[str, int]] = field(default_factory=Counter)
@@ -314,7 +314,7 @@ def _in_the_server(folder: Path, route: str) -> list[float]:
 
 
 def report(tally: Tally, clients: int, seconds: float, web_s: float, inside_ms: list[float]) -> str:
-    """What to write down."""
+    """Report of the load test."""
     late_ms = sorted(1e3 * late for late in tally.late_s)
     refusals = ", ".join(f"{n} {code}" for code, n in sorted(tally.refusals.items())) or "none"
     around = (

@@ -28,7 +28,7 @@ from support.service.processes import BRISK, Jobs, worker
 
 @contextmanager
 def pinned(core: int) -> Iterator[None]:
-    """What is started meanwhile runs on one core only."""
+    """Processes started in the block run on one core only."""
     before = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {core})
     try:

@@ -30,7 +30,7 @@ from stridelab.walking.steps import GaitStep
 
 
 def masked_record(rate_hz: float, n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """One axis: geometry always, force in one window, in it a flight without an axis; and what is measured."""
+    """One axis with geometry throughout, force in one window with a flight in it, and the measured samples."""
     rng = np.random.default_rng(seed)
     t = np.arange(n) / rate_hz
     c, a = 3 + 1.2 * t + 0.03 * np.sin(10 * t), -3 * np.sin(10 * t)
@@ -76,7 +76,7 @@ class Motion:
         return np.cross(self.com.at(t), self.force(t)) + self.momentum.at(t, 1)
 
     def wrench_track(self, t: np.ndarray, window: Window, late_s: float = 0.0, read_late_s: float = 0.0) -> WrenchTrack:
-        """What plates see whose clock is ``late_s`` late, read ``read_late_s`` later; NaN outside the window."""
+        """Wrench of plates whose clock is ``late_s`` late, read ``read_late_s`` later; NaN outside the window."""
         shifted = t - late_s + read_late_s
         complete = (t >= window.start_s) & (t <= window.end_s)
         hole = np.where(complete, 0.0, np.nan)[:, None]

@@ -296,7 +296,7 @@ def _turn(content_out: bytearray, at: int, width: int, count: int, machine: str)
 
 
 def _records(content: bytes) -> list[tuple[int, int, str, int]]:
-    """Of each record: where its link is, number of its group, name, and what follows the link."""
+    """For each record: offset of its link, number of its group, name, and offset of its data."""
     at, records = BLOCK + 4, []
     while length := abs(struct.unpack_from("b", content, at)[0]):
         (number,) = struct.unpack_from("b", content, at + 1)
@@ -330,7 +330,7 @@ def _exchange(content_out: bytearray, at: int, count: int) -> None:
 
 
 def _floats(content: bytes) -> list[tuple[int, int]]:
-    """Where in the parameters floats begin, and how many they are."""
+    """Offsets and counts of the floats in the parameters."""
     at, offsets = BLOCK + 4, []
     while length := abs(struct.unpack_from("b", content, at)[0]):
         (group,) = struct.unpack_from("b", content, at + 1)

@@ -61,7 +61,7 @@ _FRAMES: Final = 20
 
 @dataclass(frozen=True)
 class Reader:
-    """What is fuzzed: files that it reads, and the reading of one."""
+    """A fuzzed reader: seed files and the function that reads one."""
 
     seeds: tuple[bytes, ...]
     read: Callable[[bytes, Path], object]
@@ -253,7 +253,7 @@ def _child(reader: Reader, raw: bytes, folder: Path, report: Path) -> None:
 def fuzz(
     name: str, reader: Reader, folder: Path, *, count: int, seconds: float, first: int = 0
 ) -> tuple[dict[str, int], list[Finding]]:
-    """Run inputs from ``first`` on for ``count`` or ``seconds``; how many were read and refused, what was found."""
+    """Run inputs from ``first`` on for ``count`` or ``seconds``; return counts by outcome, and the failures."""
     ends = time.monotonic() + seconds
     counts = {"read": 0, "refused": 0}
     findings: list[Finding] = []

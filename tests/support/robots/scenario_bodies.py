@@ -167,7 +167,7 @@ def _with_rail(planned_task: Task, x_m: float, z_m: float) -> None:
 
 
 def com_height_m(robot: Robot) -> float:
-    """Of the CoM above the soles, in the reference posture."""
+    """Height of the CoM above the soles in the reference posture."""
     return float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2])
 
 

@@ -47,7 +47,7 @@ def public_folder() -> Iterator[Path]:
 
 
 def run_with_engine(url: str, act: Callable[[AsyncEngine], Awaitable[Any]]) -> Any:
-    """What ``act`` returns of an engine on ``url``, in a loop of its own."""
+    """Run ``act`` with an engine on ``url`` in a loop of its own and return its result."""
 
     async def inside() -> Any:
         engine = make_engine(url)
@@ -70,7 +70,7 @@ class TestDatabases:
 
     @contextmanager
     def fresh(self, *, migrated: bool = True) -> Iterator[str]:
-        """URL of a new database; dropped at the end, whoever still holds a connection."""
+        """URL of a new database; dropped at the end even if connections are open."""
         name = f"stridelab_test_{os.getpid()}_{next(_numbers)}"
         template = self.template if migrated else "template1"
         self.admin.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"')
@@ -167,7 +167,7 @@ def store_many_recordings(url: str) -> None:
 
 
 async def remove_orphans_now(engine: AsyncEngine, blobs: Path) -> list[str]:
-    """What the janitor removes once everything is old."""
+    """Remove what the janitor removes once everything is old."""
     async with engine.connect() as connection:
         return await remove_orphans(connection, BlobStore.from_url(blobs.as_uri()), timedelta(seconds=-1))
 

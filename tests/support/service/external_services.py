@@ -115,7 +115,7 @@ class _Handler(BaseHTTPRequestHandler):
         return self.folder / ".parts" / self._query["uploadId"][0]
 
     def _body(self) -> bytes | None:
-        """What was sent; None, and an answer, where it is not signed."""
+        """Body of the request; None, after a refusal, if it is not signed."""
         content = self.rfile.read(int(self.headers.get("Content-Length", 0)))
         if not self.headers.get("Authorization", "").startswith("AWS4-HMAC-SHA256 "):
             self._answer(403, b"<Error><Code>AccessDenied</Code></Error>")
@@ -204,7 +204,7 @@ __all__ = ["Collector", "Span", "collector", "span_attributes"]
 
 @dataclass
 class Collector:
-    """What a collector was sent: spans by the name of their service."""
+    """Spans that a collector received, by the name of their service."""
 
     url: str
     spans: list[tuple[str, Span]] = field(default_factory=list)

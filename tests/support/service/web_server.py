@@ -80,7 +80,7 @@ class Lent(ForkServerClient):
 
     @staticmethod
     def start_lent(preload: Sequence[str]) -> "Lent":
-        """One that another client has returned, or else a new one."""
+        """A fork server that another client has returned, or else a new one."""
         environment = child_environment()
         environment.pop("PYTEST_CURRENT_TEST", None)
         key = tuple(preload), frozenset(environment.items())
@@ -196,7 +196,7 @@ def refusal_code(answer: httpx.Response) -> tuple[int, str]:
 
 
 def fault_places(answer: httpx.Response) -> list[str]:
-    """Where a problem says that something is wrong."""
+    """Places of the faults in a problem."""
     return [fault["where"] for fault in answer.json()["errors"]]
 
 
