@@ -1,6 +1,6 @@
 """Execute every bundled scenario with every robot, apply disturbances, and write the results as a page.
 
-make_execution.py                      all that is not kept yet, then docs/theory/execution.md
+make_execution.py                      all that is not stored yet, then docs/theory/execution.md
 make_execution.py --robots talos hrp2  only these; --anew computes again, --page only writes the page
 make_execution.py --robustness talos   disturbances and boundaries of the three experiments of one robot
 make_execution.py --estimators talos   estimators in front of the stabiliser, in the same three
@@ -84,7 +84,7 @@ def main() -> None:
     parser.add_argument("--experiments", nargs="*", default=list(EXPERIMENTS), choices=EXPERIMENTS)
     parser.add_argument("--boundaries", action="store_true", help="bisect them as well")
     parser.add_argument("--out", type=Path, default=Path(".data") / "execution", metavar="DIR")
-    parser.add_argument("--anew", action="store_true", help="compute again what is kept")
+    parser.add_argument("--anew", action="store_true", help="compute stored results again")
     parser.add_argument("--page", action="store_true", help="only write the page")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -174,7 +174,7 @@ def survives(robot: str, motion: WholeBodyMotion, of_size: Callable[[float], Dis
 
 
 def page(folder: Path) -> Iterable[str]:
-    """The page from what is kept."""
+    """The page from the stored results."""
     yield INTRO
     for robot in CASES:
         path = folder / f"{robot}.json"

@@ -1,6 +1,6 @@
 """Carry out random stairs, search at other paces and places where one is refused, and write what came of it as a page.
 
-make_stair_variations.py            all that is not kept yet, then docs/theory/stair-variations.md
+make_stair_variations.py            all that is not stored yet, then docs/theory/stair-variations.md
 make_stair_variations.py --anew     computes again; --page only writes the page
 make_stair_variations.py --number 6 only so many of them
 """
@@ -41,7 +41,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path(".data") / "stair-variations.json", metavar="FILE")
     parser.add_argument("--number", type=int, default=NUMBER)
-    parser.add_argument("--anew", action="store_true", help="compute again what is kept")
+    parser.add_argument("--anew", action="store_true", help="compute stored results again")
     parser.add_argument("--page", action="store_true", help="only write the page")
     arguments = parser.parse_args()
     variations = random_variations()
@@ -74,7 +74,7 @@ def keep(case: SearchResult, known: dict[int, SearchResult], out: Path) -> None:
 
 
 def page(variations: tuple[Variation, ...], known: dict[int, SearchResult]) -> Iterable[str]:
-    """The page from what is kept."""
+    """The page from the stored results."""
     cases = [known[index] for index in sorted(known)]
     carried_out = [case for case in cases if case.attempt.stage is None]
     refused = [case for case in cases if case.attempt.stage is not None]

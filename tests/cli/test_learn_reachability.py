@@ -1,4 +1,4 @@
-"""``stridelab learn-reachability``: what a run here writes and shows, and what it refuses."""
+"""``stridelab learn-reachability``: the output of a local run, and refused arguments."""
 
 import json
 from dataclasses import replace

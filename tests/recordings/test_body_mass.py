@@ -48,7 +48,7 @@ def test_a_standing_person_is_weighed_as_on_a_scale() -> None:
 
 
 def test_a_plate_that_is_never_unloaded_may_have_a_wrong_zero() -> None:
-    """28 N of zero error are not seen while somebody stands; a touch of the empty plate would show them."""
+    """A zero error of 28 N is invisible while a person stands; samples of the empty plate would show it."""
     standing = stand()
     plate = standing.recording.plates[0]
     assert plate.loaded.all()

@@ -1,4 +1,4 @@
-"""Mutated files, the short form of ``make fuzz``; and that the fuzzer sees what it looks for."""
+"""A short run of ``make fuzz`` on mutated files, and tests that the fuzzer detects failures."""
 
 import faulthandler
 import os

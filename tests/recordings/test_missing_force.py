@@ -154,7 +154,7 @@ def test_hanging_above_the_plate_is_no_flight() -> None:
 
 
 def test_an_overstated_mass_is_not_taken_for_a_chair() -> None:
-    """Who stands still on a plate with a steady force is weighed by it: a wrong statement must not end the window."""
+    """Standing still on a plate with a steady force gives the mass: a wrong stated mass must not end the window."""
     body = stand()
     search = find_windows(body.recording, LANDMARKS, motion(body), stated_kg=1.3 * MASS_KG)
     assert search.remarks == ()

@@ -103,7 +103,7 @@ def without_subject(recording: Recording) -> Recording:
 
 
 def beside(recording: Recording) -> Recording:
-    """The plates lie ten metres away, and so do the feet's forces: nobody is seen standing on them."""
+    """The plates lie ten metres away, and so do the feet's forces: no foot is on them."""
     moved = []
     for plate in recording.plates:
         away = np.array([0.0, 10.0, 0.0])
@@ -115,7 +115,7 @@ def beside(recording: Recording) -> Recording:
 CASES: dict[str, tuple[Callable[[Recording], Recording], dict[int, dict[str, Any]]]] = {
     "whole": (lambda r: r, {}),
     "no plates": (bare, {}),
-    "no plates, nobody known": (lambda r: without_subject(bare(r)), {}),
+    "no plates, no subject": (lambda r: without_subject(bare(r)), {}),
     "plates off": (lambda r: r, {1: {"use": False}, 2: {"use": False}}),
     "one plate off": (lambda r: r, {1: {"use": False}}),
     "unloaded": (unloaded, {}),

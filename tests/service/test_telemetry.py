@@ -12,7 +12,7 @@ from support.service.external_services import collector
 from support.service.processes import environment, free_port
 
 SPANS = 2000
-"""Fewer than the 2048 that are kept while the collector is slow."""
+"""Fewer than the 2048 spans that are buffered while the collector is slow."""
 SCRIPT = """
 import sys
 from stridelab.service import telemetry

@@ -121,7 +121,7 @@ def prepare(folder: Path, package: str) -> None:
 
 
 def mutmut(folder: Path, *arguments: str) -> str:
-    """Run it in ``folder``; returns what it says."""
+    """Run mutmut in ``folder``; returns its output."""
     run = subprocess.run(
         [sys.executable, "-m", "mutmut", *arguments], cwd=folder, capture_output=True, text=True, check=False
     )

@@ -1,4 +1,4 @@
-"""The C++ solver against CasADi's on the same problems, and against what it must never do."""
+"""The C++ solver against CasADi's on the same problems, and its refusals."""
 
 from dataclasses import replace
 from typing import Any

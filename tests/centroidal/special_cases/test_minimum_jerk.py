@@ -1,4 +1,4 @@
-"""The minimum-jerk spline against its closed form, against a dense discretisation, and what it takes on trust."""
+"""The minimum-jerk spline against its closed form and a dense discretisation, and the conditions that it assumes."""
 
 import numpy as np
 import pytest

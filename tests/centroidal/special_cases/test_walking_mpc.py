@@ -1,4 +1,4 @@
-"""The quadratic programme of the zero-moment point: as least squares, with steps to choose, and what it refuses."""
+"""The quadratic program of the zero-moment point: as least squares, with free steps, and refused inputs."""
 
 from dataclasses import replace
 

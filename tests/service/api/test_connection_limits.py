@@ -1,4 +1,4 @@
-"""Slow and crowding clients are closed out; whoever asks properly is answered meanwhile."""
+"""Slow and excessive clients are disconnected; proper requests are answered meanwhile."""
 
 import asyncio
 import contextlib

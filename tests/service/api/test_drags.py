@@ -40,7 +40,7 @@ def stored_by(lab: Lab, secret: str) -> dict[str, Any]:
 
 
 def drag(lab: Lab, secret: str, scenario: dict[str, Any], by_m: float) -> str:
-    """Drag a mark along x as viser's client does, and return what the page is told about it."""
+    """Drag a mark along x as viser's client does, and return the message to the page."""
     x, y, z = scenario["phases"][0]["contacts"][MARK - 1]["position_m"]
     address = f"/view/scene/scenario/{scenario['id']}/-"
     camera = _messages.ViewerCameraMessage(

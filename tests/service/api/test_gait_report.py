@@ -1,4 +1,4 @@
-"""``gait-report`` over HTTP: a session becomes its recordings, and people of the reference group are found."""
+"""``gait-report`` over HTTP: a session becomes its recordings, and people of the reference group are identified."""
 
 import base64
 from dataclasses import replace

@@ -367,4 +367,6 @@ def test_jobs_have_the_same_verdict_in_the_list_and_alone(http: httpx.Client, se
         "failed_checks": ["vertical_bias"],
     }
     assert (verdicts[1]["outcome"], verdicts[1]["code"]) == ("passed", "certified")
-    assert verdicts[2:] == [None, None, None], "nothing was checked; failed, though it kept a result; still waiting"
+    assert verdicts[2:] == [None, None, None], (
+        "nothing was checked; failed, though it has a partial result; still waiting"
+    )

@@ -241,7 +241,7 @@ def test_calls_that_follow_one_another_find_no_failure(stocked: Served) -> None:
 
 
 def test_odd_addresses_of_pages_find_no_failure(stocked: Served) -> None:
-    """Pages with ids and queries that nobody types; what needs the viewer is without one here, and says so."""
+    """Pages with unusual ids and queries; pages that need the viewer report that there is none."""
     rng = random.Random(SEED)
     paths = [route.path for route in web_routes() if isinstance(route, Route) and "GET" in (route.methods or ())]
     names = ["recording", "plan", "scenario", "robot", "job", "t", "next", "cursor", "limit", "measure", "effector"]

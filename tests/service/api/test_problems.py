@@ -151,7 +151,7 @@ def test_every_error_class_has_a_status() -> None:
 
 def test_a_subclass_takes_the_status_of_its_ancestor() -> None:
     class Special(errors.Conflict):
-        """An error nobody listed."""
+        """An error class that is in no list."""
 
     assert status_of(Special("c", "m")) == 409
     assert status_of(StridelabError("c", "m")) == 500

@@ -30,7 +30,7 @@ def test_concurrent_submissions_with_one_key_are_one_job(service: Served) -> Non
     refused = answers[409, "idempotency-key-reused"]
     assert len(accepted) == 1
     assert sum(accepted.values()) + refused == AT_ONCE
-    assert refused in {AT_ONCE // 4, AT_ONCE - AT_ONCE // 4}  # whoever came first decides what the key is for
+    assert refused in {AT_ONCE // 4, AT_ONCE - AT_ONCE // 4}  # the first request decides what the key is for
     with service.http() as http:
         listed = http.get("/api/v1/jobs", params={"recording_id": recording_id}).json()["items"]
     assert [job["id"] for job in listed] == list(accepted)

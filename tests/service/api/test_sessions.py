@@ -1,4 +1,4 @@
-"""Sessions over HTTP: found by person and day, stated, listed, left and joined again; what a job is given of them."""
+"""Sessions over HTTP: grouped by person and day, stated, listed, left and joined again; their values in jobs."""
 
 import asyncio
 from collections.abc import Sequence
@@ -191,11 +191,11 @@ def test_the_static_trial_of_the_session_is_fetched_unless_another_is_stated(ser
         return str(await add_recording(service.parts, facts=still, filename="static.c3d", **columns))
 
     from_session, stated = service.run(add(session_id="with-static")), service.run(add())
-    task = task_of(service, walk, tmp_path / "found")
+    task = task_of(service, walk, tmp_path / "task")
     assert task.static is not None
     assert task.session is not None
     assert task.session.static_recording_id == from_session
-    assert task.session.latency_s is None, "nobody else has a clock"
+    assert task.session.latency_s is None, "no other recording has a clock"
 
     async def link() -> None:
         async with service.parts.engine.begin() as connection:

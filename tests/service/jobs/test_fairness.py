@@ -1,4 +1,4 @@
-"""Whose turn it is: nobody's many jobs keep another's few waiting."""
+"""Fairness of the queue: many jobs of one owner do not delay the few of another."""
 
 import asyncio
 from collections import Counter, defaultdict
@@ -23,7 +23,7 @@ OWNERS = ("anna", "ben", "carla", None)
 
 
 class Queue:
-    """Owners who submit, and slots that fetch and finish, on a real database."""
+    """Owners that submit jobs, and slots that fetch and finish them, on a real database."""
 
     def __init__(self, url: str, folder: Any) -> None:
         self.engine, self.consumer, self.folder = make_engine(url), QueueConsumer(url), folder
@@ -109,9 +109,9 @@ def test_turns_are_fair_whatever_is_submitted(queue: Any, moves: list[Any], slot
             for other in waiting:
                 passed_over[other, winner] += other != winner
                 if other != winner:
-                    # nobody gets another slot while somebody has fewer ...
+                    # no owner gets another slot while an owner has fewer ...
                     assert in_hand[winner] <= in_hand[other]
-                    # ... and whoever has none in hand is passed over once by each of the others at most
+                    # ... and an owner without a slot is passed over once by each of the others at most
                     assert in_hand[other] > 0 or passed_over[other, winner] <= 1
             for rival in OWNERS:
                 passed_over[winner, rival] = 0

@@ -182,7 +182,7 @@ def test_board_survives_a_restart_of_the_database() -> None:
                     os.kill(int(server.postmaster_pid or 0), signal.SIGKILL)
                     await asyncio.to_thread(server.start)
                     change.clear()
-                    await asyncio.wait_for(change.wait(), 20)  # told to look again
+                    await asyncio.wait_for(change.wait(), 20)  # notified to look again
                 waiting = asyncio.create_task(board.wait_for_end(store, job_id, 60.0))
                 await asyncio.wait_for(board._listener.listening.wait(), 10)
                 await store.request_cancel(job_id)

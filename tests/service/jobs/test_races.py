@@ -76,7 +76,7 @@ def test_of_workers_that_race_for_an_orphan_one_gets_it(
 def test_a_clock_that_jumps_forward_costs_an_attempt_and_no_job(
     database_url: str, with_consumers: Callable[[int, Work], None]
 ) -> None:
-    """All running jobs are taken away at once; those who run them hear of it, and each ends once."""
+    """All running jobs are requeued at once; their workers are notified, and each job ends once."""
 
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
         one, other = consumers

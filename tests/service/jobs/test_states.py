@@ -240,7 +240,7 @@ class JobMachine(RuleBasedStateMachine):
 
     @rule(worker=st.integers(0, 1))
     def given_up_as_dead(self, worker: int) -> None:
-        """The worker's row goes; what it held is now held by a zombie, which may act later."""
+        """Delete the worker's row; its attempts belong to a zombie from then on, which may act later."""
         seat = self.seats[worker]
 
         async def forget() -> None:
@@ -294,7 +294,7 @@ class JobMachine(RuleBasedStateMachine):
 
     @invariant()
     def what_runs_has_a_worker_and_what_waits_has_none(self) -> None:
-        """Nothing accepted is lost: what is queued waits for anybody, what runs is held or will be found lost."""
+        """No accepted job is lost: queued jobs wait, running ones have a worker or will be requeued."""
         rows = self.look.execute("SELECT id, state, worker_id FROM job").fetchall()
         living = {number for (number,) in self.look.execute("SELECT id FROM worker")}
         for job_id, state, worker in rows:

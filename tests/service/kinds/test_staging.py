@@ -164,7 +164,7 @@ def test_a_simulation_becomes_a_recording_once_however_often_it_is_tried(
         within(database_url, lost)
     summary, stored, keys = within(database_url, act)
     assert len(stored) == 1
-    assert len(keys) == 2, "the attempt that was lost leaves no file behind that nobody owns"
+    assert len(keys) == 2, "the attempt that was lost leaves no file without an owner behind"
     assert summary == {"speed_m_s": 1.2, "n_steps": 4, "recording_id": stored[0]["id"]}
     assert stored[0]["truth_job_id"] == "j1"
     assert stored[0]["owner"] == "lab"

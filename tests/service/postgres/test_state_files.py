@@ -51,7 +51,7 @@ def refused_start(folder: Path, *command: str, **settings: str) -> str:
         timeout=120,
         check=False,
     )
-    assert result.returncode not in (0, 1), result.stderr  # 1 would be an error that nobody thought of
+    assert result.returncode not in (0, 1), result.stderr  # 1 would be an unexpected error
     assert "Traceback" not in result.stdout + result.stderr
     error_lines = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
     assert len(error_lines) == 1, result.stderr

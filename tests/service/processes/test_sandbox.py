@@ -199,19 +199,19 @@ try:
 except Exception as error:
     print(json.dumps([type(error).__name__, getattr(error, "code", None)]))
     sys.exit()
-found = []
+outcomes = []
 def attempt(act):
     try:
-        act(); found.append("done")
+        act(); outcomes.append("done")
     except OSError as error:
-        found.append(error.strerror)
+        outcomes.append(error.strerror)
 (folder / "a").mkdir()
 (folder / "a" / "x").write_text("x")
 attempt(lambda: (folder / "a" / "x").rename(folder / "x"))
 attempt(lambda: Path("/etc/passwd").read_bytes())
 import socket
 attempt(lambda: socket.socket().close())
-print(json.dumps(found))
+print(json.dumps(outcomes))
 """
     environment = os.environ | {"STRIDELAB_SANDBOX": mode}
     run = subprocess.run(

@@ -1,4 +1,4 @@
-"""Silence is told from want of processor time; heartbeats pass through a pipe; what hangs is replaced."""
+"""Hanging processes are distinguished from starved ones; heartbeats pass through a pipe; hanging ones are replaced."""
 
 import asyncio
 import contextlib
@@ -52,7 +52,7 @@ class Clock:
 
 
 def verdict_after(silence: ResponseWatchdog, clock: Clock, limit_s: float) -> tuple[str | None, float]:
-    """What is said of a process that is looked at five times a second, and when."""
+    """First failure reported for a process that is checked five times a second, and when."""
     began_s = clock.now_s
     while clock.now_s - began_s < limit_s:
         clock.now_s += 0.2
@@ -138,9 +138,9 @@ def test_heartbeats_come_through_an_inherited_pipe_and_never_block(monkeypatch: 
     assert set(os.read(reading, 1 << 16)) == set(b".")
     os.close(reading)
     monkeypatch.setenv(heartbeat.VARIABLE, str(writing))
-    asyncio.run(heartbeat.write_heartbeats())  # nobody reads: it returns
+    asyncio.run(heartbeat.write_heartbeats())  # the pipe has no reader: it returns
     os.close(writing)
-    asyncio.run(heartbeat.write_heartbeats())  # nobody asked for it
+    asyncio.run(heartbeat.write_heartbeats())  # no pipe was given
 
 
 @pytest.mark.parametrize("how", ["stopped", "hangs"])

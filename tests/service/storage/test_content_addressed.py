@@ -1,4 +1,4 @@
-"""Uploads by content: kept while a recording uses them, swept when their process died before the row was written."""
+"""Uploads by content: stored while a recording uses them, removed if their process died before the row was written."""
 
 from datetime import timedelta
 from pathlib import Path

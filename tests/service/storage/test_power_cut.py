@@ -125,7 +125,7 @@ def test_uploads_and_changes_are_on_the_disk_when_they_are_committed(
 def test_a_file_that_was_never_synchronised_is_when_another_recording_uses_it(
     tmp_path: Path, system: VolatileFileSystem
 ) -> None:
-    """Whoever wrote it was killed before; the second upload of the bytes does not store them again."""
+    """Its writer was killed before; the second upload of the bytes does not store them again."""
     content, store = b"the same bytes", store_on(system, tmp_path / "blobs")
     (tmp_path / "file").write_bytes(content)
     sha256 = hashlib.sha256(content).hexdigest()

@@ -37,7 +37,7 @@ def test_scenarios_and_jobs_of_revision_0001(postgres: TestDatabases) -> None:
 
 @pytest.mark.parametrize("revision", all_revisions()[:-1])
 def test_every_row_survives_the_way_from(postgres: TestDatabases, tmp_path: Path, revision: str) -> None:
-    """All that an earlier version kept is there afterwards, value for value, and the tables are the declared ones."""
+    """All rows of an earlier version are there afterwards, value for value, and the tables are the declared ones."""
     with postgres.fresh(migrated=False) as url:
         migrate_to(url, revision)
         fill_tables(url, tmp_path / "blobs")

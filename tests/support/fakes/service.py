@@ -54,7 +54,7 @@ class Loop(httpx.BaseTransport):
             content = await answer.aread()
             return httpx.Response(answer.status_code, headers=answer.headers, content=content, request=request)
 
-        # A thread of its own: whoever asks may run in an event loop.
+        # A thread of its own: the caller may run in an event loop.
         with ThreadPoolExecutor(1) as pool:
             return pool.submit(asyncio.run, ask()).result()
 
@@ -149,7 +149,7 @@ class FakeService:
         self.jobs[job_id] = self.jobs[job_id].model_copy(update=fields)
 
     async def run(self, job_id: str) -> None:
-        """Take a job through its life, unless somebody cancels it."""
+        """Take a job through its states, unless it is cancelled."""
         for fraction in (0.0, 0.25, 0.5, 0.75):
             await asyncio.sleep(self.step_s)
             if self.jobs[job_id].state == "cancelled":

@@ -263,7 +263,7 @@ TRANSACTIONS: Final[dict[str, str]] = {
 HAND_BACK: Final = r"UPDATE job SET .*returned=\(job\.returned \+"
 STALL_S: Final = 3.0
 DELAY_S: Final = 6.0
-"""Longer than a worker that is told to stop waits for its jobs, and than a silent one is waited for."""
+"""Longer than a stopping worker waits for its jobs, and than the stall time of a silent one."""
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ KINDS: Final = (
 )
 COMMITS: Final = range(1, 11)
 DELAYS_S: Final = (1.0, 6.0)
-"""Shorter and longer than the stall time, and than a worker that is told to stop waits for its jobs."""
+"""Shorter and longer than the stall time, and than a stopping worker waits for its jobs."""
 LATER_S: Final = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.3, 1.7, 2.2)
 _ALL: Final = list(product(KINDS, COMMITS, FAULTS, SIGNALS, DELAYS_S, LATER_S))
 random.Random(35).shuffle(_ALL)

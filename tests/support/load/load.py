@@ -276,7 +276,7 @@ NICENESS: Final = 5
 
 
 def users(port: int, number: int) -> tuple[str, ...]:
-    """Tokens of somebody with many jobs, somebody with a single one, and ``number`` others."""
+    """Tokens of a user with many jobs, of one with a single job, and of ``number`` others."""
 
     async def make() -> tuple[str, ...]:
         line = Connection(port, ADMIN)

@@ -107,7 +107,7 @@ def delay_s(url: str, settings: dict[str, str], folder: Path) -> float:
     with ExitStack() as stack:
         pair = {name: stack.enter_context(worker(url, folder / name, **settings)) for name in "ab"}
         beat_s = float(settings["STRIDELAB_HEARTBEAT_S"])
-        time.sleep(2.0 * beat_s + 3.0)  # a worker that has just come takes nobody's job
+        time.sleep(2.0 * beat_s + 3.0)  # a new worker requeues no jobs
         job_id = jobs.submit("long-work", work_s=600.0, diary=str(folder / "diary"), name="orphan")
         jobs.until_running(job_id)
         holder = next(name for name in pair if any((folder / name / "work").glob("*/*/")))

@@ -287,7 +287,7 @@ def test_limits_of_the_service_of_a_user_and_of_viewers(guarded: Served, fakes: 
         with pytest.raises(InvalidStatus) as rejected, watching(guarded, session, **headers):
             pass
         assert rejected.value.response.status_code == 403
-    wait_until(lambda: not guarded.parts.rooms.describe_all(), 10, "nobody watches: all end")
+    wait_until(lambda: not guarded.parts.rooms.describe_all(), 10, "there are no viewers: all end")
 
 
 def test_the_number_of_viewers_of_a_robot_is_limited(service: Served, fakes: Fakes) -> None:

@@ -346,7 +346,7 @@ def test_the_progress_of_a_preparation_is_reported(http: httpx.Client, stubbed: 
     assert states[0]["state"] == "preparing"
     assert states[-1] == {"state": "ready", "fraction": 1.0, "message": "ready"}
     assert "half way" in [each["message"] for each in states]
-    assert diary.read_text().splitlines() == ALL_OF_TALOS, "however often it is asked"
+    assert diary.read_text().splitlines() == ALL_OF_TALOS, "however many requests there are"
 
 
 @pytest.mark.parametrize("child", ["describe", "draw", "enclose"])

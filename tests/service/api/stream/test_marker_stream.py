@@ -1,4 +1,4 @@
-"""The stream of markers over a real websocket: what is answered, refused, bridged, and shown to those who watch."""
+"""The stream of markers over a real websocket: answers, refusals, bridged gaps, and viewers."""
 
 import json
 from collections.abc import Iterator

@@ -35,7 +35,7 @@ def recorded() -> tuple[dict[str, Any], np.ndarray]:
 
 
 def moves(document: dict[str, Any], kind: str, node: str, field: str) -> dict[float, list[float]]:
-    """What a node is told, by time; the last word of an instant counts."""
+    """Messages of a node by time; the last one of an instant counts."""
     messages = [(t, m) for t, m in document["messages"] if m["type"] == kind and m["name"] == node]
     return {round(t, 6): m[field] for t, m in messages}
 

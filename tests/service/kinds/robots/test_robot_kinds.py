@@ -1,4 +1,4 @@
-"""What the service tells of a robot and what it shows, with the children that make it."""
+"""Facts and meshes of a robot, and the child processes that compute them."""
 
 import asyncio
 import json
