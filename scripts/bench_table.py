@@ -59,12 +59,12 @@ def compare_tables(now: list[str], before: list[str]) -> list[str]:
     changed = sorted(((r / machine, name) for name, r in ratio.items()), reverse=True)
     slower = [f"| {name} | {r:.2f} |" for r, name in changed if r > CHANGED]
     faster = [f"| {name} | {r:.2f} |" for r, name in reversed(changed) if r < 1 / CHANGED]
-    gone, added = sorted(old.keys() - new.keys()), len(new.keys() - old.keys())
+    removed, added = sorted(old.keys() - new.keys()), len(new.keys() - old.keys())
     shared = f"{len(ratio)} rows stand in both tables; the median of their ratios, {machine:.2f}, is the machine's own"
     counts = f"{len(slower)} rows became slower and {len(faster)} faster by more than a factor of {CHANGED}"
     return [
         f"{shared} and divided out.",
-        f"{counts}; {added} are new, {len(gone)} are gone{': ' + ', '.join(gone) if gone else ''}.",
+        f"{counts}; {added} are new, {len(removed)} are gone{': ' + ', '.join(removed) if removed else ''}.",
         *(["", "| benchmark | time now / before |", "| --- | --- |", *slower, *faster] if slower or faster else []),
     ]
 
@@ -120,5 +120,5 @@ def write_page(report: dict[str, Any], aims: list[dict[str, Any]], before: str) 
 if __name__ == "__main__":
     report_file, aims_file, before_file = map(Path, sys.argv[1:])
     aims_given = tomllib.loads(aims_file.read_text(encoding="utf-8"))["aim"]
-    given = json.loads(report_file.read_text(encoding="utf-8"))
-    sys.stdout.write(write_page(given, aims_given, before_file.read_text(encoding="utf-8")))
+    timings = json.loads(report_file.read_text(encoding="utf-8"))
+    sys.stdout.write(write_page(timings, aims_given, before_file.read_text(encoding="utf-8")))

@@ -46,19 +46,19 @@ def main() -> None:
     name = parser.parse_args().robot
     hulls = without_table(name, {}, robot_card(name).collision.meshes)
     touching, at_rest = shares(hulls), set(SelfCollision.for_robot(hulls).colliding_links(hulls.q_reference))
-    found = {
+    pairs_by_reason = {
         "are joined by one joint": list(joined(hulls, list(touching))),
         "touch at rest": sorted(at_rest),
         "touch nearly always": [pair for pair, share in touching.items() if share > ALWAYS],
     }
     overlapping: dict[str, tuple[str, ...]] = {}
-    for link, other in chain.from_iterable(found.values()):
+    for link, other in chain.from_iterable(pairs_by_reason.values()):
         overlapping[link] = (*overlapping.get(link, ()), other)
     meeting = shares(without_table(name, overlapping, (".*",)))
-    found["never touch"] = [pair for pair, share in meeting.items() if share == 0.0]
+    pairs_by_reason["never touch"] = [pair for pair, share in meeting.items() if share == 0.0]
     table: dict[str, list[str]] = defaultdict(list)
     listed: set[Pair] = set()
-    for reason, pairs in found.items():
+    for reason, pairs in pairs_by_reason.items():
         new = [pair for pair in pairs if pair not in listed]
         listed.update(new)
         sys.stderr.write(f"{len(new):4d} of {len(touching)} pairs of links {reason}\n")

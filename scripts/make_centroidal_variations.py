@@ -17,11 +17,11 @@ from experiments.centroidal_variations import (
 
 
 def tell(outcome: Outcome) -> None:
-    """Of those that did not converge."""
+    """Report the variations that did not converge."""
     if outcome.ending != "converged":
         sys.stderr.write(f"{outcome.ending}: {outcome.variation}: {outcome.reason}\n")
 
 
 number = int(sys.argv[1]) if len(sys.argv) > 1 else 300
-found = solve_variations(random_variations(number), tell)
-sys.stdout.write(json.dumps({**outcome_summary(found), "refusals": dict(count_faults(found))}, indent=1) + "\n")
+solutions = solve_variations(random_variations(number), tell)
+sys.stdout.write(json.dumps({**outcome_summary(solutions), "refusals": dict(count_faults(solutions))}, indent=1) + "\n")

@@ -22,7 +22,7 @@ from stridelab.reachability.store import load_proxies, read_card
 from stridelab.robots.loader import load_robot
 
 ROBOT = "talos"
-KEPT: TypeAdapter[GridReport] = TypeAdapter(GridReport)
+REPORTS: TypeAdapter[GridReport] = TypeAdapter(GridReport)
 
 
 def main() -> None:
@@ -33,9 +33,9 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--anew", action="store_true", help="compute again what is there")
     parser.add_argument("--table", type=Path, nargs="+", default=[], metavar="FILE")
-    asked = parser.parse_args()
-    reports = [KEPT.validate_json(path.read_bytes()) for path in asked.table]
-    reports += [grid(name, asked.out, asked.processes, anew=asked.anew) for name in asked.densities]
+    arguments = parser.parse_args()
+    reports = [REPORTS.validate_json(path.read_bytes()) for path in arguments.table]
+    reports += [grid(name, arguments.out, arguments.processes, anew=arguments.anew) for name in arguments.densities]
     sys.stdout.write(table(reports) + "\n")
 
 
@@ -46,14 +46,14 @@ def grid(densities: str, folder: Path, processes: int, *, anew: bool = False) ->
     path = folder / f"{label}.json"
     known: dict[str, CaseResult] = {}
     if path.is_file() and not anew:
-        known = {result.case: result for result in KEPT.validate_json(path.read_bytes()).results}
+        known = {result.case: result for result in REPORTS.validate_json(path.read_bytes()).results}
     cases = climbing_cases()
 
     def keep(result: CaseResult) -> None:
         known[result.case] = result
         sys.stderr.write(f"{label}: {result.case}: {result.stage or 'success'} {result.reason}\n")
         report = GridReport(label, tuple(known[case.name] for case in cases if case.name in known))
-        path.write_bytes(KEPT.dump_json(report, indent=1))
+        path.write_bytes(REPORTS.dump_json(report, indent=1))
 
     run_grid(load_robot(ROBOT), proxies(densities), [c for c in cases if c.name not in known], processes, keep)
     return GridReport(label, tuple(known[case.name] for case in cases))

@@ -17,17 +17,17 @@ from experiments.cold_starts import (
 )
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.oracles.feasibility import exists
+from support.oracles.feasibility import motion_exists
 
 numbers = [int(a) for a in sys.argv[1:4]] or [1000, 300, 12]
-found = []
+rows = []
 for kind, problems in (
     ("drawn", random_problems(numbers[0])),
     ("hasty", shortened_problems(numbers[1])),
     ("moved", moved_problems(numbers[2])),
 ):
     for name, problem in problems:
-        found.append(compare_with_oracle(kind, name, problem, exists))
-        if not found[-1].agrees_with_oracle:
-            sys.stderr.write(f"{found[-1]}\n")
-sys.stdout.write(json.dumps(summary_by_kind(found), indent=1) + "\n")
+        rows.append(compare_with_oracle(kind, name, problem, motion_exists))
+        if not rows[-1].agrees_with_oracle:
+            sys.stderr.write(f"{rows[-1]}\n")
+sys.stdout.write(json.dumps(summary_by_kind(rows), indent=1) + "\n")

@@ -73,7 +73,7 @@ def cited_in(text: str, order: list[str]) -> Iterator[str]:
 
 
 def docstrings(path: Path) -> Iterator[tuple[str, str]]:
-    """All strings of a file that stand alone, with the name of the test function that they are in."""
+    """Docstrings and other bare strings of a file, each with the name of the test function around it."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     tests = [n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name.startswith("test")]
     for node in ast.walk(tree):
@@ -84,22 +84,22 @@ def docstrings(path: Path) -> Iterator[tuple[str, str]]:
 
 def sources(root: Path, names: tuple[str, ...]) -> list[Path]:
     """Python files of a folder that are, or lie in, one of ``names``."""
-    found = (
+    paths = (
         path for name in names for path in ([root / name] if name.endswith(".py") else (root / name).rglob("*.py"))
     )
-    return sorted(found)
+    return sorted(paths)
 
 
 def citations(paths: list[Path], order: list[str]) -> dict[str, list[Citation]]:
     """By the number as cited, every place once."""
-    found: dict[str, list[Citation]] = {}
+    by_equation: dict[str, list[Citation]] = {}
     for path in paths:
         for test, text in docstrings(path):
             for number in cited_in(text, order):
-                places = found.setdefault(number, [])
+                places = by_equation.setdefault(number, [])
                 if (place := Citation(path, test)) not in places:
                     places.append(place)
-    return found
+    return by_equation
 
 
 def places(equation: Equation, cited: dict[str, list[Citation]]) -> list[Citation]:
@@ -119,8 +119,8 @@ def tests(order: list[str]) -> dict[str, list[Citation]]:
 
 def anchor(heading: str) -> str:
     """How mkdocs names the anchor of a heading."""
-    kept = re.sub(r"[^\w\s-]", "", heading.lower()).strip()
-    return re.sub(r"[-\s]+", "-", kept)
+    words = re.sub(r"[^\w\s-]", "", heading.lower()).strip()
+    return re.sub(r"[-\s]+", "-", words)
 
 
 def row(equation: Equation, modules: list[Citation], tested: list[Citation]) -> str:
@@ -129,9 +129,9 @@ def row(equation: Equation, modules: list[Citation], tested: list[Citation]) -> 
     if equation.corrected:
         says += f" ([corrected](theory/misprints.md#{anchor(equation.corrected)}))"
     dotted = [".".join(m.path.relative_to(ROOT / "backend" / "stridelab").with_suffix("").parts) for m in modules]
-    shown = [f"`{t.path.relative_to(ROOT)}" + (f"::{t.test}`" if t.test else "`") for t in tested]
+    test_names = [f"`{t.path.relative_to(ROOT)}" + (f"::{t.test}`" if t.test else "`") for t in tested]
     where = ["not computed: " + equation.unused] if equation.unused else [f"`{name}`" for name in dotted]
-    return f"| ({equation.number}) | {equation.section} | {says} | {'<br>'.join(where)} | {'<br>'.join(shown)} |"
+    return f"| ({equation.number}) | {equation.section} | {says} | {'<br>'.join(where)} | {'<br>'.join(test_names)} |"
 
 
 def page() -> str:

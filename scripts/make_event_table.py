@@ -53,22 +53,22 @@ def main() -> None:
         "| algorithm | event | people, events | offset | held out: bias | sd | within 15 ms | shifted to plates |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
-    lines += [table_row(algorithm, event, found) for (algorithm, event), found in sorted(rows.items())]
+    lines += [table_row(algorithm, event, errors) for (algorithm, event), errors in sorted(rows.items())]
     sys.stdout.write("\n".join([*lines, ""]))
 
 
-def table_row(algorithm: str, event: str, found: Sequence[tuple[str, str, float]]) -> str:
+def table_row(algorithm: str, event: str, errors: Sequence[tuple[str, str, float]]) -> str:
     """Figures of one algorithm: offset of half of the people, errors of the other half, and with the own mean removed.
 
     The last column leaves out the event itself from the mean of its recording.
     """
-    people = sorted({person for person, _, _ in found})
+    people = sorted({person for person, _, _ in errors})
     tuned = set(people[::2])
-    means = [np.mean([late for who, _, late in found if who == person]) for person in people[::2]]
+    means = [np.mean([late for who, _, late in errors if who == person]) for person in people[::2]]
     offset = float(np.median(means))
-    rest = np.array([late - offset for person, _, late in found if person not in tuned])
+    rest = np.array([late - offset for person, _, late in errors if person not in tuned])
     walks: dict[str, list[float]] = defaultdict(list)
-    for person, walk, late in found:
+    for person, walk, late in errors:
         if person not in tuned:
             walks[walk].append(late)
     alone = [
@@ -79,7 +79,7 @@ def table_row(algorithm: str, event: str, found: Sequence[tuple[str, str, float]
     ]
     cells = [f"{1e3 * x:.0f} ms" for x in (offset, rest.mean(), rest.std())]
     shares = [f"{100 * np.mean(np.abs(x) <= 0.015):.0f} %" for x in (rest, np.array(alone))]
-    return f"| {algorithm} | {event} | {len(people)}, {len(found)} | {' | '.join(cells)} | {' | '.join(shares)} |"
+    return f"| {algorithm} | {event} | {len(people)}, {len(errors)} | {' | '.join(cells)} | {' | '.join(shares)} |"
 
 
 def compare_events(path: Path) -> list[tuple[str, str, float]]:
@@ -91,7 +91,7 @@ def compare_events(path: Path) -> list[tuple[str, str, float]]:
     if not feet or not plates:
         return []
     rows = []
-    found = {side: by_algorithm(recording, landmarks, foot) for side, foot in feet.items()}
+    events_by_side = {side: by_algorithm(recording, landmarks, foot) for side, foot in feet.items()}
     for contact in find_contacts(recording, landmarks, latency_s=latency_s(recording, landmarks)):
         if contact.strike_source != "plates" or contact.lift_off_source != "plates":
             continue
@@ -100,7 +100,7 @@ def compare_events(path: Path) -> list[tuple[str, str, float]]:
         off = outline_off_plates(recording, plates, feet[contact.side], outline)
         if not stance.any() or off[stance].mean() > 0.1:
             continue
-        for algorithm, events in found[contact.side].items():
+        for algorithm, events in events_by_side[contact.side].items():
             for event, at_s in (("strike", contact.start_s), ("lift-off", contact.end_s)):
                 late = min((t - at_s for t in events[event]), key=abs, default=np.inf)
                 if abs(late) < NEAR_S:
@@ -164,12 +164,12 @@ def low_pass(track: Points, rate_hz: float, cut_hz: float) -> Points:
 
 def peaks_s(track: Series, rate_hz: float, accept: Callable[[int], bool]) -> list[float]:
     """Times of local maxima, with a parabola through three samples."""
-    found = []
+    peaks = []
     for k in range(1, len(track) - 1):
         a, b, c = track[k - 1 : k + 2]
         if b >= a and b > c and accept(k):
-            found.append((k + 0.5 * (a - c) / (a - 2.0 * b + c)) / rate_hz)
-    return found
+            peaks.append((k + 0.5 * (a - c) / (a - 2.0 * b + c)) / rate_hz)
+    return peaks
 
 
 if __name__ == "__main__":

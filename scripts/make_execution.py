@@ -1,6 +1,6 @@
 """Execute every bundled scenario with every robot, apply disturbances, and write the results as a page.
 
-make_execution.py                      all that is not kept yet, then docs/theory/execution.md
+make_execution.py                      all that is not stored yet, then docs/theory/execution.md
 make_execution.py --robots talos hrp2  only these; --anew computes again, --page only writes the page
 make_execution.py --robustness talos   disturbances and boundaries of the three experiments of one robot
 make_execution.py --estimators talos   estimators in front of the stabiliser, in the same three
@@ -36,7 +36,7 @@ from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.disturbances import Disturbances
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "execution.md"
-KEPT: TypeAdapter[list[Execution]] = TypeAdapter(list[Execution])
+REPORTS: TypeAdapter[list[Execution]] = TypeAdapter(list[Execution])
 BORNE: TypeAdapter[dict[str, float]] = TypeAdapter(dict[str, float])
 PUSHED: TypeAdapter[list[PushBasinSummary]] = TypeAdapter(list[PushBasinSummary])
 PUSH_SPEEDS_M_S = (0.2, 0.4)
@@ -84,31 +84,37 @@ def main() -> None:
     parser.add_argument("--experiments", nargs="*", default=list(EXPERIMENTS), choices=EXPERIMENTS)
     parser.add_argument("--boundaries", action="store_true", help="bisect them as well")
     parser.add_argument("--out", type=Path, default=Path(".data") / "execution", metavar="DIR")
-    parser.add_argument("--anew", action="store_true", help="compute again what is kept")
+    parser.add_argument("--anew", action="store_true", help="compute stored results again")
     parser.add_argument("--page", action="store_true", help="only write the page")
-    asked = parser.parse_args()
-    asked.out.mkdir(parents=True, exist_ok=True)
-    if asked.robustness:
-        borne(asked.robustness, asked.experiments, asked.out, boundaries=asked.boundaries, anew=asked.anew)
-    elif asked.estimators:
-        estimated(asked.estimators, asked.experiments, asked.out, anew=asked.anew)
-    elif asked.pushes:
-        pushed(asked.pushes, asked.out, anew=asked.anew)
-    elif not asked.page:
-        for robot in asked.robots:
-            carried_out(robot, asked.out, anew=asked.anew)
-    PAGE.write_text("\n".join(page(asked.out)), encoding="utf-8")
+    arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    if arguments.robustness:
+        borne(
+            arguments.robustness,
+            arguments.experiments,
+            arguments.out,
+            boundaries=arguments.boundaries,
+            anew=arguments.anew,
+        )
+    elif arguments.estimators:
+        estimated(arguments.estimators, arguments.experiments, arguments.out, anew=arguments.anew)
+    elif arguments.pushes:
+        pushed(arguments.pushes, arguments.out, anew=arguments.anew)
+    elif not arguments.page:
+        for robot in arguments.robots:
+            carried_out(robot, arguments.out, anew=arguments.anew)
+    PAGE.write_text("\n".join(page(arguments.out)), encoding="utf-8")
 
 
 def carried_out(robot: str, folder: Path, *, anew: bool = False) -> list[Execution]:
-    """All scenarios of one robot, kept after each."""
+    """Execute all scenarios of one robot; results are stored after each."""
     path = folder / f"{robot}.json"
-    known = {} if anew or not path.is_file() else {e.name: e for e in KEPT.validate_json(path.read_bytes())}
+    known = {} if anew or not path.is_file() else {e.name: e for e in REPORTS.validate_json(path.read_bytes())}
     for name in CASES[robot]:
         if name not in known:
             known[name] = execute_scenario(robot, name)
             sys.stderr.write(f"{robot} {name}: {known[name].failed or known[name].is_certified}\n")
-            path.write_bytes(KEPT.dump_json(list(known.values()), indent=1))
+            path.write_bytes(REPORTS.dump_json(list(known.values()), indent=1))
     return list(known.values())
 
 
@@ -168,24 +174,26 @@ def survives(robot: str, motion: WholeBodyMotion, of_size: Callable[[float], Dis
 
 
 def page(folder: Path) -> Iterable[str]:
-    """The page from what is kept."""
+    """The page from the stored results."""
     yield INTRO
     for robot in CASES:
         path = folder / f"{robot}.json"
         if path.is_file():
-            yield from _table(robot, KEPT.validate_json(path.read_bytes()))
+            yield from _table(robot, REPORTS.validate_json(path.read_bytes()))
     for robot in CASES:
-        for kind, title, said in TABLES:
+        for kind, title, caption in TABLES:
             paths = {name: folder / f"{robot}-{name}-{kind}.json" for name in EXPERIMENTS}
-            found = {name: BORNE.validate_json(path.read_bytes()) for name, path in paths.items() if path.is_file()}
-            if found:
-                yield from _by_experiment(f"{robot}: {title}", said, found)
+            executions = {
+                name: BORNE.validate_json(path.read_bytes()) for name, path in paths.items() if path.is_file()
+            }
+            if executions:
+                yield from _by_experiment(f"{robot}: {title}", caption, executions)
     yield from _pushes(folder)
 
 
 def _pushes(folder: Path) -> Iterable[str]:
-    found = {robot: folder / f"{robot}-pushes.json" for robot in CASES}
-    rows = [one for path in found.values() if path.is_file() for one in PUSHED.validate_json(path.read_bytes())]
+    files = {robot: folder / f"{robot}-pushes.json" for robot in CASES}
+    rows = [one for path in files.values() if path.is_file() for one in PUSHED.validate_json(path.read_bytes())]
     if rows:
         yield PUSHES_INTRO
         yield "| robot | m/s (Ns) | survived | 95 % | completed | proved lost | unexplained |"
@@ -235,17 +243,17 @@ def _figures(e: Execution) -> str:
     if "hand_force_mean_n" in e.replay:
         hand = f"{e.replay['hand_force_mean_n']:.0f}, {e.replay['hand_contact_share']:.0%}"
     slip = f"{r['foot_slip_max_m']:.1f}, {r['landing_error_max_m']:.1f}"
-    asked = f"{e.replay['torque_ratio_max']:.2f}"
-    return " | ".join([*body, "yes" if e.completed else " ".join(e.missed), com, slip, asked, hand])
+    ratio = f"{e.replay['torque_ratio_max']:.2f}"
+    return " | ".join([*body, "yes" if e.completed else " ".join(e.missed), com, slip, ratio, hand])
 
 
-def _by_experiment(title: str, said: str, found: dict[str, dict[str, float]]) -> Iterable[str]:
+def _by_experiment(title: str, caption: str, executions: dict[str, dict[str, float]]) -> Iterable[str]:
     yield f"## {title}\n"
-    yield f"{said}\n"
+    yield f"{caption}\n"
     yield "| | " + " | ".join(EXPERIMENTS) + " |"
     yield "| --- " * (1 + len(EXPERIMENTS)) + "|"
-    for what in dict.fromkeys(what for column in found.values() for what in column):
-        values = [found.get(name, {}).get(what) for name in EXPERIMENTS]
+    for what in dict.fromkeys(what for column in executions.values() for what in column):
+        values = [executions.get(name, {}).get(what) for name in EXPERIMENTS]
         yield (
             f"| {what} | "
             + " | ".join("" if v is None else "**falls**" if v < 0 else f"{v:.1f}" for v in values)

@@ -38,15 +38,15 @@ def main() -> None:
         "| --- | --- | --- | --- |",
     ]
     for order, cut_hz in FILTERS:
-        found = np.array([row for row in (leads_ms(*stance, order, cut_hz) for stance in stances) if row is not None])
-        cells = [f"{np.median(column):.0f} ms, sd {column.std():.0f}" for column in found.T]
-        lines.append(f"| {order}, {cut_hz:.0f} Hz | {len(found)} of {len(stances)} | {' | '.join(cells)} |")
+        leads = np.array([row for row in (leads_ms(*stance, order, cut_hz) for stance in stances) if row is not None])
+        cells = [f"{np.median(column):.0f} ms, sd {column.std():.0f}" for column in leads.T]
+        lines.append(f"| {order}, {cut_hz:.0f} Hz | {len(leads)} of {len(stances)} | {' | '.join(cells)} |")
     sys.stdout.write("\n".join([*lines, ""]))
 
 
 def unfiltered_stances(folder: Path) -> Iterator[tuple[Plate, float]]:
     """Plates cut to one stance each, with their rate; stances that occur in several files count once."""
-    seen = set()
+    known_stances = set()
     for path in sorted(folder.rglob("*.c3d")):
         try:
             recording = read_recording(path)
@@ -64,9 +64,9 @@ def unfiltered_stances(folder: Path) -> Iterator[tuple[Plate, float]]:
                     STANCE_S[0] < end_s - start_s < STANCE_S[1]
                     and i > 0
                     and j < len(plate.force_n) - 1
-                    and key not in seen
+                    and key not in known_stances
                 ):
-                    seen.add(key)
+                    known_stances.add(key)
                     margin = np.zeros((round(AROUND_S * rate_hz), 3))
                     alone = np.concatenate([margin, plate.force_n[i : j + 1], margin])
                     yield replace(plate, force_n=alone, moment_nm=np.zeros_like(alone)), rate_hz

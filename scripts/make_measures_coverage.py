@@ -212,17 +212,17 @@ def events_of_people(contacts: Sequence[Contact], seed: int) -> Callable[..., li
     """Replacement of ``gait_events.contacts_of_foot``: the true events with errors as measured on people."""
     rng = np.random.default_rng([11, seed])
     common = {kind: rng.normal(0.0, error.common_s) for kind, error in MARKER_ERROR.items()}
-    found = []
+    rows = []
     for contact in contacts:
         late = {kind: common[kind] + rng.normal(0.0, error.own_s) for kind, error in MARKER_ERROR.items()}
-        found.append(
+        rows.append(
             Contact(
                 contact.side,
                 None if contact.strike_s is None else contact.strike_s + late["strike"],
                 None if contact.lift_off_s is None else contact.lift_off_s + late["lift_off"],
             )
         )
-    return lambda _recording, _landmarks, foot: [contact for contact in found if contact.side == foot.side]
+    return lambda _recording, _landmarks, foot: [contact for contact in rows if contact.side == foot.side]
 
 
 def _simultaneous(one: GaitStep, other: GaitStep) -> bool:
@@ -269,10 +269,10 @@ def table_of(title: str, walks: Sequence[Sequence[Row]]) -> str:
         value, truth = (np.array([row[k] for row in rows]) for k in (1, 3))
         sd = np.array([np.nan if row[2] is None else row[2] for row in rows], dtype=float)
         error = value - truth
-        held = 100.0 * float(np.mean(np.abs(error) <= 1.96 * sd))
+        covered = 100.0 * float(np.mean(np.abs(error) <= 1.96 * sd))
         numbers = (truth.mean(), error.mean(), np.sqrt(np.mean(error**2)), np.sqrt(np.nanmean(sd**2)))
         cells = " | ".join(f"{number:.4f}" for number in numbers)
-        lines.append(f"| `{name}` | {len(rows)} | {cells} | {held:.0f} % |")
+        lines.append(f"| `{name}` | {len(rows)} | {cells} | {covered:.0f} % |")
     return "\n".join([*lines, ""])
 
 

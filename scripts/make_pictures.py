@@ -48,7 +48,7 @@ def service(port: int) -> Iterator[str]:
 
 
 def keep(page: Page, name: str) -> None:
-    """What the page shows, in few colours."""
+    """Save a screenshot of the page with a reduced palette."""
     picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
     picture.quantize(COLOURS, dither=Image.Dither.NONE).save(PICTURES / f"{name}.png", optimize=True)
     page.close()

@@ -36,7 +36,7 @@ from stridelab.reproduction.studies import proxy_accuracy
 from stridelab.robots.loader import load_robot
 
 ROOT = Path(__file__).parents[1]
-KEPT, MODELS = ROOT / ".data" / "proxy-validation", ROOT / "models" / "feasibility"
+CACHE, MODELS = ROOT / ".data" / "proxy-validation", ROOT / "models" / "feasibility"
 PARTS = ("pairs", "learn", "areas", "stances")
 RANGES = {"standing": STANDING_POSTURE, "any": ANY_POSTURE}
 CONTACTS = {"two feet": False, "two feet and a hand": True}
@@ -55,15 +55,15 @@ def main() -> None:
     parser.add_argument("--only", help="only pairs whose name holds this")
     parser.add_argument("--anew", action="store_true")
     parser.add_argument("--tables", action="store_true")
-    asked = parser.parse_args()
-    KEPT.mkdir(parents=True, exist_ok=True)
-    for name in asked.robots:
+    arguments = parser.parse_args()
+    CACHE.mkdir(parents=True, exist_ok=True)
+    for name in arguments.robots:
         for part in PARTS:
-            if part in asked.parts:
+            if part in arguments.parts:
                 {"pairs": make_pairs, "learn": learn, "areas": areas, "stances": stances}[part](
-                    name, anew=asked.anew, only=asked.only or ""
+                    name, anew=arguments.anew, only=arguments.only or ""
                 )
-    if asked.tables:
+    if arguments.tables:
         sys.stdout.write("\n".join(tables()) + "\n")
 
 
@@ -103,7 +103,7 @@ def learn(name: str, *, anew: bool, only: str) -> None:
 
 def areas(name: str, *, anew: bool, only: str) -> None:
     """Areas under the ROC curve for every kind of contacts and range."""
-    found = []
+    measured = []
     for within in RANGES:
         for contacts in CONTACTS:
             path = pairs_path(name, contacts, within, "test")
@@ -124,8 +124,8 @@ def areas(name: str, *, anew: bool, only: str) -> None:
                 "risen_in_last_5_rounds": float(drawn.shares[-1] - drawn.shares[-6]),
                 "feasible_outside_box": int((outside & drawn.feasible).sum()),
             }
-            found.append(head | {"areas": rows})
-    write(f"areas-{name}", found)
+            measured.append(head | {"areas": rows})
+    write(f"areas-{name}", measured)
 
 
 def polynomial(name: str, contacts: str, pairs: LabelledPairs, degree: int) -> dict[str, object]:
@@ -148,11 +148,11 @@ def stances(name: str, *, anew: bool, only: str) -> None:
         "conditioned": load_proxies(name, "conditioned"),
         "corrected": corrected(name),
     }
-    found = []
+    rows = []
     for label, placements in (proxy_accuracy.four_stances(name) | proxy_accuracy.stair_contacts(name)).items():
         truth = proxy_accuracy.Truth.of(search, placements)
-        found += [asdict(row) for row in proxy_accuracy.compare_densities(search, label, placements, truth, densities)]
-    write(f"stances-{name}", found)
+        rows += [asdict(row) for row in proxy_accuracy.compare_densities(search, label, placements, truth, densities)]
+    write(f"stances-{name}", rows)
 
 
 def corrected(name: str) -> Mapping[str, Proxy]:
@@ -162,8 +162,8 @@ def corrected(name: str) -> Mapping[str, Proxy]:
 
 
 def pairs_path(name: str, contacts: str, within: str, purpose: str) -> Path:
-    """Where pairs are kept."""
-    return KEPT / f"pairs-{name}-{contacts.replace(' ', '-')}-{within}-{purpose}.npz"
+    """Path of the cached pairs."""
+    return CACHE / f"pairs-{name}-{contacts.replace(' ', '-')}-{within}-{purpose}.npz"
 
 
 def save(path: Path, pairs: LabelledPairs) -> None:
@@ -186,23 +186,25 @@ def save(path: Path, pairs: LabelledPairs) -> None:
 
 
 def load(path: Path) -> LabelledPairs:
-    """What ``save`` wrote."""
-    with np.load(path, allow_pickle=False) as kept:
-        names = [key[2:] for key in kept.files if key.startswith("p_")]
-        targets = {n: Target(kept[f"p_{n}"], kept[f"R_{n}"] if f"R_{n}" in kept.files else None) for n in names}
-        parts = [kept[key] for key in ("com_m", "feasible", "stance", "low_m", "high_m", "shares")]
-        return LabelledPairs(ContactBatch(targets, kept["heading_rad"]), *parts)
+    """Load the arrays that ``save`` wrote."""
+    with np.load(path, allow_pickle=False) as archive:
+        names = [key[2:] for key in archive.files if key.startswith("p_")]
+        targets = {
+            n: Target(archive[f"p_{n}"], archive[f"R_{n}"] if f"R_{n}" in archive.files else None) for n in names
+        }
+        parts = [archive[key] for key in ("com_m", "feasible", "stance", "low_m", "high_m", "shares")]
+        return LabelledPairs(ContactBatch(targets, archive["heading_rad"]), *parts)
 
 
-def write(stem: str, found: object) -> None:
+def write(stem: str, figures: object) -> None:
     """Keep numbers as text."""
-    (KEPT / f"{stem}.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    (CACHE / f"{stem}.json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
 
 
 def tables() -> list[str]:
     """All tables in Markdown."""
     lines: list[str] = []
-    for path in sorted(KEPT.glob("areas-*.json")):
+    for path in sorted(CACHE.glob("areas-*.json")):
         cases = json.loads(path.read_text(encoding="utf-8"))
         heads = [f"{case['contacts']}, {case['truth']}" for case in cases]
         lines += [f"**{path.stem}**", "", f"| score | {' | '.join(heads)} |", "|---" * (1 + len(cases)) + "|"]
@@ -212,7 +214,7 @@ def tables() -> list[str]:
         for key in [key for key in cases[0] if key not in ("areas", "contacts", "truth")]:
             lines.append(f"| {key.replace('_', ' ')} | {' | '.join(f'{case[key]:.3g}' for case in cases)} |")
         lines.append("")
-    for path in sorted(KEPT.glob("stances-*.json")):
+    for path in sorted(CACHE.glob("stances-*.json")):
         lines += [
             f"**{path.stem}**",
             "",

@@ -20,27 +20,27 @@ from stridelab.robots.loader import load_robot
 
 def main() -> None:
     """Learn from 20 000 postures, as the thesis does, with seed 0, unless told otherwise."""
-    asked = argparse.ArgumentParser()
-    asked.add_argument("robot", choices=robot_names())
-    asked.add_argument("measure", choices=get_args(Measure))
-    asked.add_argument("--samples", type=int, default=20_000)
-    asked.add_argument("--seed", type=int, default=0)
-    asked.add_argument("--date", type=date.fromisoformat, default=datetime.now(UTC).date())
-    asked.add_argument("--processes", type=int, default=None)
-    asked.add_argument("--folder", type=Path, default=models_dir() / "reachability")
-    given = asked.parse_args()
+    parser = argparse.ArgumentParser()
+    parser.add_argument("robot", choices=robot_names())
+    parser.add_argument("measure", choices=get_args(Measure))
+    parser.add_argument("--samples", type=int, default=20_000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--date", type=date.fromisoformat, default=datetime.now(UTC).date())
+    parser.add_argument("--processes", type=int, default=None)
+    parser.add_argument("--folder", type=Path, default=models_dir() / "reachability")
+    arguments = parser.parse_args()
     learned = learn_densities(
-        load_robot(given.robot),
-        given.date,
-        samples=given.samples,
-        seed=given.seed,
-        measure=given.measure,
-        processes=given.processes,
+        load_robot(arguments.robot),
+        arguments.date,
+        samples=arguments.samples,
+        seed=arguments.seed,
+        measure=arguments.measure,
+        processes=arguments.processes,
     )
-    folder = given.folder / given.robot
+    folder = arguments.folder / arguments.robot
     folder.mkdir(parents=True, exist_ok=True)
-    save_card(folder / f"{given.measure}.json", learned.card)
-    save_cloud(folder / f"{given.measure}.npz", learned.cloud.com_m)
+    save_card(folder / f"{arguments.measure}.json", learned.card)
+    save_cloud(folder / f"{arguments.measure}.npz", learned.cloud.com_m)
 
 
 if __name__ == "__main__":

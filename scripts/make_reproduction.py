@@ -23,7 +23,7 @@ from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import PEOPLE, QUICK_SEEDS, Section, collect_sections, recipes_of
 
 ROOT = Path(__file__).parents[1]
-PAGE, KEPT = ROOT / "docs" / "reproduction.md", ROOT / ".data" / "reproduction"
+PAGE, CACHE = ROOT / "docs" / "reproduction.md", ROOT / ".data" / "reproduction"
 SEEDS = 50
 
 
@@ -36,30 +36,30 @@ def main() -> None:
     parser.add_argument("--real", type=Path, default=os.environ.get("STRIDELAB_TEST_DATA"), metavar="FOLDER")
     parser.add_argument("--update", nargs="+", default=[], choices=[*ITEMS, *PEOPLE], help="compute and replace these")
     parser.add_argument("--seed", type=int, default=0, help="first seed of the draws")
-    asked = parser.parse_args()
-    chosen = [*(asked.only or ()), *asked.update]
-    folder = None if asked.real is None else Path(asked.real)
-    wanted = [r for r in recipes_of(ITEMS, asked.seeds, folder, asked.seed) if not chosen or r.name in chosen]
+    arguments = parser.parse_args()
+    chosen = [*(arguments.only or ()), *arguments.update]
+    folder = None if arguments.real is None else Path(arguments.real)
+    selected = [r for r in recipes_of(ITEMS, arguments.seeds, folder, arguments.seed) if not chosen or r.name in chosen]
     sections = []
     processes = min(available_processes(), PROCESSES_MAX)
     start = time.monotonic()
-    for section in collect_sections(wanted, ResultCache(KEPT), lambda _f, _m: None, processes=processes):
+    for section in collect_sections(selected, ResultCache(CACHE), lambda _f, _m: None, processes=processes):
         sections.append(section)
         sys.stderr.write(f"{section.name}: {section.failure or f'{time.monotonic() - start:.0f} s'}\n")
         start = time.monotonic()
     if any(section.result is None for section in sections):
         sys.exit("An item failed; the page stays as it was.")
-    if asked.update:
-        updated = [section for section in sections if section.name in asked.update]
+    if arguments.update:
+        updated = [section for section in sections if section.name in arguments.update]
         PAGE.write_text(replace_sections(PAGE.read_text(encoding="utf-8"), updated), encoding="utf-8")
-    elif not asked.only:
-        PAGE.write_text(render_markdown(head(sections, asked.seeds), sections), encoding="utf-8")
+    elif not arguments.only:
+        PAGE.write_text(render_markdown(head(sections, arguments.seeds), sections), encoding="utf-8")
 
 
 def head(sections: list[Section], seeds: int) -> str:
-    """What the page is."""
+    """Introduction of the page."""
     missing = "\nThe recordings were not at hand, so that the sections on people are missing."
-    said = "" if any(section.name in PEOPLE for section in sections) else missing
+    note = "" if any(section.name in PEOPLE for section in sections) else missing
     return f"""# Reproduction
 
 Written by `scripts/make_reproduction.py --seeds {seeds}`: every figure and table, and the numbers of the text. The
@@ -70,7 +70,7 @@ Verdicts are computed. *met* is what the thesis says, *better* is better than th
 error* cannot hold as stated. *our aim* is a threshold of this project, reached or missed: it is no verdict on the
 thesis. The last column says what our number is computed from: *simulated* (models and simulated recordings),
 *replayed* (motions carried out in a physics simulation), *people* (recordings of people) or *external* (numbers
-published by others); n is the number of cases behind it (draws, steps, people, contact sets, plans).{said}
+published by others); n is the number of cases behind it (draws, steps, people, contact sets, plans).{note}
 """
 
 

@@ -53,11 +53,11 @@ def make_sample(folder: Path) -> None:
         (folder / name).unlink()
 
 
-def _job(kind: str, asked: dict[str, object], outcome: Outcome, folder: Path) -> dict[str, object]:
-    done = outcome.to_json()
-    for artifact in done["artifacts"]:
+def _job(kind: str, job_input: dict[str, object], outcome: Outcome, folder: Path) -> dict[str, object]:
+    result = outcome.to_json()
+    for artifact in result["artifacts"]:
         artifact["bytes"] = (folder / artifact["name"]).stat().st_size
-    return {"kind": kind, "input": asked, "result": {**done, "versions": software_versions()}}
+    return {"kind": kind, "input": job_input, "result": {**result, "versions": software_versions()}}
 
 
 def _silent(_fraction: float, _message: str) -> None:

@@ -19,7 +19,7 @@ NUMBERS = re.compile(r"\[\s+([-+\d.e,\s]+?)\s+\]")
 def text(scenario: dict[str, Any]) -> str:
     """JSON with every vector on one line."""
     spread = json.dumps(scenario, indent=2, ensure_ascii=False, allow_nan=False)
-    return NUMBERS.sub(lambda found: "[" + re.sub(r"\s+", " ", found[1]) + "]", spread) + "\n"
+    return NUMBERS.sub(lambda match: "[" + re.sub(r"\s+", " ", match[1]) + "]", spread) + "\n"
 
 
 def make_scenarios(folder: Path) -> None:

@@ -27,10 +27,10 @@ INTRO, OUTRO = "<!-- figures: begin -->", "<!-- figures: end -->"
 def main() -> None:
     """Draw what is missing, and write the figures into the page."""
     rows = Path(sys.argv[1])
-    wanted = range(FIRST_SEED, FIRST_SEED + int(sys.argv[2]) if len(sys.argv) > 2 else FIRST_SEED + 210)
+    seeds = range(FIRST_SEED, FIRST_SEED + int(sys.argv[2]) if len(sys.argv) > 2 else FIRST_SEED + 210)
     lines = [json.loads(line) for line in rows.read_text().splitlines()] if rows.exists() else []
     with rows.open("a") as out:
-        for seed in sorted(set(wanted) - {line["seed"] for line in lines}):
+        for seed in sorted(set(seeds) - {line["seed"] for line in lines}):
             try:
                 line = asdict(score_draw(seed))
             except StridelabError as error:
@@ -83,11 +83,11 @@ def _score_names(draws: Sequence[ScoredDraw]) -> list[str]:
 
 
 def _agreement_table(draws: Sequence[ScoredDraw], names: Sequence[str], axes: Sequence[int]) -> list[str]:
-    found = [score_agreement(draws, name, axes) for name in names]
+    agreements = [score_agreement(draws, name, axes) for name in names]
     return [
         "| score | draws | rank correlation | pairs | same order: 1, 10, 40 people | best: 1, 10, 20, 40 people |",
         "| --- | --- | --- | --- | --- | --- |",
-        *(_agreement_row(each) for each in found),
+        *(_agreement_row(each) for each in agreements),
     ]
 
 

@@ -1,6 +1,6 @@
 """Carry out random stairs, search at other paces and places where one is refused, and write what came of it as a page.
 
-make_stair_variations.py            all that is not kept yet, then docs/theory/stair-variations.md
+make_stair_variations.py            all that is not stored yet, then docs/theory/stair-variations.md
 make_stair_variations.py --anew     computes again; --page only writes the page
 make_stair_variations.py --number 6 only so many of them
 """
@@ -33,7 +33,7 @@ thesis. Every other flight has a rail, 0.70 to 1.00 m above the footholds and 0.
 hand 0.10 to 0.35 m ahead. Each flight is planned with the settings of the service, followed by the whole-body
 controller, checked by the certificate and replayed in the physics simulation.
 """
-KEPT: TypeAdapter[list[SearchResult]] = TypeAdapter(list[SearchResult])
+REPORTS: TypeAdapter[list[SearchResult]] = TypeAdapter(list[SearchResult])
 
 
 def main() -> None:
@@ -41,63 +41,63 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path(".data") / "stair-variations.json", metavar="FILE")
     parser.add_argument("--number", type=int, default=NUMBER)
-    parser.add_argument("--anew", action="store_true", help="compute again what is kept")
+    parser.add_argument("--anew", action="store_true", help="compute stored results again")
     parser.add_argument("--page", action="store_true", help="only write the page")
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     variations = random_variations()
     known: dict[int, SearchResult] = {}
-    if asked.out.is_file() and not asked.anew:
-        known = {found.index: found for found in KEPT.validate_json(asked.out.read_bytes())}
-    if not asked.page:
-        asked.out.parent.mkdir(parents=True, exist_ok=True)
-        run(variations[: asked.number], known, asked.out)
+    if arguments.out.is_file() and not arguments.anew:
+        known = {case.index: case for case in REPORTS.validate_json(arguments.out.read_bytes())}
+    if not arguments.page:
+        arguments.out.parent.mkdir(parents=True, exist_ok=True)
+        run(variations[: arguments.number], known, arguments.out)
     PAGE.write_text("\n".join(page(variations, known)) + "\n", encoding="utf-8")
 
 
 def run(variations: tuple[Variation, ...], known: dict[int, SearchResult], out: Path) -> None:
-    """All as they were drawn, then the search for those that were refused; kept after each."""
-    for index, variation in enumerate(variations):
+    """Run all variations as drawn, then search near the refused ones; results are stored after each."""
+    for index, case in enumerate(variations):
         if index not in known:
-            keep(SearchResult(index, run_variation(variation)), known, out)
-    for index, variation in enumerate(variations):
+            keep(SearchResult(index, run_variation(case)), known, out)
+    for index, case in enumerate(variations):
         if known[index].attempt.stage is not None and known[index].tried == 0:
-            keep(search_alternatives(index, variation, known[index].attempt), known, out)
+            keep(search_alternatives(index, case, known[index].attempt), known, out)
 
 
-def keep(found: SearchResult, known: dict[int, SearchResult], out: Path) -> None:
+def keep(case: SearchResult, known: dict[int, SearchResult], out: Path) -> None:
     """Into the file, and a line on stderr."""
-    known[found.index] = found
-    what = found.attempt
-    searched = f", {found.tried} others tried: {found.instead}" if found.tried else ""
-    sys.stderr.write(f"{found.index}: {what.stage or 'carried out'} {what.reason}{searched}\n")
-    out.write_bytes(KEPT.dump_json([known[index] for index in sorted(known)], indent=1))
+    known[case.index] = case
+    what = case.attempt
+    searched = f", {case.tried} others tried: {case.instead}" if case.tried else ""
+    sys.stderr.write(f"{case.index}: {what.stage or 'carried out'} {what.reason}{searched}\n")
+    out.write_bytes(REPORTS.dump_json([known[index] for index in sorted(known)], indent=1))
 
 
 def page(variations: tuple[Variation, ...], known: dict[int, SearchResult]) -> Iterable[str]:
-    """The page from what is kept."""
-    all_found = [known[index] for index in sorted(known)]
-    done = [found for found in all_found if found.attempt.stage is None]
-    refused = [found for found in all_found if found.attempt.stage is not None]
-    yield INTRO.format(number=len(all_found), all_number=NUMBER, stairs=STAIRS)
+    """The page from the stored results."""
+    cases = [known[index] for index in sorted(known)]
+    carried_out = [case for case in cases if case.attempt.stage is None]
+    refused = [case for case in cases if case.attempt.stage is not None]
+    yield INTRO.format(number=len(cases), all_number=NUMBER, stairs=STAIRS)
     yield (
-        f"- **Carried out** (every check of the certificate passed, and the replay completed): {len(done)} of "
-        f"{len(all_found)}."
+        f"- **Carried out** (every check of the certificate passed, and the replay completed): {len(carried_out)} of "
+        f"{len(cases)}."
     )
-    errors_mm = sorted(1e3 * found.attempt.com_error_m for found in done if found.attempt.com_error_m is not None)
+    errors_mm = sorted(1e3 * case.attempt.com_error_m for case in carried_out if case.attempt.com_error_m is not None)
     if errors_mm:
         middle_mm = errors_mm[len(errors_mm) // 2]
         yield f"- CoM error of their replays: {middle_mm:.1f} mm in the median, {errors_mm[-1]:.1f} mm at most."
-    not_completed = sum(found.attempt.fell_despite_certificate for found in all_found)
+    not_completed = sum(case.attempt.fell_despite_certificate for case in cases)
     yield f"- **Passed every check and did not complete the replay:** {not_completed}."
-    stages = Counter(found.attempt.stage for found in refused)
+    stages = Counter(case.attempt.stage for case in refused)
     yield f"- Refused: {len(refused)}" + (
         f" ({', '.join(f'{s}: {n}' for s, n in stages.items())})." if refused else "."
     )
-    searched = [found for found in refused if found.tried]
+    searched = [case for case in refused if case.tried]
     if searched:
         yield (
             "- Searched at other paces, with soles and hand elsewhere on the same stairs and rail: "
-            f"{len(searched)}, of which **{sum(found.failure_confirmed for found in searched)} are confirmed** "
+            f"{len(searched)}, of which **{sum(case.failure_confirmed for case in searched)} are confirmed** "
             "(no other one "
             "is carried out either)."
         )
@@ -106,36 +106,36 @@ def page(variations: tuple[Variation, ...], known: dict[int, SearchResult]) -> I
         yield "## What is refused\n"
         yield "| | stairs, m | pace | rail, m | refused by | search |"
         yield "| --- " * 6 + "|"
-        yield from (_refused(variations[found.index], found) for found in refused)
+        yield from (_refused(variations[case.index], case) for case in refused)
         yield ""
     yield "## All of them\n"
     yield "| | height, depth, toe gap (m) | pace | rail: ahead, height, side (m) | result | replay: CoM, mm |"
     yield "| --- " * 6 + "|"
-    for found in all_found:
-        v, what = variations[found.index], found.attempt
+    for case in cases:
+        v, what = variations[case.index], case.attempt
         com = "" if what.com_error_m is None else f"{1e3 * what.com_error_m:.1f}"
         com += ", not completed" if what.replayed is False else ""
-        yield f"| {found.index} | {_stairs(v)} | {v.pace:.2f} | {_rail(v)} | {what.stage or 'carried out'} | {com} |"
+        yield f"| {case.index} | {_stairs(v)} | {v.pace:.2f} | {_rail(v)} | {what.stage or 'carried out'} | {com} |"
 
 
-def _refused(v: Variation, found: SearchResult) -> str:
-    reason = f"{found.attempt.stage}: {found.attempt.reason}".replace("|", "/")
-    return f"| {found.index} | {_stairs(v)} | {v.pace:.2f} | {_rail(v)} | {reason} | {_search(found)} |"
+def _refused(v: Variation, case: SearchResult) -> str:
+    reason = f"{case.attempt.stage}: {case.attempt.reason}".replace("|", "/")
+    return f"| {case.index} | {_stairs(v)} | {v.pace:.2f} | {_rail(v)} | {reason} | {_search(case)} |"
 
 
-def _search(found: SearchResult) -> str:
-    if not found.tried:
+def _search(case: SearchResult) -> str:
+    if not case.tried:
         return "not made"
-    if found.instead is None:
-        return f"confirmed by {found.tried} others"
-    v = found.instead
+    if case.instead is None:
+        return f"confirmed by {case.tried} others"
+    v = case.instead
     changes = [f"pace {v.pace:.2f}"]
     changes += [f"soles {1e3 * v.shift_m:+.0f} mm towards the edge"] if v.shift_m else []
     changes += (
         [f"soles {1e3 * v.half_width_m:.0f} mm from the middle"] if v.half_width_m != Variation.half_width_m else []
     )
     changes += [f"hand {1e3 * v.reach_m:+.0f} mm along the rail"] if v.reach_m else []
-    return f"carried out with {', '.join(changes)} (number {found.tried})"
+    return f"carried out with {', '.join(changes)} (number {case.tried})"
 
 
 def _stairs(v: Variation) -> str:

@@ -219,30 +219,32 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[], help="classes, robots or indices to run")
     parser.add_argument("--page", action="store_true", help="only write the page")
     parser.add_argument("--no-page", action="store_true", help="do not write the page")
-    asked = parser.parse_args()
-    usual_seed, name = (FLIGHTS_SEED, "flights") if asked.flights else (PAGE_SEED, "terrains")
-    seed = usual_seed if asked.seed is None else asked.seed
-    out = asked.out or ROOT / ".data" / f"{name}-{seed}.jsonl"
+    arguments = parser.parse_args()
+    usual_seed, name = (FLIGHTS_SEED, "flights") if arguments.flights else (PAGE_SEED, "terrains")
+    seed = usual_seed if arguments.seed is None else arguments.seed
+    out = arguments.out or ROOT / ".data" / f"{name}-{seed}.jsonl"
     out.parent.mkdir(parents=True, exist_ok=True)
     rows = load_rows(out)
-    first, every = (int(part) for part in asked.share.split("/"))
-    draw = flights.random_flights if asked.flights else random_scenarios
-    scenarios = [] if asked.page else draw(asked.number, seed)
+    first, every = (int(part) for part in arguments.share.split("/"))
+    draw = flights.random_flights if arguments.flights else random_scenarios
+    scenarios = [] if arguments.page else draw(arguments.number, seed)
     order = np.random.default_rng(seed).permutation(len(scenarios))  # a survey that ends early is a fair sample
     for drawn in (scenarios[k] for k in order[first::every]):
         labels = {drawn.kind, drawn.robot, str(drawn.index)}
-        if drawn.index in rows or (asked.only and not labels & set(asked.only)):
+        if drawn.index in rows or (arguments.only and not labels & set(arguments.only)):
             continue
         row = rows[drawn.index] = run_one(drawn)
         with out.open("a", encoding="utf-8") as file:
             file.write(json.dumps(asdict(row)) + "\n")
         sys.stderr.write(f"{row.index} {row.robot} {row.kind}: {row.stage or 'done'} {'; '.join(row.details)}\n")
-    if not asked.no_page:
-        others = ROOT / ".data" / (f"terrains-{PAGE_SEED}.jsonl" if asked.flights else f"flights-{FLIGHTS_SEED}.jsonl")
-        surveyed, climbed = (load_rows(others), rows) if asked.flights else (rows, load_rows(others))
-        shown = PAGE_SEED if asked.flights else seed
+    if not arguments.no_page:
+        others = (
+            ROOT / ".data" / (f"terrains-{PAGE_SEED}.jsonl" if arguments.flights else f"flights-{FLIGHTS_SEED}.jsonl")
+        )
+        surveyed, climbed = (load_rows(others), rows) if arguments.flights else (rows, load_rows(others))
+        page_seed = PAGE_SEED if arguments.flights else seed
         PAGE.write_text(
-            page([surveyed[k] for k in sorted(surveyed)], shown, [climbed[k] for k in sorted(climbed)]),
+            page([surveyed[k] for k in sorted(surveyed)], page_seed, [climbed[k] for k in sorted(climbed)]),
             encoding="utf-8",
         )
 

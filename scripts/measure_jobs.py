@@ -64,11 +64,11 @@ def member(supervisor: psutil.Process, module: str) -> psutil.Process:
 
 
 def nursery(supervisor: psutil.Process) -> psutil.Process:
-    """What the worker's children are forked from, when it has imported everything."""
-    found = member(member(supervisor, "stridelab.service.jobs.worker"), "stridelab.service.processes.fork_server")
-    while found.status() == psutil.STATUS_RUNNING:
+    """The worker's fork server, after it has imported everything."""
+    process = member(member(supervisor, "stridelab.service.jobs.worker"), "stridelab.service.processes.fork_server")
+    while process.status() == psutil.STATUS_RUNNING:
         time.sleep(0.5)
-    return found
+    return process
 
 
 def ended_children_s(process: psutil.Process) -> float:
@@ -84,7 +84,7 @@ def own_s(process: psutil.Process) -> float:
 
 
 def run(http: httpx.Client, forked_from: psutil.Process, kind: str, body: Any) -> dict[str, float]:
-    """One job: seconds of processor and of the clock, bytes left."""
+    """Run one job; return its processor time, its wall-clock time and the bytes that it leaves."""
     before = ended_children_s(forked_from)
     job = http.post(f"/api/v1/jobs/{kind}", json=body).raise_for_status().json()
     while (job := http.get(f"/api/v1/jobs/{job['id']}?wait=30").json())["state"] in ("queued", "running"):
@@ -119,7 +119,7 @@ def kinds(http: httpx.Client, forked_from: psutil.Process, rounds: int) -> dict[
 
 
 def calls(http: httpx.Client, api: psutil.Process) -> dict[str, float]:
-    """What the web server and the database bear: submissions and readings per second, and processor time for each."""
+    """Submissions and reads per second of web server and database, and the processor time of each."""
 
     def submit(number: int) -> str:
         body = {"item": "fig-2.5", "seeds": 1 + number % 10}

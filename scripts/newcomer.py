@@ -54,7 +54,7 @@ def say(line: str) -> None:
 
 
 def processor_s(process: psutil.Process) -> float:
-    """What it and all that it started have used of the processors: what it takes is less only on several cores."""
+    """Processor time of the process and its descendants; wall-clock time is less only on several cores."""
     total_s = 0.0
     for each in (process, *process.children(recursive=True)):
         with contextlib.suppress(psutil.NoSuchProcess):
@@ -64,15 +64,17 @@ def processor_s(process: psutil.Process) -> float:
 
 
 def newcomers_environment(home: Path, port: int, *, cold: bool) -> dict[str, str]:
-    """Nothing of this checkout's: no virtual environment, no setting, no cache but that of packages."""
-    kept = {key: value for key, value in os.environ.items() if not key.startswith(("STRIDELAB_", "XDG_", "VIRTUAL_"))}
-    path = [part for part in kept["PATH"].split(os.pathsep) if ".venv" not in part and ".uv" not in part]
+    """Environment without this checkout's virtual environment, settings and caches, except that of packages."""
+    variables = {
+        key: value for key, value in os.environ.items() if not key.startswith(("STRIDELAB_", "XDG_", "VIRTUAL_"))
+    }
+    path = [part for part in variables["PATH"].split(os.pathsep) if ".venv" not in part and ".uv" not in part]
     caches = (
         {}
         if cold
         else {"UV_CACHE_DIR": str(Path.home() / ".cache/uv"), "PIP_CACHE_DIR": str(Path.home() / ".cache/pip")}
     )
-    return {**kept, **caches, "PATH": os.pathsep.join(path), "HOME": str(home), "STRIDELAB_PORT": str(port)}
+    return {**variables, **caches, "PATH": os.pathsep.join(path), "HOME": str(home), "STRIDELAB_PORT": str(port)}
 
 
 @contextmanager
@@ -135,15 +137,15 @@ def lines_of_readme() -> tuple[str, str]:
 
 
 def scripted(lines: str, port: int, clone: Path, environment: dict[str, str]) -> str:
-    """What the shell lines print, against this port."""
+    """Run the shell lines against this port; return their output."""
     lines = lines.replace("127.0.0.1:8000", f"127.0.0.1:{port}")
-    done = subprocess.run(
+    run = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", lines], cwd=clone, env=environment, capture_output=True, text=True,
         timeout=PATIENCE_S, check=False,
     )  # fmt: skip
-    if done.returncode:
-        raise SystemExit(f"README's lines fail: {done.stderr}\n{done.stdout}")
-    return done.stdout
+    if run.returncode:
+        raise SystemExit(f"README's lines fail: {run.stderr}\n{run.stdout}")
+    return run.stdout
 
 
 def machine(began_load: str) -> str:
@@ -206,12 +208,12 @@ def run(place: Path, port: int, *, cold: bool) -> str:
                 if not client.result(plan).summary["certificate"]["passed"]:
                     raise SystemExit("the plan's certificate is not passed")
             began = time.monotonic()
-            said = scripted(human, port, clone, environment)
-            assert '"method"' in said, said
+            output = scripted(human, port, clone, environment)
+            assert '"method"' in output, output
             watch.step("an estimate of `trial.c3d`", "README's lines of the human wing", time.monotonic() - began)
             began = time.monotonic()
-            said = scripted(robot, port, clone, environment)
-            assert '"passed": true' in said, said
+            output = scripted(robot, port, clone, environment)
+            assert '"passed": true' in output, output
             watch.step("a certificate", "README's lines of the robot wing", time.monotonic() - began)
         with serving(clone, environment, watch, "the service for the second time"):
             began = time.monotonic()
@@ -229,15 +231,15 @@ def main() -> None:
     parser.add_argument("--cold", action="store_true", help="no package cache")
     parser.add_argument("--write", action="store_true", help="put the table into docs/newcomer.md")
     parser.add_argument("--port", type=int, default=8490)
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="newcomer-") as folder:
         place = Path(folder)
         place.chmod(0o755)  # the database of root runs under another account
-        found = run(place, asked.port, cold=asked.cold)
-    say(found)
-    if asked.write:
+        results = run(place, arguments.port, cold=arguments.cold)
+    say(results)
+    if arguments.write:
         before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-        PAGE.write_text(f"{before}{BEGIN}\n\n{found}\n\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+        PAGE.write_text(f"{before}{BEGIN}\n\n{results}\n\n{END}{rest.partition(END)[2]}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -24,10 +24,10 @@ def main(
 ) -> None:
     """Replay a motion with one random push at a time."""
     try:
-        done = sl.push_basin(scenario, speed_m_s=speed, n=pushes, seed=seed, robot=robot, progress=show)
+        basin = sl.push_basin(scenario, speed_m_s=speed, n=pushes, seed=seed, robot=robot, progress=show)
     except StridelabError as error:
         sys.exit(f"error: {error.message} ({error.code})")
-    s, (low, high) = done.summary, done.summary.survived_ci95
+    s, (low, high) = basin.summary, basin.summary.survived_ci95
     impulse = f"{s.speed_m_s:g} m/s ({s.impulse_ns:.1f} N s)"
     out.print(f"{s.scenario_name}, {s.robot}: {s.n} pushes of {impulse}, seed {s.seed}")
     out.print(f"survived {s.survived} ({low:.0%} to {high:.0%}), completed {s.completed}")
@@ -37,8 +37,8 @@ def main(
     if csv_file is not None:
         with csv_file.open("w", newline="") as file:
             rows = csv.writer(file)
-            rows.writerow(done.columns)
-            rows.writerows(zip(*done.columns.values(), strict=True))
+            rows.writerow(basin.columns)
+            rows.writerows(zip(*basin.columns.values(), strict=True))
 
 
 def show(_fraction: float, message: str) -> None:

@@ -43,7 +43,7 @@ READINGS_PER_JOB = 20
 """Assumed: how often a page or a script looks at a job."""
 REPORTS_PER_S = 5.0
 """The most that a running job reports (``PROGRESS_S`` of the errand); most say less."""
-WORKING_DAYS_KEPT = 64
+WORKING_DAYS_STORED = 64
 """Working days within the 90 days that results are kept."""
 CROWDS = (10, 1000, 100_000)
 PATIENCE_S = {True: 2.0, False: 60.0}
@@ -166,20 +166,20 @@ def rows(costs: dict[str, list[dict[str, float]]], crowds: Sequence[int], number
 
 
 def loads(measurements: dict[str, Any], crowds: Sequence[int]) -> Iterator[list[str]]:
-    """What else so many users ask for, by arithmetic: processors of web servers, reports of progress, storage."""
+    """Further loads of so many users, by arithmetic: processors of web servers, progress reports, storage."""
     kinds, calls = measurements["kinds"], measurements["calls"]
     job_bytes = sum(share * sum(one["bytes"] for one in kinds[k]) / len(kinds[k]) for k, share in SHARES.items())
     for users in crowds:
         jobs_per_day = users * JOBS_PER_USER_AND_DAY
         rate_per_s = jobs_per_day / (HOURS_PER_DAY * 3600) * BUSIEST
         web_ms = calls["submission_cpu_ms"] + READINGS_PER_JOB * calls["reading_cpu_ms"]
-        kept = jobs_per_day * WORKING_DAYS_KEPT
+        n_stored = jobs_per_day * WORKING_DAYS_STORED
         yield [
             _spaced(users),
             f"{rate_per_s * web_ms / 1e3:.3g}",
             f"{rate_per_s * mean_cost_s(kinds) * REPORTS_PER_S:.3g}",
-            f"{kept / 1e6:.3g} million",
-            f"{kept * job_bytes / 1e12:.3g} TB",
+            f"{n_stored / 1e6:.3g} million",
+            f"{n_stored * job_bytes / 1e12:.3g} TB",
         ]
 
 

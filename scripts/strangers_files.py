@@ -31,13 +31,13 @@ class Trial(NamedTuple):
 
 def recordings_below(folder: Path) -> Iterator[Path]:
     """Recordings of all formats, each content once."""
-    seen: set[str] = set()
+    digests: set[str] = set()
     for path in sorted(folder.rglob("*")):
         if not path.is_file() or not is_recording(path):
             continue
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        if digest not in seen:
-            seen.add(digest)
+        if digest not in digests:
+            digests.add(digest)
             yield path
 
 
@@ -61,10 +61,10 @@ def is_recording(path: Path) -> bool:
 def model_of(angles: Path) -> Path | None:
     """The OpenSim model of joint angles: in their folder, else in the nearest above or beside; a scaled one first."""
     for place in (angles.parent, angles.parent.parent):
-        found = sorted(place.glob("*.osim")) or sorted(place.glob("*/*.osim"))
-        scaled = [path for path in found if SCALED.search(path.stem)]
-        if found:
-            return (scaled or found)[0]
+        models = sorted(place.glob("*.osim")) or sorted(place.glob("*/*.osim"))
+        scaled = [path for path in models if SCALED.search(path.stem)]
+        if models:
+            return (scaled or models)[0]
     return None
 
 
@@ -99,7 +99,7 @@ def static_trial_of(path: Path) -> Path | None:
         return len(words & others)
 
     for places in ([path.parent], [place for place in path.parent.parent.iterdir() if place.is_dir()]):
-        found = [
+        candidates = [
             other
             for place in places
             for other in sorted(place.iterdir())
@@ -108,10 +108,10 @@ def static_trial_of(path: Path) -> Path | None:
             and other != path
         ]
         if places == [path.parent]:
-            best = max(map(n_shared_words, found), default=0)
-            found = [other for other in found if n_shared_words(other) == best]
-        if len(found) == 1:
-            return found[0]
+            best = max(map(n_shared_words, candidates), default=0)
+            candidates = [other for other in candidates if n_shared_words(other) == best]
+        if len(candidates) == 1:
+            return candidates[0]
     return None
 
 

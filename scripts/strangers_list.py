@@ -102,16 +102,16 @@ def fetch(entries: Sequence[Entry], folder: Path, mirrors: Path | None, host: st
             to = folder / entry.place / name
             if not name or to.exists():
                 continue
-            shown = subprocess.run(
+            git_show = subprocess.run(
                 ["git", "-C", _repository(entry, folder, mirrors, host), "show", f"{entry.commit}:{name}"],
                 capture_output=True,
                 check=False,
             )
-            if shown.returncode:
+            if git_show.returncode:
                 sys.stderr.write(f"not fetched: {entry.repository} {entry.commit}:{name}\n")
                 continue
             to.parent.mkdir(parents=True, exist_ok=True)
-            to.write_bytes(shown.stdout)
+            to.write_bytes(git_show.stdout)
 
 
 def _repository(entry: Entry, folder: Path, mirrors: Path | None, host: str) -> Path:
@@ -134,10 +134,10 @@ def _repository(entry: Entry, folder: Path, mirrors: Path | None, host: str) -> 
 
 def differences(entries: Sequence[Entry], rows: Sequence[dict[str, Any]]) -> list[str]:
     """One sentence for each recording whose outcome is not that of the list."""
-    found = {(row["source"], row["path"]): outcome_of(row) for row in rows}
+    outcomes = {(row["source"], row["path"]): outcome_of(row) for row in rows}
     sentences = []
     for entry in entries:
-        outcome = found.get(entry.key, "not surveyed")
+        outcome = outcomes.get(entry.key, "not surveyed")
         if outcome != entry.outcome:
             sentences.append(f"{entry.repository} {entry.path}: {outcome}, expected {entry.outcome}")
     return sentences
@@ -145,5 +145,5 @@ def differences(entries: Sequence[Entry], rows: Sequence[dict[str, Any]]) -> lis
 
 def renewed(entries: Sequence[Entry], rows: Sequence[dict[str, Any]]) -> list[Entry]:
     """The entries with the outcomes of a survey."""
-    found = {(row["source"], row["path"]): outcome_of(row) for row in rows}
-    return [dataclasses.replace(entry, outcome=found.get(entry.key, entry.outcome)) for entry in entries]
+    outcomes = {(row["source"], row["path"]): outcome_of(row) for row in rows}
+    return [dataclasses.replace(entry, outcome=outcomes.get(entry.key, entry.outcome)) for entry in entries]

@@ -104,13 +104,13 @@ without a rate is read.
 
 
 def uploaded(trial: Trial, folder: Path) -> Path:
-    """What a user would upload: the file itself, or a zip of it and the files that belong to it."""
+    """The file as a user would upload it: itself, or a zip of it and the files that belong to it."""
     if not trial.others:
         return trial.path
     archive = folder / f"{trial.path.stem}.zip"
-    with zipfile.ZipFile(archive, "w") as made:
+    with zipfile.ZipFile(archive, "w") as zip_file:
         for path in (trial.path, *trial.others):
-            made.write(path, path.name)
+            zip_file.write(path, path.name)
     return archive
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 type_checks = OftenEnough(jaxtyping.jaxtyped)
 vars(jaxtyping)["jaxtyped"] = type_checks  # the decorator that the hook puts on every function and dataclass
 jaxtyping.install_import_hook(["stridelab", "experiments"], "beartype.beartype")
-os.environ.pop("COLUMNS", None)  # workers are told the terminal's width, and a console would keep it
+os.environ.pop("COLUMNS", None)  # test workers inherit the terminal's width, which a console would use
 
 # How long one example takes depends on what else the machine does; no test is about that.
 settings.register_profile("untimed", deadline=None)

@@ -11,10 +11,10 @@ IN_TITLE = re.compile(r"\\\((.*?)\\\)")
 def in_page(text: str) -> str:
     """HTML of a page with all formulas that arithmatex has marked; one of its own line scrolls where it is too long."""
 
-    def shown(found: re.Match[str]) -> str:
-        if found[1] == "span":
-            return mathml(found[2])
-        return f'<div class="md-typeset__scrollwrap">{mathml(found[2], block=True)}</div>'
+    def shown(match: re.Match[str]) -> str:
+        if match[1] == "span":
+            return mathml(match[2])
+        return f'<div class="md-typeset__scrollwrap">{mathml(match[2], block=True)}</div>'
 
     return MARKED.sub(shown, text)
 

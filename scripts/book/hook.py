@@ -1,4 +1,4 @@
-"""What mkdocs asks while it builds the book: pages made of the program itself, links to the literature, formulas.
+"""Hooks of mkdocs while it builds the book: pages made of the program itself, links to the literature, formulas.
 
 Nothing of it is kept in docs/: endpoints and models come of the interface's own description, the numeric packages of
 their docstrings, the literature of models/references.bib.

@@ -43,7 +43,7 @@ def cell(text: object) -> str:
 
 
 def unit(name: str) -> str:
-    """What a name ends with, as a unit: ``height_m`` is in m."""
+    """Unit at the end of a name: ``height_m`` is in m."""
     ends = (name.split("_", k)[-1] for k in range(1, name.count("_") + 1))
     return next((UNITS[end] for end in ends if end in UNITS), "")
 
@@ -73,11 +73,11 @@ def kind(schema: dict[str, Any], models: str) -> str:
 def limits(schema: dict[str, Any]) -> str:
     """Least and largest value or length."""
     words = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
-    said = [f"{sign} {schema[key]:g}" for key, sign in words.items() if key in schema]
-    said += [
+    texts = [f"{sign} {schema[key]:g}" for key, sign in words.items() if key in schema]
+    texts += [
         f"{sign} {schema[key]} characters" for key, sign in (("minLength", ">="), ("maxLength", "<=")) if key in schema
     ]
-    return f" {', '.join(said)}" if said else ""
+    return f" {', '.join(texts)}" if texts else ""
 
 
 def fields_table(schema: dict[str, Any], models: str) -> list[str]:

@@ -66,11 +66,11 @@ def definitions(stub: Path) -> dict[str, tuple[Path, ast.stmt, str]]:
         if isinstance(line, ast.ImportFrom) and line.level == 1 and line.module:
             base = stub.parent.joinpath(*line.module.split("."))
             path = base.with_suffix(".py") if base.with_suffix(".py").is_file() else base / "__init__.py"
-            wanted = {alias.name for alias in line.names}
+            imported = {alias.name for alias in line.names}
             body = ast.parse(path.read_text(encoding="utf-8")).body
             for node, after in zip(body, [*body[1:], None], strict=True):
                 names = {node.name} if isinstance(node, ast.ClassDef | ast.FunctionDef) else assigned(node)
-                for name in names & wanted:
+                for name in names & imported:
                     exported[name] = (path, node, constant_docstring(after))
     return exported
 
@@ -92,8 +92,8 @@ def definition_lines(name: str, node: ast.stmt, constant: str) -> list[str]:
     """One public name: its signature and what its docstring says."""
     if isinstance(node, ast.ClassDef):
         bases = f"({', '.join(ast.unparse(b) for b in node.bases)})" if node.bases else ""
-        shown = [f"class {name}{bases}", *(f"    {field}" for field in fields(node))]
-        return [f"## {name}", "", "```python", *shown, "```", "", *docstring(node), *members(node)]
+        lines = [f"class {name}{bases}", *(f"    {field}" for field in fields(node))]
+        return [f"## {name}", "", "```python", *lines, "```", "", *docstring(node), *members(node)]
     if isinstance(node, ast.FunctionDef):
         return [f"## {name}", "", "```python", signature(node, method=False), "```", "", *docstring(node)]
     return [f"## {name}", "", "```python", ast.unparse(node), "```", "", constant, ""]

@@ -195,19 +195,19 @@ def solve_variations(
 def outcome_summary(outcomes: Sequence[Outcome]) -> Mapping[str, float | int]:
     """Summary statistics; ``right`` is the share of converged and infeasible variations."""
     by = {ending: sum(o.ending == ending for o in outcomes) for ending in get_args(Ending)}
-    done = [o for o in outcomes if o.ending == "converged"]
+    converged = [o for o in outcomes if o.ending == "converged"]
     return {
         "variations": len(outcomes),
         **by,
         "right": (by["converged"] + by["infeasible"]) / len(outcomes),
         "judged_valid": sum(not o.refusals for o in outcomes),
-        "iterations_median": float(np.median([o.iterations for o in done])),
-        "iterations_most": max(o.iterations for o in done),
-        "dynamics_gap_most": max(o.dynamics_gap for o in done),
-        "terminal_gap_most": max(o.terminal_gap for o in done),
-        "cone_margin_least_n": min(o.cone_margin_n for o in done),
-        "solve_median_s": float(np.median([o.solve_s for o in done])),
-        "solve_most_s": max(o.solve_s for o in done),
+        "iterations_median": float(np.median([o.iterations for o in converged])),
+        "iterations_most": max(o.iterations for o in converged),
+        "dynamics_gap_most": max(o.dynamics_gap for o in converged),
+        "terminal_gap_most": max(o.terminal_gap for o in converged),
+        "cone_margin_least_n": min(o.cone_margin_n for o in converged),
+        "solve_median_s": float(np.median([o.solve_s for o in converged])),
+        "solve_most_s": max(o.solve_s for o in converged),
     }
 
 

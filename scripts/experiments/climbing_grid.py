@@ -194,8 +194,8 @@ def run_grid(
     """
     results: dict[int, CaseResult] = {}
     work = partial(run_case, robot, dict(proxies))
-    done = map_isolated(work, cases, preload=[__name__], processes=processes, codec=pickle)
-    for index, answer in done:
+    computed = map_isolated(work, cases, preload=[__name__], processes=processes, codec=pickle)
+    for index, answer in computed:
         case = cases[index]
         if isinstance(answer, StridelabError):
             answer = CaseResult(case.name, case.kind, "crash", answer.message)

@@ -121,7 +121,7 @@ def summary_by_kind(results: Sequence[ColdStart]) -> Mapping[str, Mapping[str, o
 
 
 def _summary_of_kind(results: Sequence[ColdStart]) -> Mapping[str, object]:
-    done = [c for c in results if c.converged] or list(results)
+    converged = [c for c in results if c.converged] or list(results)
     ms = 1e3 * np.array([c.cpu_s for c in results])
     wrong = [c for c in results if (c.converged and c.exists == "infeasible") or (c.proved and c.exists == "feasible")]
     return {
@@ -130,8 +130,8 @@ def _summary_of_kind(results: Sequence[ColdStart]) -> Mapping[str, object]:
         "converged_of_feasible": sum(c.converged for c in results if c.exists == "feasible"),
         "proved_of_infeasible": sum(c.proved for c in results if c.exists == "infeasible"),
         "wrong": len(wrong),
-        "iterations_median": float(np.median([c.iterations for c in done])),
-        "iterations_most": max(c.iterations for c in done),
+        "iterations_median": float(np.median([c.iterations for c in converged])),
+        "iterations_most": max(c.iterations for c in converged),
         "cpu_ms_median": round(float(np.median(ms)), 2),
         "cpu_ms_most": round(float(ms.max()), 1),
     }

@@ -177,11 +177,11 @@ def run_scenario(
 def execute_scenario(robot_name: str, name: str) -> Execution:
     """Plan, track, certify and replay one scenario."""
     run = run_scenario(load_robot(robot_name), CASES[robot_name][name]())
-    done = Execution(robot_name, name, run.duration_s, run.error, run.checks, run.cpu_s)
+    execution = Execution(robot_name, name, run.duration_s, run.error, run.checks, run.cpu_s)
     if run.replay is None:
-        return done
+        return execution
     return replace(
-        done,
+        execution,
         replay=replay_figures(run.replay),
         completed=run.replay.completed,
         fell=run.replay.fell,

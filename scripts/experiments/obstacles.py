@@ -113,14 +113,14 @@ def stand_up(
         "friction": friction,
     }
     standing = both_feet(walker, 0.0, 0.0) | {"right_hand": contact("right_hand", hand_m)}
-    made = scenario(
+    standing_up = scenario(
         "Standing up",
         "From a crouch to standing, the right hand on a rail.",
         walker.robot,
         [ground(), rail],
         [phase(duration_s, standing)],
     )
-    return made | {"start_com_height_m": start_com_height_m}
+    return standing_up | {"start_com_height_m": start_com_height_m}
 
 
 def _foot_of_step(i: int) -> str:

@@ -88,6 +88,6 @@ def balance_labels(pairs: LabelledPairs, n: int, min_feasible_share: float, rng:
     """
     positive, negative = np.flatnonzero(pairs.feasible), np.flatnonzero(~pairs.feasible)
     share = max(min_feasible_share, len(positive) / len(pairs.feasible))
-    wanted = min(len(positive), round(n * share))
-    selected = [rng.choice(positive, wanted, replace=False), rng.choice(negative, n - wanted, replace=False)]
+    n_positive = min(len(positive), round(n * share))
+    selected = [rng.choice(positive, n_positive, replace=False), rng.choice(negative, n - n_positive, replace=False)]
     return pairs.select(np.sort(np.concatenate(selected)))

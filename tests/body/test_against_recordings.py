@@ -112,23 +112,23 @@ def test_in_a_turn_the_offset_of_the_com_in_the_file_turns_with_the_body(gait):
 
 @pytest.mark.parametrize("table", TABLES)
 def test_standing_still_the_com_lies_over_the_centre_of_pressure(gait, table):
-    """Physics as the judge, in seven quiet standings on a plate: the stated error of the table covers what is found."""
+    """Seven recordings of quiet standing on a plate: the stated error of the table covers the measured one."""
     forwards, sideways = [], []
     for subject in CHILDREN:
         path = one(gait, f"biomechzoo-sample-study/{subject}/Static*.c3d")
         trial = read(path)
         trial = replace(trial, subject=replace(trial.subject, sex="female"))
-        found = com(trial, table)
+        result = com(trial, table)
         force = sum(plate.force_n for plate in trial.plates).mean(axis=0)
         moment = sum(plate.moment_nm for plate in trial.plates).mean(axis=0)
         pressure = np.array([-moment[1], moment[0]]) / force[2]
-        offset = np.nanmean(found.com_m[:, :2], axis=0) - pressure
+        offset = np.nanmean(result.com_m[:, :2], axis=0) - pressure
         m = trial.markers_m
         axis = np.mean((m["LASI"] + m["RASI"]) / 2 - m["SACR"], axis=0)[:2]
         axis /= np.linalg.norm(axis)
         forwards.append(offset @ axis)
         sideways.append(offset @ [-axis[1], axis[0]])
-    stated_forwards, stated_sideways = max(found.sd_m[:2]), min(found.sd_m[:2])
+    stated_forwards, stated_sideways = max(result.sd_m[:2]), min(result.sd_m[:2])
     assert rms(np.array(forwards)) < 1.05 * stated_forwards
     assert rms(np.array(sideways)) < stated_sideways
     assert max(map(abs, forwards)) < 2 * stated_forwards
@@ -195,10 +195,10 @@ def test_the_stated_cost_of_a_substitute_covers_the_measured_one(gait, code, peo
     if people == "adults" and code == "head-missing":
         assert not errors
         return
-    found = [rms(np.array(errors)[:, axis]) * 1e3 for axis in range(3)] if errors else [0.0, 0.0, 0.0]
+    measured_mm = [rms(np.array(errors)[:, axis]) * 1e3 for axis in range(3)] if errors else [0.0, 0.0, 0.0]
     stated = all_substitutes()[code]
-    assert max(found[:2]) <= stated.horizontal_mm + 0.5
-    assert found[2] <= stated.vertical_mm + 0.5
+    assert max(measured_mm[:2]) <= stated.horizontal_mm + 0.5
+    assert measured_mm[2] <= stated.vertical_mm + 0.5
 
 
 @pytest.mark.parametrize("table", TABLES)
@@ -219,10 +219,10 @@ def test_the_stated_cost_of_a_pelvis_from_hip_centres_covers_the_measured_one(ga
         assert "pelvis-simplified" in {remark.code for remark in less.remarks}
         e = less.com_m - full.com_m
         errors.append([rms(e[:, 0]), rms(e[:, 1]), rms(e[:, 2])])
-    found = [rms(np.array(errors)[:, axis]) * 1e3 for axis in range(3)]
+    measured_mm = [rms(np.array(errors)[:, axis]) * 1e3 for axis in range(3)]
     stated = all_substitutes()["pelvis-simplified"]
-    assert max(found[:2]) <= stated.horizontal_mm + 0.5
-    assert found[2] <= stated.vertical_mm + 0.5
+    assert max(measured_mm[:2]) <= stated.horizontal_mm + 0.5
+    assert measured_mm[2] <= stated.vertical_mm + 0.5
 
 
 def test_the_stated_cost_of_an_unknown_sex_covers_the_measured_one(gait):

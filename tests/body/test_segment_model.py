@@ -10,7 +10,7 @@ from stridelab.body import segment_tables
 from stridelab.body.segment_model import SegmentModel, segment_frames
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.recordings.marker_sets import marker_sets
-from support.recordings.walks import landmarks, mirrored, recording
+from support.recordings.walks import landmarks, mirrored_tracks, recording
 
 TABLES = ("dumas2007", "deleva1996")
 angles = st.floats(-3.0, 3.0)
@@ -59,20 +59,20 @@ def _without_midline_offsets(name):
 
 
 @pytest.mark.parametrize(
-    "gone", [(), ("medial",), ("head_front", "head_back", "head_top"), ("c7",), ("mc2", "mc5", "heel")]
+    "hidden", [(), ("medial",), ("head_front", "head_back", "head_top"), ("c7",), ("mc2", "mc5", "heel")]
 )
 @pytest.mark.parametrize("name", TABLES)
-def test_the_mirror_image_of_a_body_has_the_mirror_image_of_its_com(name, gone):
+def test_the_mirror_image_of_a_body_has_the_mirror_image_of_its_com(name, hidden):
     carried = {"segment_table": _without_midline_offsets(name)}
-    tracks = without(landmarks(), *gone)
+    tracks = without(landmarks(), *hidden)
     tracks = {key: track + np.array([0.0, 0.002 * i, 0.003 * i]) for i, (key, track) in enumerate(tracks.items())}
-    seen = com(tracks, "carried", carried=carried).com_m
-    in_mirror = com(mirrored(tracks), "carried", carried=carried).com_m
-    np.testing.assert_allclose(in_mirror, seen * [1.0, -1.0, 1.0], atol=1e-9)
+    com_m = com(tracks, "carried", carried=carried).com_m
+    in_mirror = com(mirrored_tracks(tracks), "carried", carried=carried).com_m
+    np.testing.assert_allclose(in_mirror, com_m * [1.0, -1.0, 1.0], atol=1e-9)
 
 
 @pytest.mark.parametrize("table", TABLES)
-def test_the_parts_make_the_whole(table):
+def test_the_segments_sum_to_the_body(table):
     whole = com(landmarks(), table)
     assert sum(part.mass_fraction for part in whole.segments.values()) == pytest.approx(1.0, abs=1e-12)
     summed = sum(part.mass_fraction * part.com_m for part in whole.segments.values())
@@ -83,14 +83,14 @@ def test_the_parts_make_the_whole(table):
 
 @pytest.mark.parametrize("table", TABLES)
 def test_a_plain_standing_body_has_its_com_where_people_have_it(table):
-    found = com(landmarks(1), table)
-    x, y, z = found.com_m[0]
+    result = com(landmarks(1), table)
+    x, y, z = result.com_m[0]
     assert 0.52 < z / 1.75 < 0.58
     assert abs(x) < 0.06
     assert abs(y) < 0.002  # the published tables have millimetres of sideways asymmetry in the midline
-    assert found.remarks == ()
-    assert found.sd_m == pytest.approx(segment_tables.load_table(table, "male").sd_m)
-    assert found.table == table
+    assert result.remarks == ()
+    assert result.sd_m == pytest.approx(segment_tables.load_table(table, "male").sd_m)
+    assert result.table == table
 
 
 def test_frames_are_right_handed_and_face_the_way_they_say():
@@ -114,19 +114,19 @@ def test_a_hidden_marker_costs_only_its_own_frames():
     for name in ("l_elbow_lateral", "l_elbow_medial", "l_wrist_radial", "l_wrist_ulnar"):
         lone[name] = lone[name].copy()
         lone[name][2] = np.nan
-    found = com(lone)
-    assert np.isnan(found.com_m[2]).all()
-    assert np.isfinite(np.delete(found.com_m, 2, axis=0)).all()
+    result = com(lone)
+    assert np.isnan(result.com_m[2]).all()
+    assert np.isfinite(np.delete(result.com_m, 2, axis=0)).all()
 
 
-def test_a_gap_in_a_cluster_is_bridged_and_said():
+def test_a_gap_in_a_cluster_is_bridged_with_a_remark():
     tracks = landmarks(6)
     tracks["l_asis"] = tracks["l_asis"].copy()
     whole = com(tracks).com_m
     tracks["l_asis"][3:5] = np.nan
-    found = com(without(tracks, "nothing"))
-    np.testing.assert_allclose(found.com_m, whole, atol=1e-9)
-    assert [remark.code for remark in found.remarks] == ["markers-rebuilt"]
+    result = com(without(tracks, "nothing"))
+    np.testing.assert_allclose(result.com_m, whole, atol=1e-9)
+    assert [remark.code for remark in result.remarks] == ["markers-rebuilt"]
 
 
 def test_a_marker_that_is_hardly_ever_seen_counts_as_not_marked():
@@ -134,9 +134,9 @@ def test_a_marker_that_is_hardly_ever_seen_counts_as_not_marked():
     for side in "lr":
         for name in ("head_front", "head_back"):
             tracks[f"{side}_{name}"] = np.where(np.arange(9)[:, None] < 2, tracks[f"{side}_{name}"], np.nan)
-    found = com(without(tracks, "head_top"))
-    assert "head-missing" in {remark.code for remark in found.remarks}
-    assert np.isfinite(found.com_m).all()
+    result = com(without(tracks, "head_top"))
+    assert "head-missing" in {remark.code for remark in result.remarks}
+    assert np.isfinite(result.com_m).all()
 
 
 def test_missing_medial_markers_come_from_the_static_trial():
@@ -157,9 +157,9 @@ def test_missing_medial_markers_come_from_the_static_trial():
 def test_a_calliper_width_places_the_knee():
     walk = without(landmarks(), "knee_medial")
     widths = {"l_knee": 0.086, "r_knee": 0.086}  # with a marker's radius on both sides this is the body's 100 mm
-    found = com(without(walk, "fibula_head", "tuberosity"), joint_widths_m=widths)
+    result = com(without(walk, "fibula_head", "tuberosity"), joint_widths_m=widths)
     truth = com(landmarks())
-    assert np.abs(found.joint_centres_m["l_knee"] - truth.joint_centres_m["l_knee"]).max() < 0.004
+    assert np.abs(result.joint_centres_m["l_knee"] - truth.joint_centres_m["l_knee"]).max() < 0.004
 
 
 def test_a_centre_in_the_file_is_taken_as_it_is():
@@ -185,13 +185,13 @@ def test_the_error_of_a_table_turns_with_the_body(degrees: float, share: float) 
 def test_a_carried_table_is_used_as_it_is(table):
     rows = {"pelvis": segment_tables.SegmentRow(1.0 - 1e-13, (0.0, -0.5, 0.0))}
     own = segment_tables.SegmentTable("of the simulated walker", rows, sd_m=(0.001, 0.002, 0.003))
-    found = com(landmarks(), table, carried={"segment_table": segment_tables.to_json(own)})
-    assert found.table == "carried"
-    assert found.sd_m == pytest.approx((0.001, 0.002, 0.003))
-    assert set(found.segments) == {"pelvis"}
+    result = com(landmarks(), table, carried={"segment_table": segment_tables.to_json(own)})
+    assert result.table == "carried"
+    assert result.sd_m == pytest.approx((0.001, 0.002, 0.003))
+    assert set(result.segments) == {"pelvis"}
 
 
-def test_a_carried_table_that_is_not_there_or_names_no_segment():
+def test_a_missing_or_invalid_carried_table_is_refused():
     with pytest.raises(InvalidInput) as refusal:
         com(landmarks(), "carried")
     assert refusal.value.code == "segment-table-not-carried"
@@ -200,7 +200,7 @@ def test_a_carried_table_that_is_not_there_or_names_no_segment():
         com(landmarks(), "carried", carried={"segment_table": text})
 
 
-def test_auto_prefers_dumas_and_an_unstated_sex_is_said_and_paid_for():
+def test_auto_prefers_dumas_and_an_unstated_sex_is_remarked_and_widens_the_band():
     tracks = landmarks()
     trial = recording(tracks)
     known = com(tracks, "auto")
@@ -211,7 +211,7 @@ def test_auto_prefers_dumas_and_an_unstated_sex_is_said_and_paid_for():
 
 
 @pytest.mark.parametrize(
-    ("gone", "code", "where"),
+    ("hidden", "code", "where"),
     [
         (("l_asis",), "pelvis-markers-missing", "l_asis"),
         (("psis", "sacrum"), "pelvis-markers-missing", "l_psis"),
@@ -219,9 +219,9 @@ def test_auto_prefers_dumas_and_an_unstated_sex_is_said_and_paid_for():
         (("ankle_lateral", "heel"), "ankle-markers-missing", "l_ankle_lateral"),
     ],
 )
-def test_without_pelvis_or_legs_there_is_no_estimate(gone, code, where):
+def test_without_pelvis_or_legs_there_is_no_estimate(hidden, code, where):
     with pytest.raises(NotEstimable) as refusal:
-        com(without(landmarks(), *gone))
+        com(without(landmarks(), *hidden))
     assert refusal.value.code == code
     assert where in [fault.where for fault in refusal.value.faults]
 
@@ -272,7 +272,7 @@ def test_a_pelvis_placed_from_hip_centres_follows_the_trunk(lean_deg):
     np.testing.assert_allclose(leaning.com_m, placed.com_m @ R.T, atol=1e-9)
 
 
-def test_markers_that_are_never_seen_together():
+def test_markers_that_are_never_visible_together_are_refused():
     tracks = without(
         landmarks(8), "heel", "mt1", "mt2", "mt5", "toe", "trochanter", "fibula_head", "tuberosity", "medial"
     )
@@ -285,6 +285,6 @@ def test_markers_that_are_never_seen_together():
 
 
 def test_instants_are_those_of_the_markers():
-    found = com(landmarks(4))
-    np.testing.assert_allclose(found.time_s, [0.0, 0.01, 0.02, 0.03])
-    assert {"dumas2007", "dumas2018"} <= set(found.references)
+    result = com(landmarks(4))
+    np.testing.assert_allclose(result.time_s, [0.0, 0.01, 0.02, 0.03])
+    assert {"dumas2007", "dumas2018"} <= set(result.references)

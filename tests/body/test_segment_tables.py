@@ -32,7 +32,7 @@ def test_json_round_trip_changes_nothing(name, sex):
     assert segment_tables.from_json(segment_tables.to_json(table)) == table
 
 
-def test_without_a_sex_the_mean_of_both_bodies():
+def test_without_a_sex_the_table_is_the_mean_of_both():
     female, male, mean = (segment_tables.load_table("deleva1996", sex) for sex in SEXES)
     for segment, row in mean.segments.items():
         both = female.segments[segment], male.segments[segment]
@@ -87,7 +87,7 @@ def _plain(**changes):
         json.dumps(_plain(segments=[1, 2])),
     ],
 )
-def test_a_table_that_makes_no_sense_is_refused(text):
+def test_an_invalid_table_is_refused(text):
     with pytest.raises(InvalidInput) as refusal:
         segment_tables.from_json(text)
     assert refusal.value.code == "segment-table-invalid"

@@ -23,9 +23,9 @@ def walk(height_m: float = 1.75) -> Recording:
 def test_a_height_that_the_legs_contradict_is_not_used(stated_m: float | None, is_used: bool) -> None:
     subject = Subject(stated_m, 33.0, "female", 7.0)
     recording = replace(walk(), subject=subject)
-    found = without_foreign_subject(recording, identify(list(recording.markers_m)).landmarks)
-    assert found.subject == (subject if is_used else Subject())
-    remarks = [remark for remark in found.remarks if remark.code == "subject-of-another-body"]
+    checked = without_foreign_subject(recording, identify(list(recording.markers_m)).landmarks)
+    assert checked.subject == (subject if is_used else Subject())
+    remarks = [remark for remark in checked.remarks if remark.code == "subject-of-another-body"]
     assert len(remarks) == (not is_used)
     for remark in remarks:
         assert (

@@ -19,10 +19,10 @@ def moved(shape, rotation_vectors, shifts):
 @settings(max_examples=40, deadline=None)
 @given(vectors, vectors)
 def test_a_rigid_motion_is_recovered(rotation_vector, shift):
-    R, seen = moved(SHAPE, [rotation_vector, -rotation_vector], [shift, 2 * shift])
-    found_R, found_t = rigid_motion(SHAPE, seen)
-    np.testing.assert_allclose(found_R, R, atol=1e-9)
-    np.testing.assert_allclose(found_t, [shift, 2 * shift], atol=1e-9)
+    R, points = moved(SHAPE, [rotation_vector, -rotation_vector], [shift, 2 * shift])
+    fitted_R, fitted_t = rigid_motion(SHAPE, points)
+    np.testing.assert_allclose(fitted_R, R, atol=1e-9)
+    np.testing.assert_allclose(fitted_t, [shift, 2 * shift], atol=1e-9)
 
 
 def test_a_mirrored_cluster_still_gets_a_rotation():
@@ -31,16 +31,16 @@ def test_a_mirrored_cluster_still_gets_a_rotation():
 
 
 def test_three_visible_markers_are_enough_and_two_are_not():
-    _, seen = moved(SHAPE, [[0.1, 0.2, 0.3]] * 2, [[1.0, 2.0, 3.0]] * 2)
-    seen[0, 3] = np.nan
-    seen[1, 2:] = np.nan
-    R, t = rigid_motion(SHAPE, seen)
+    _, points = moved(SHAPE, [[0.1, 0.2, 0.3]] * 2, [[1.0, 2.0, 3.0]] * 2)
+    points[0, 3] = np.nan
+    points[1, 2:] = np.nan
+    R, t = rigid_motion(SHAPE, points)
     np.testing.assert_allclose(t[0], [1.0, 2.0, 3.0], atol=1e-9)
     assert np.isnan(R[1]).all()
     assert np.isnan(t[1]).all()
 
 
-def test_markers_on_a_line_say_nothing_about_the_rotation():
+def test_markers_on_a_line_do_not_determine_the_rotation():
     line = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.3, 1e-4, 0.0]])
     R, _ = rigid_motion(line, line[None])
     assert np.isnan(R).all()
@@ -49,8 +49,8 @@ def test_markers_on_a_line_say_nothing_about_the_rotation():
 def shank(n=4):
     names = ("l_knee_lateral", "l_fibula_head", "l_tibial_tuberosity", "l_ankle_lateral", "l_ankle_medial")
     shape = np.array([[0.0, 0.0, 0.4], [-0.02, 0.01, 0.35], [0.05, -0.04, 0.34], [0.0, 0.0, 0.0], [0.01, -0.08, 0.01]])
-    _, seen = moved(shape, np.linspace(0, 1, 3 * n).reshape(n, 3), np.linspace(0, 2, 3 * n).reshape(n, 3))
-    return {name: shape[None, i] for i, name in enumerate(names)}, {name: seen[:, i] for i, name in enumerate(names)}
+    _, points = moved(shape, np.linspace(0, 1, 3 * n).reshape(n, 3), np.linspace(0, 2, 3 * n).reshape(n, 3))
+    return {name: shape[None, i] for i, name in enumerate(names)}, {name: points[:, i] for i, name in enumerate(names)}
 
 
 def test_a_marker_of_the_static_trial_alone_is_rebuilt_exactly():
@@ -61,7 +61,7 @@ def test_a_marker_of_the_static_trial_alone_is_rebuilt_exactly():
     np.testing.assert_allclose(complete["l_ankle_medial"], truth, atol=1e-9)
 
 
-def test_a_gap_is_filled_and_what_was_seen_stays():
+def test_a_gap_is_filled_and_visible_samples_are_unchanged():
     _, walk = shank()
     truth = walk["l_ankle_lateral"].copy()
     walk["l_ankle_lateral"] = truth.copy()

@@ -55,7 +55,7 @@ def show(page: Page, meter: Meter, plan: str) -> None:
     """Open the plan, until its scene is complete and nothing more is sent."""
     page.goto(f"{meter.url}/view/?plan={plan}&t=1")
     page.wait_for_selector("[data-ready]")
-    quiet(page, lambda: meter.answer_bytes + meter.said)
+    quiet(page, lambda: meter.answer_bytes + meter.messages_down)
 
 
 def quiet(page: Page, count: Callable[[], int]) -> None:
@@ -80,7 +80,7 @@ def test_the_first_sight_of_talos_on_stairs_is_two_megabytes_at_most(page: Page,
 
 def test_scrubbing_and_playing_ask_the_service_for_nothing(page: Page, meter: Meter, climb: str) -> None:
     show(page, meter, climb)
-    before = (meter.said, meter.answer_bytes)
+    before = (meter.messages_down, meter.answer_bytes)
     assert before[0] > 0, "the door counts messages"
     slider = page.get_by_role("slider", name="Time")
     for frame in range(0, 300, 30):
@@ -92,7 +92,7 @@ def test_scrubbing_and_playing_ask_the_service_for_nothing(page: Page, meter: Me
     page.get_by_role("button", name="Pause (space)").click()
     page.locator("body").press("PageDown")
     page.wait_for_timeout(500)
-    assert (meter.said, meter.answer_bytes) == before
+    assert (meter.messages_down, meter.answer_bytes) == before
 
 
 def test_every_link_is_where_the_motion_says_also_between_frames(
@@ -109,11 +109,11 @@ def test_every_link_is_where_the_motion_says_also_between_frames(
     samples = np.arange(0, len(time_s), 7)
     expected = np.stack([link_poses(robot, q[k]) for k in samples])
     assert len(links) == expected.shape[1]
-    distance_m, turn_rad = apart(poses.told(time_s[samples])[:, links], expected)
+    distance_m, turn_rad = apart(poses.as_sent(time_s[samples])[:, links], expected)
     assert distance_m < POSE_M
     assert turn_rad < TURN_RAD
     for k in (3, len(time_s) // 3, len(time_s) - 2):
-        distance_m, turn_rad = apart(poses.drawn(float(time_s[k]))[links], link_poses(robot, q[k]))
+        distance_m, turn_rad = apart(poses.as_drawn(float(time_s[k]))[links], link_poses(robot, q[k]))
         assert distance_m < POSE_M
         assert turn_rad < TURN_RAD
 

@@ -16,13 +16,13 @@ def test_a_person_is_kept_with_recordings(tab: Tab, lab: Lab) -> None:
     page.get_by_label("Height").fill("1.71")
     page.get_by_role("button", name="Add").press("Enter")
     page.wait_for_url("**/subjects/s*")
-    (person,) = lab.fake.subjects.kept.values()
+    (person,) = lab.fake.subjects.stored.values()
     assert (person.name, person.height_m, person.sex) == ("P07", 1.71, None)
 
     page.get_by_label("Age").fill("31")
     with page.expect_navigation():
         page.get_by_role("button", name="Save").click()
-    assert lab.fake.subjects.kept[person.subject_id].age_years == 31
+    assert lab.fake.subjects.stored[person.subject_id].age_years == 31
 
     with page.expect_navigation():
         page.get_by_role("button", name="Add to this subject").click()
@@ -37,9 +37,9 @@ def test_a_person_is_kept_with_recordings(tab: Tab, lab: Lab) -> None:
     page.get_by_role("button", name="Delete…").click()
     expect(page.get_by_role("button", name="Keep it")).to_be_focused()
     page.keyboard.press("Escape")
-    assert person.subject_id in lab.fake.subjects.kept
+    assert person.subject_id in lab.fake.subjects.stored
     page.get_by_role("button", name="Delete…").click()
     page.get_by_role("button", name="Delete", exact=True).click()
     page.wait_for_url("**/subjects")
     expect(page.get_by_text("No subjects yet.")).to_be_visible()
-    assert lab.fake.subjects.kept == {}
+    assert lab.fake.subjects.stored == {}

@@ -25,9 +25,7 @@ def walked(walk: CentroidalProblem) -> CentroidalPlan:
     return solve(walk)
 
 
-def test_what_is_left_of_a_motion_is_the_best_motion_from_there(
-    walk: CentroidalProblem, walked: CentroidalPlan
-) -> None:
+def test_the_rest_of_an_optimal_motion_is_optimal(walk: CentroidalProblem, walked: CentroidalPlan) -> None:
     """Bellman: from the state at the end of the second phase, the same path again."""
     k = int(np.flatnonzero(walked.phase == 2)[0])
     rest = replace(
@@ -89,10 +87,10 @@ def test_derivatives_of_a_capturable_end_against_finite_differences(walk: Centro
 
 def test_the_capture_point_of_a_square() -> None:
     square = np.array([[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.1, 0.1)])
-    found = capture_region([square], np.array([0.0, 0.0, 0.981]))
-    assert found.omega_1_s == pytest.approx(np.sqrt(10.0))
-    assert found.excess_m(np.zeros(3), np.array([0.3, 0.0, 0.0])) == 0.0
-    assert found.excess_m(np.zeros(3), np.array([0.4, 0.0, 0.0])) == pytest.approx(0.4 / np.sqrt(10.0) - 0.1)
+    region = capture_region([square], np.array([0.0, 0.0, 0.981]))
+    assert region.omega_1_s == pytest.approx(np.sqrt(10.0))
+    assert region.excess_m(np.zeros(3), np.array([0.3, 0.0, 0.0])) == 0.0
+    assert region.excess_m(np.zeros(3), np.array([0.4, 0.0, 0.0])) == pytest.approx(0.4 / np.sqrt(10.0) - 0.1)
 
 
 @pytest.mark.parametrize("contacts", [[], [hand(0.2, 0.9)]])
@@ -126,10 +124,10 @@ def test_no_point_pushes_harder_than_it_may(walk: CentroidalProblem, walked: Cen
 
 def test_the_hand_is_held_to_what_the_arm_carries(problem: CentroidalProblem, plan: CentroidalPlan) -> None:
     limit_n = 0.5 * float(plan.forces_n["right_hand"].max())
-    held = solve(replace(problem, bounds=PathBounds(normal_force_max_n={"right_hand": limit_n})))
-    assert held.converged, held.status
+    limited = solve(replace(problem, bounds=PathBounds(normal_force_max_n={"right_hand": limit_n})))
+    assert limited.converged, limited.status
     normal = problem.contact("right_hand", 1).placement.rotation[:, 2]
-    assert (held.forces_n["right_hand"] @ normal).max() <= limit_n * (1 + 1e-6)
+    assert (limited.forces_n["right_hand"] @ normal).max() <= limit_n * (1 + 1e-6)
 
 
 @pytest.mark.parametrize(
@@ -147,7 +145,7 @@ def test_bounds_that_leave_nothing_are_named(settings: dict, where: str) -> None
     assert [fault.where for fault in caught.value.faults] == [where]
 
 
-def test_the_wrench_knows_no_force_of_a_point(problem: CentroidalProblem) -> None:
+def test_the_wrench_as_control_has_no_point_forces(problem: CentroidalProblem) -> None:
     with pytest.raises(InvalidInput) as caught:
         replace(problem, control=ContactWrench(), bounds=PathBounds(normal_force_max_n={"right_hand": 50.0}))
     assert caught.value.code == "bounds-need-forces"

@@ -40,18 +40,18 @@ def test_a_plan_by_the_wrench_converges_and_has_point_forces_in_their_cones(
 def test_no_plan_by_the_wrench_is_better_than_that_by_forces(plan: CentroidalPlan, by_wrench: CentroidalPlan) -> None:
     """Its cone is inside theirs. What the forces are weighed with, it does not see."""
     squares = ("com_acceleration", "momentum_rate")
-    seen = [sum(v for k, v in p.cost_terms.items() if k in squares or k.startswith("log")) for p in (plan, by_wrench)]
+    costs = [sum(v for k, v in p.cost_terms.items() if k in squares or k.startswith("log")) for p in (plan, by_wrench)]
     efforts = plan.cost_terms["surface_force"] + plan.cost_terms["point_force"]
-    assert seen[1] > seen[0] - efforts
+    assert costs[1] > costs[0] - efforts
 
 
 def test_circular_cones_give_what_many_rays_give(problem: CentroidalProblem, plan: CentroidalPlan) -> None:
     """And rays, being inside, cost more than the circle."""
     total = {}
     for control in (CircularCones(), Pyramids(24)):
-        found = solve(replace(problem, control=control))
-        assert found.converged, found.status
-        total[control] = sum(found.cost_terms.values())
+        circular = solve(replace(problem, control=control))
+        assert circular.converged, circular.status
+        total[control] = sum(circular.cost_terms.values())
     eight = sum(plan.cost_terms.values())
     circle, many = total.values()
     assert circle <= many + 1e-5 <= eight + 2e-5
@@ -70,16 +70,16 @@ def test_sharing_gives_the_wrench_within_the_cones_wherever_there_are_forces(pro
     """(4.5) back to (4.4)."""
     touches = problem.contact_patches(3, problem.com_start_m)
     contacts, sharing, rng = point_contacts(touches), ForceDistribution(touches), np.random.default_rng(4)
-    held = 0
+    n_checked = 0
     for wrench in rng.normal([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], [0.1, 0.1, 0.1, 0.05, 0.05, 0.05], (100, 6)):
         f = sharing.minimum_cost_forces(wrench)
         assert contacts.grasp_matrix() @ f.ravel() == pytest.approx(wrench, abs=1e-12)
         local = np.einsum("nk,nkj->nj", f, contacts.rotation)
         least = (contacts.friction * local[:, 2] - np.hypot(local[:, 0], local[:, 1])).min()
         if conic_margin(contacts, wrench).margin_n > 0.01:  # more than what the pyramids lack
-            held += 1
+            n_checked += 1
             assert least >= -1e-9
-    assert held > 10
+    assert n_checked > 10
 
 
 def test_sharing_spares_the_hand(problem: CentroidalProblem, by_wrench: CentroidalPlan) -> None:

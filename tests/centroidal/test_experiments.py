@@ -85,7 +85,7 @@ def test_continuous_forces_converge_cold_without_a_jump(experiment: str) -> None
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS[2:])
 def test_the_thesis_shrink_factor_leaves_the_cone_where_a_hand_holds_on(experiment: str) -> None:
-    """And is found out: its objective is better than that of the exact problem, its forces are not there."""
+    """This is detected: its objective is better than that of the exact problem, its forces do not exist."""
     exact = solve(posed(experiment), "ipopt")
     beyond = solve(posed(experiment, control=ContactWrench("thesis", "all", 0.3)), "ipopt")
     assert beyond.objective < exact.objective
@@ -104,7 +104,7 @@ def test_ipopt_and_fatrop_find_the_same_motion(experiment: str, control: Control
 
 
 @pytest.mark.parametrize("free", [{"durations": FreeDurations()}, {"placements": FreePlacements()}], ids=str)
-def test_what_is_free_is_used(free: dict[str, Any]) -> None:
+def test_free_variables_lower_the_cost(free: dict[str, Any]) -> None:
     given, problem = solve(bundled("long-stride"), "ipopt"), bundled("long-stride", **free)
     plan = solve(problem, "ipopt")
     assert_solved(problem, plan)

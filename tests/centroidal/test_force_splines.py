@@ -52,8 +52,8 @@ def test_weights_are_those_of_scipy_and_their_integrals() -> None:
 
 def test_gauss_is_exact_to_its_degree_and_no_further() -> None:
     for degree, close in ((7, True), (8, False)):
-        found = sum(w * s**degree for s, w in gauss_rule(4))
-        assert (abs(found - 1.0 / (degree + 1)) < 1e-14) == close
+        integral = sum(w * s**degree for s, w in gauss_rule(4))
+        assert (abs(integral - 1.0 / (degree + 1)) < 1e-14) == close
 
 
 def test_intervals_of_any_length_join_with_value_and_rate_and_rest_at_the_ends() -> None:
@@ -155,10 +155,10 @@ def test_verification_sees_a_control_point_outside_its_cone(smooth: CentroidalPr
     curve = spline.curves_n["left_foot"].copy()
     curve[3, 1, 0, 0] += 300.0
     bad = replace(motion_of(spline), curves_n={**spline.curves_n, "left_foot": curve})
-    found = verify(spline.sequence, spline.mass_kg, bad, smooth.com_start_m, smooth.com_end_m)
-    assert not is_verified(found)
-    assert found.cone_margin_n < 0.0
-    assert found.dynamics_gap > 1e-3
+    residuals = verify(spline.sequence, spline.mass_kg, bad, smooth.com_start_m, smooth.com_end_m)
+    assert not is_verified(residuals)
+    assert residuals.cone_margin_n < 0.0
+    assert residuals.dynamics_gap > 1e-3
 
 
 def test_placements_and_circular_cones_and_warm_starts_go_along(
@@ -181,7 +181,9 @@ def test_the_motion_is_nearly_that_of_constants(spline: CentroidalPlan, plan: Ce
     ("settings", "code"),
     [({"control": ContactWrench()}, "shape-needs-forces"), ({"durations": FreeDurations()}, "shape-needs-durations")],
 )
-def test_what_splines_cannot_do_is_refused(problem: CentroidalProblem, settings: dict[str, Any], code: str) -> None:
+def test_unsupported_options_of_splines_are_refused(
+    problem: CentroidalProblem, settings: dict[str, Any], code: str
+) -> None:
     with pytest.raises(InvalidInput) as refused:
         replace(problem, shape="cubic", **settings)
     assert refused.value.code == code

@@ -63,9 +63,9 @@ def test_the_durations_chosen_are_the_best_of_their_kind(walk: CentroidalProblem
 
     chosen = durations_s(plan)
     assert given(chosen) == pytest.approx(whole_cost(plan), abs=1e-3)
-    asked = np.array([p.duration_s for p in walk.sequence.phases])
-    assert given(0.5 * (chosen + asked)) > given(chosen) + 1e-3
-    assert given(0.9 * chosen + 0.1 * asked) > given(chosen) + 1e-3
+    stated_s = np.array([p.duration_s for p in walk.sequence.phases])
+    assert given(0.5 * (chosen + stated_s)) > given(chosen) + 1e-3
+    assert given(0.9 * chosen + 0.1 * stated_s) > given(chosen) + 1e-3
 
 
 def test_free_durations_begin_where_the_given_ones_lead(walk: CentroidalProblem, fixed: CentroidalPlan) -> None:
@@ -87,7 +87,7 @@ def test_too_little_time_is_made_enough_where_it_may_be() -> None:
     assert plan.sequence.duration_s > 0.35
 
 
-def test_a_price_on_time_makes_haste(walk: CentroidalProblem) -> None:
+def test_a_cost_of_time_shortens_the_motion(walk: CentroidalProblem) -> None:
     cheap, dear = (
         solve(replace(walk, durations=FreeDurations(fixed_total=False, price_per_s=price))) for price in (0.0, 50.0)
     )
@@ -119,11 +119,11 @@ def test_contacts_move_where_they_may_and_the_plan_verifies_there() -> None:
     assert moved.sequence.phases[0].contacts["right_foot"] is swung.sequence.phases[0].contacts["right_foot"]
 
 
-def test_what_begins_or_ends_the_motion_stays() -> None:
-    found = [
+def test_contacts_at_the_start_and_end_do_not_move() -> None:
+    spans = [
         (stay.contact.effector, stay.first, stay.last) for stay in movable_spans(with_a_contact_between().sequence)
     ]
-    assert found == [("right_foot", 2, 4)]
+    assert spans == [("right_foot", 2, 4)]
 
 
 SOLE = np.array([[x, y, 0.0] for x in (-0.1, 0.1) for y in (-0.06, 0.06)])
@@ -180,13 +180,13 @@ def test_bounds_on_durations_must_hold_what_was_given(bounds: tuple[float, float
     assert caught.value.code == "durations-out-of-range"
 
 
-def test_time_cannot_be_paid_for() -> None:
+def test_a_negative_cost_of_time_is_refused() -> None:
     with pytest.raises(InvalidInput):
         FreeDurations(price_per_s=-1.0)
 
 
 @pytest.mark.parametrize("reach_m", [(-0.01, 0.02), (0.02, float("nan"))])
-def test_a_window_has_a_size(reach_m: tuple[float, float]) -> None:
+def test_a_window_of_invalid_size_is_refused(reach_m: tuple[float, float]) -> None:
     with pytest.raises(InvalidInput) as caught:
         FreePlacements(reach_m)
     assert caught.value.code == "placements-out-of-range"

@@ -51,7 +51,7 @@ def ratios(robot: Robot, contact: Contact, force_n: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("friction", [0.1, 0.6])
 @pytest.mark.parametrize("name", ROBOTS)
-def test_what_it_says_can_be_carried_can_and_hardly_more(name: str, friction: float) -> None:
+def test_the_limit_can_be_carried_and_hardly_more(name: str, friction: float) -> None:
     robot = load_robot(name)
     contact = held_out(robot, friction)
     most_n = max_normal_force_n(robot, robot.q_reference, contact)
@@ -71,7 +71,7 @@ def test_an_arm_without_strength_carries_nothing() -> None:
     assert MIN_BOUND_N > 0.0
 
 
-def test_more_friction_is_more_to_bear() -> None:
+def test_more_friction_raises_the_limit() -> None:
     robot = load_robot("hrp2")
     bears = [max_normal_force_n(robot, robot.q_reference, held_out(robot, friction)) for friction in (0.1, 0.3, 0.6)]
     assert bears == sorted(bears, reverse=True)
@@ -86,7 +86,7 @@ def test_the_hand_on_a_rail_is_bounded_and_feet_are_not() -> None:
     assert hand_bounds_n(load_robot("talos"), sequence_of(flat_walk(), effector_shapes("talos"))) == {}
 
 
-def test_a_plan_keeps_to_it() -> None:
+def test_a_plan_respects_the_hand_force_limit() -> None:
     problem = rail_of_hrp2()
     tight = {"right_hand": 10.0}  # less than it would take
     plan = solve(replace(problem, bounds=PathBounds(normal_force_max_n=tight)))

@@ -21,10 +21,10 @@ def looked_for_anew() -> Iterator[None]:
 
 
 def absent(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(availability, "MODULE", "stridelab_native_of_nobody")
+    monkeypatch.setattr(availability, "MODULE", "stridelab_native_missing")
 
 
-def test_auto_asks_casadi(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_auto_uses_casadi_without_the_native_library(monkeypatch: pytest.MonkeyPatch) -> None:
     absent(monkeypatch)
     plan = solve(rest_to_rest(two_steps(), control=CircularCones()))
     assert plan.converged
@@ -39,7 +39,7 @@ def test_native_is_refused_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> N
     assert "has not been built" in refused.value.message
 
 
-def test_another_build_is_not_taken(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_library_of_another_build_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "stridelab_native_of_old.py").write_text("INTERFACE = 0\n")
     monkeypatch.setattr(availability, "MODULE", "stridelab_native_of_old")
     monkeypatch.setenv(availability.PATH_VARIABLE, str(tmp_path))
@@ -49,7 +49,7 @@ def test_another_build_is_not_taken(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert "another version" in missing.reason
 
 
-def test_one_that_does_not_load_says_why(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_library_that_does_not_load_gives_the_reason(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "stridelab_native_broken.py").write_text("raise ImportError('wrong processor')\n")
     monkeypatch.setattr(availability, "MODULE", "stridelab_native_broken")
     monkeypatch.syspath_prepend(str(tmp_path))

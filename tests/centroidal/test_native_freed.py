@@ -25,9 +25,9 @@ from support.robots.sequences import (
     with_a_contact_between,
 )
 
-found = native_availability()
-if isinstance(found, NativeUnavailable):
-    pytest.skip(f"no native solver: {found.reason}", allow_module_level=True)
+availability = native_availability()
+if isinstance(availability, NativeUnavailable):
+    pytest.skip(f"no native solver: {availability.reason}", allow_module_level=True)
 
 CONES = CircularCones()
 
@@ -109,7 +109,7 @@ def test_finds_the_places_of_the_experiments(scenario: str) -> None:
     assert total(plan) < total(solve(problem, "native")) - 0.5
 
 
-def test_a_contact_without_room_stays() -> None:
+def test_a_contact_without_placement_window_does_not_move() -> None:
     problem = with_a_contact_between(control=CONES, placements=FreePlacements((0.0, 0.0)))
     plan = solve(problem, "native")
     assert plan.converged
@@ -123,8 +123,8 @@ def test_durations_that_cannot_change_are_those_given() -> None:
     assert plan.sequence == problem.sequence
 
 
-def test_other_durations_may_do_where_those_given_do_not() -> None:
-    """1.1 m in 0.1 s cannot be, in 0.2 s neither: it is said, and nothing is proved of all durations."""
+def test_free_durations_solve_a_problem_that_the_given_ones_do_not() -> None:
+    """1.1 m is impossible in 0.1 s and in 0.2 s: this is reported, and nothing is proved of other durations."""
     near = phase(0.05, foot("left", 0.0), foot("right", 0.0))
     far = phase(0.05, foot("left", 1.0), foot("right", 1.0))
     plan = solve(rest_to_rest(sequence(near, far), control=CONES, durations=FreeDurations(0.5, 2.0)), "native")

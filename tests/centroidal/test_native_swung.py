@@ -13,9 +13,9 @@ from stridelab.centroidal.receding_horizon import RecedingHorizon, State
 from stridelab.centroidal.solver import solve
 from support.robots.sequences import bundled
 
-found = native_availability()
-if isinstance(found, NativeUnavailable):
-    pytest.skip(f"no native solver: {found.reason}", allow_module_level=True)
+availability = native_availability()
+if isinstance(availability, NativeUnavailable):
+    pytest.skip(f"no native solver: {availability.reason}", allow_module_level=True)
 
 
 @pytest.mark.parametrize(("at_s", "push_m_s"), [(2.0, 0.05), (1.0, -0.05)])
@@ -26,15 +26,15 @@ def test_recovers_on_the_edge_of_a_sole(at_s: float, push_m_s: float) -> None:
     horizon = RecedingHorizon(problem=problem, horizon_s=problem.sequence.duration_s)
     pushed = there.com_v_m_s + np.array([0.0, push_m_s, 0.0])
     rest = horizon.horizon_problem(at_s, State(there.com_m, pushed, there.l_nms))
-    found, reference = solve(rest, "native"), solve(rest, "ipopt")
-    assert found.converged
-    assert found.iterations < 40
-    assert found.objective == pytest.approx(reference.objective, rel=1e-5)
-    np.testing.assert_allclose(found.com_m, reference.com_m, atol=1e-4)
+    availability, reference = solve(rest, "native"), solve(rest, "ipopt")
+    assert availability.converged
+    assert availability.iterations < 40
+    assert availability.objective == pytest.approx(reference.objective, rel=1e-5)
+    np.testing.assert_allclose(availability.com_m, reference.com_m, atol=1e-4)
 
 
 @pytest.mark.parametrize(("scenario", "shape"), [("flat-walk", "constant"), ("long-stride", "cubic")])
-def test_plans_for_what_the_limbs_take(scenario: str, shape: Shape) -> None:
+def test_plans_with_the_angular_momentum_of_the_limbs(scenario: str, shape: Shape) -> None:
     """Rates of a swing of 12 Nms, to and fro, cost what ipopt says they do."""
     walk = bundled(scenario, control=CircularCones(), shape=shape)
     time_s = walk.limb_times_s()

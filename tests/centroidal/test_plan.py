@@ -82,7 +82,7 @@ def test_between_the_nodes_the_reference_is_smooth_and_its_own_derivative(plan: 
         assert (high.l_nms - low.l_nms) / (2 * e) == pytest.approx(middle.l_rate_nm, abs=1e-4)
 
 
-def test_outside_its_time_the_reference_rests(plan: CentroidalPlan) -> None:
+def test_outside_its_time_the_reference_is_at_rest(plan: CentroidalPlan) -> None:
     assert plan.reference_at(-1.0).com_m == pytest.approx(plan.com_m[0])
     assert plan.reference_at(plan.time_s[-1] + 1.0).com_m == pytest.approx(plan.com_m[-1], abs=1e-9)
 

@@ -94,7 +94,7 @@ def test_phases_that_take_no_time_are_named(duration_s: float) -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, -10.0, float("nan")])
-def test_there_must_be_nodes(problem: CentroidalProblem, rate_hz: float) -> None:
+def test_a_grid_without_nodes_is_refused(problem: CentroidalProblem, rate_hz: float) -> None:
     with pytest.raises(InvalidInput) as caught:
         replace(problem, node_rate_hz=rate_hz)
     assert caught.value.code == "node-rate-out-of-range"

@@ -40,7 +40,7 @@ def rest_of(walk: CentroidalProblem, plan: CentroidalPlan, time_s: float) -> Cen
     )
 
 
-def test_the_rest_of_an_optimal_motion_is_optimal_and_found_at_once_from_it(
+def test_the_rest_of_an_optimal_motion_is_optimal_and_converges_at_once_from_it(
     walk: CentroidalProblem, whole: CentroidalPlan
 ) -> None:
     for time_s in (0.3, 1.0, 1.5):
@@ -63,11 +63,11 @@ def test_a_solution_moved_by_nothing_is_itself(walk: CentroidalProblem, whole: C
 
 
 def test_with_the_whole_motion_in_sight_the_plan_is_carried_out(walk: CentroidalProblem, whole: CentroidalPlan) -> None:
-    done = RecedingHorizon(problem=walk, horizon_s=10.0, period_s=0.1).run()
-    planned = np.array([whole.reference_at(t).com_m for t in done.time_s])
-    assert done.com_m == pytest.approx(planned, abs=5e-4)
-    assert not any(r.carried_on for r in done.replans)
-    assert all(r.problem.terminal == "rest" for r in done.replans)
+    run = RecedingHorizon(problem=walk, horizon_s=10.0, period_s=0.1).run()
+    planned = np.array([whole.reference_at(t).com_m for t in run.time_s])
+    assert run.com_m == pytest.approx(planned, abs=5e-4)
+    assert not any(r.carried_on for r in run.replans)
+    assert all(r.problem.terminal == "rest" for r in run.replans)
 
 
 def test_a_short_horizon_walks_through_disturbances_to_the_goal(walk: CentroidalProblem) -> None:
@@ -76,41 +76,41 @@ def test_a_short_horizon_walks_through_disturbances_to_the_goal(walk: Centroidal
     def pushed(time_s: float, state: State) -> State:
         return replace(state, com_v_m_s=state.com_v_m_s + 0.01 * rng.normal(size=3))
 
-    done = RecedingHorizon(problem=walk, horizon_s=1.5).run(pushed)
-    assert not any(r.carried_on for r in done.replans)
-    assert all(r.warm for r in done.replans[1:])
-    assert {r.problem.terminal for r in done.replans} == {"rest", "capturable"}
-    assert done.time_s[-1] == pytest.approx(walk.sequence.duration_s)
-    assert done.com_m[-1] == pytest.approx(walk.com_end_m, abs=1e-6)
-    assert done.com_v_m_s[-1] == pytest.approx(np.zeros(3), abs=1e-6)
-    assert np.diff(done.time_s[:-1]) == pytest.approx(0.1)
+    run = RecedingHorizon(problem=walk, horizon_s=1.5).run(pushed)
+    assert not any(r.carried_on for r in run.replans)
+    assert all(r.warm for r in run.replans[1:])
+    assert {r.problem.terminal for r in run.replans} == {"rest", "capturable"}
+    assert run.time_s[-1] == pytest.approx(walk.sequence.duration_s)
+    assert run.com_m[-1] == pytest.approx(walk.com_end_m, abs=1e-6)
+    assert run.com_v_m_s[-1] == pytest.approx(np.zeros(3), abs=1e-6)
+    assert np.diff(run.time_s[:-1]) == pytest.approx(0.1)
 
 
 def failing(now: Callable[[], bool]) -> Callable[..., CentroidalPlan]:
     def stand_in(problem: CentroidalProblem, *rest: Any) -> CentroidalPlan:
         plan = solve(problem, *rest)
-        return replace(plan, converged=not now(), status="asked to fail")
+        return replace(plan, converged=not now(), status="made to fail")
 
     return stand_in
 
 
-def test_where_a_solve_fails_the_last_plan_goes_on(walk: CentroidalProblem, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked_s = [0.0]
+def test_if_a_solve_fails_the_last_plan_is_continued(walk: CentroidalProblem, monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [0.0]
     genuine = RecedingHorizon.horizon_problem
 
     def watched(self: RecedingHorizon, time_s: float, state: State) -> CentroidalProblem:
-        asked_s[0] = time_s
+        now_s[0] = time_s
         return genuine(self, time_s, state)
 
     monkeypatch.setattr(RecedingHorizon, "horizon_problem", watched)
-    monkeypatch.setattr(module, "solve", failing(lambda: 0.25 < asked_s[0] < 0.45))
-    done = RecedingHorizon(problem=walk, horizon_s=1.5).run()
-    carried = [round(r.time_s, 1) for r in done.replans if r.carried_on]
+    monkeypatch.setattr(module, "solve", failing(lambda: 0.25 < now_s[0] < 0.45))
+    run = RecedingHorizon(problem=walk, horizon_s=1.5).run()
+    carried = [round(r.time_s, 1) for r in run.replans if r.carried_on]
     assert carried == [0.3, 0.4]
-    third, fourth = done.replans[3], done.replans[4]
-    assert (third.plan, fourth.plan) == (done.replans[2].plan, done.replans[2].plan)
+    third, fourth = run.replans[3], run.replans[4]
+    assert (third.plan, fourth.plan) == (run.replans[2].plan, run.replans[2].plan)
     assert (third.since_s, fourth.since_s) == (pytest.approx(0.1), pytest.approx(0.2))
-    assert done.com_m[-1] == pytest.approx(walk.com_end_m, abs=1e-6)
+    assert run.com_m[-1] == pytest.approx(walk.com_end_m, abs=1e-6)
 
 
 def test_without_any_plan_the_horizon_is_lost(walk: CentroidalProblem, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,9 +133,9 @@ def test_a_horizon_does_not_end_in_the_air() -> None:
     left, right = foot("left", 0.0), foot("right", 0.0)
     hop = rest_to_rest(sequence(phase(0.6, left, right), phase(0.1), phase(1.6, left, right)))
     state = State(hop.com_start_m, np.zeros(3), np.zeros(3))
-    asked = RecedingHorizon(problem=hop, horizon_s=0.65).horizon_problem(0.0, state)
-    assert [p.duration_s for p in asked.sequence.phases] == pytest.approx([0.6, 0.1, 0.2])
-    assert asked.terminal == "capturable"
+    horizon = RecedingHorizon(problem=hop, horizon_s=0.65).horizon_problem(0.0, state)
+    assert [p.duration_s for p in horizon.sequence.phases] == pytest.approx([0.6, 0.1, 0.2])
+    assert horizon.terminal == "capturable"
 
 
 @pytest.mark.parametrize("wrong", [{"period_s": 0.0}, {"period_s": 3.0}, {"horizon_s": float("nan")}])

@@ -115,7 +115,7 @@ def test_more_nodes_converge_to_the_same_motion() -> None:
     assert fine.com_m[::2] == pytest.approx(coarse.com_m, abs=5e-3)
 
 
-def test_on_ice_the_far_end_is_out_of_reach_and_it_says_so() -> None:
+def test_on_ice_the_far_end_is_reported_as_out_of_reach() -> None:
     problem = rest_to_rest(two_steps(friction=0.01))
     plan = solve(replace(problem, com_end_m=np.array([3.0, 0.0, COM_HEIGHT_M])))
     assert not plan.converged
@@ -135,10 +135,10 @@ def test_a_solver_out_of_iterations_is_followed_by_the_other_and_neither_raises(
 @pytest.mark.parametrize("name", ["ipopt", "fatrop"])
 def test_a_cost_that_is_not_a_number_never_reaches_a_solver(name: SolverName) -> None:
     programme = transcribe(rest_to_rest(sequence(phase(0.4, foot("left", 0.0), foot("right", 0.0)))))
-    found = run_solver(name, replace(programme, p=np.full_like(programme.p, np.nan)))
-    assert not found.success
-    assert found.status == "the cost is not a number at the start"
-    assert np.isfinite(found.point.w).all()
+    outcome = run_solver(name, replace(programme, p=np.full_like(programme.p, np.nan)))
+    assert not outcome.success
+    assert outcome.status == "the cost is not a number at the start"
+    assert np.isfinite(outcome.point.w).all()
 
 
 def test_the_momentum_that_limbs_take_is_planned_for() -> None:

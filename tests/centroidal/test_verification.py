@@ -22,41 +22,41 @@ def check(problem: CentroidalProblem, motion: Motion) -> Verification:
     return verify(problem.sequence, problem.mass_kg, motion, problem.com_start_m, problem.com_end_m)
 
 
-def test_a_good_plan_holds(problem: CentroidalProblem, motion: Motion) -> None:
+def test_a_good_plan_passes(problem: CentroidalProblem, motion: Motion) -> None:
     assert is_verified(check(problem, motion))
 
 
 @pytest.mark.parametrize("field", ["com_m", "com_v_m_s", "l_nms"])
 def test_a_shifted_node_is_a_gap(problem: CentroidalProblem, motion: Motion, field: str) -> None:
     getattr(motion, field)[20, 1] += 1e-3
-    found = check(problem, motion)
-    assert found.dynamics_gap > 0.9e-3
-    assert not is_verified(found)
+    verification = check(problem, motion)
+    assert verification.dynamics_gap > 0.9e-3
+    assert not is_verified(verification)
 
 
-def test_a_force_pulled_out_of_its_cone_shows(problem: CentroidalProblem, motion: Motion) -> None:
+def test_a_force_outside_its_cone_is_detected(problem: CentroidalProblem, motion: Motion) -> None:
     motion.forces_n["left_foot"][5, 0] = [30.0, 0.0, 10.0]
-    found = check(problem, motion)
-    assert found.cone_margin_n == pytest.approx(0.3 * 10.0 - 30.0)
-    assert not is_verified(found)
+    verification = check(problem, motion)
+    assert verification.cone_margin_n == pytest.approx(0.3 * 10.0 - 30.0)
+    assert not is_verified(verification)
 
 
-def test_a_pulling_force_shows(problem: CentroidalProblem, motion: Motion) -> None:
+def test_a_pulling_force_is_detected(problem: CentroidalProblem, motion: Motion) -> None:
     motion.forces_n["left_foot"][5, 0] = [0.0, 0.0, -10.0]
     assert check(problem, motion).normal_force_min_n == pytest.approx(-10.0)
 
 
-def test_a_force_from_nowhere_shows(problem: CentroidalProblem, motion: Motion) -> None:
+def test_a_force_without_contact_is_detected(problem: CentroidalProblem, motion: Motion) -> None:
     motion.forces_n["right_hand"][0] = [[0.0, 0.0, 40.0]]
     assert check(problem, motion).cone_margin_n == pytest.approx(-40.0)
 
 
 def test_another_goal_is_a_terminal_gap(problem: CentroidalProblem, motion: Motion) -> None:
-    found = check(replace(problem, com_end_m=problem.com_end_m + np.array([0.0, 0.02, 0.0])), motion)
-    assert found.terminal_gap == pytest.approx(0.02, abs=1e-6)
-    assert not is_verified(found)
+    verification = check(replace(problem, com_end_m=problem.com_end_m + np.array([0.0, 0.02, 0.0])), motion)
+    assert verification.terminal_gap == pytest.approx(0.02, abs=1e-6)
+    assert not is_verified(verification)
 
 
-def test_what_is_not_a_number_does_not_hold(problem: CentroidalProblem, motion: Motion) -> None:
+def test_a_plan_with_nan_fails(problem: CentroidalProblem, motion: Motion) -> None:
     motion.com_m[3] = np.nan
     assert not is_verified(check(problem, motion))

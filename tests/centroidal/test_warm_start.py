@@ -42,9 +42,9 @@ def test_to_itself_a_plan_is_its_own_solution(problem: CentroidalProblem, contro
     assert plan.solution is not None
     point = warm_start_point(plan, posed)
     assert point.w == pytest.approx(plan.solution.point.w, abs=1e-12)
-    found = kkt_residuals(of.compiled.nlp, of.p, of.box, point)
-    assert found.feasibility < 1e-9
-    assert found.complementarity < 1e-7
+    residuals = kkt_residuals(of.compiled.nlp, of.p, of.box, point)
+    assert residuals.feasibility < 1e-9
+    assert residuals.complementarity < 1e-7
 
 
 def test_seen_from_another_origin_it_still_solves_the_equations_and_its_first_order_conditions() -> None:
@@ -59,8 +59,8 @@ def test_seen_from_another_origin_it_still_solves_the_equations_and_its_first_or
         start=Start(plan.com_v_m_s[k], plan.l_nms[k]),
     )
     of, point = transcribe(rest), warm_start_point(plan, rest, float(plan.time_s[k]))
-    found = kkt_residuals(of.compiled.nlp, of.p, of.box, point)
-    assert found.feasibility < 1e-9
+    residuals = kkt_residuals(of.compiled.nlp, of.p, of.box, point)
+    assert residuals.feasibility < 1e-9
     slope = of.compiled.nlp.gradient(point.w, of.p).full().ravel()
     J = of.compiled.nlp.jacobian(point.w, of.p).sparse()
     lack = slope + J.T @ point.lambda_g + point.lambda_w
@@ -84,7 +84,7 @@ def test_a_start_carried_to_a_finer_grid_takes_fewer_iterations(problem: Centroi
 
 
 @pytest.mark.parametrize("control", CONTROLS, ids=str)
-def test_what_is_left_of_a_motion_that_was_pushed(control: Control) -> None:
+def test_a_start_for_the_rest_of_a_pushed_motion_takes_fewer_iterations(control: Control) -> None:
     walk = rest_to_rest(two_steps(), control=control)
     plan = solve(walk, "ipopt")
     k = int(np.flatnonzero(plan.phase == 2)[0])
@@ -97,7 +97,7 @@ def test_what_is_left_of_a_motion_that_was_pushed(control: Control) -> None:
     shorter(walk, rest, plan, float(plan.time_s[k]))
 
 
-def test_what_lies_beyond_the_plan_begins_cold() -> None:
+def test_times_beyond_the_plan_start_cold() -> None:
     walk = rest_to_rest(two_steps())
     plan = solve(walk)
     later = warm_start_point(plan, walk, after_s=100.0)

@@ -1,4 +1,4 @@
-"""What a robot cannot do, or nobody can read, on the command line: phase and effector are named, nothing is written."""
+"""Infeasible and unreadable scenarios on the command line: phase and effector are named, nothing is written."""
 
 import json
 from collections.abc import Callable
@@ -52,10 +52,10 @@ BAD: dict[str, tuple[Callable[[], Body], str, str]] = {
 
 def refused(folder: Path, *arguments: str) -> str:
     """What was printed, on one line."""
-    done = CliRunner().invoke(app, list(arguments))
-    assert done.exit_code == EXIT_CODES[InvalidInput], done.output
+    result = CliRunner().invoke(app, list(arguments))
+    assert result.exit_code == EXIT_CODES[InvalidInput], result.output
     assert [path.name for path in folder.iterdir()] == ["bad.json"]
-    return " ".join(done.output.split())
+    return " ".join(result.output.split())
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -66,9 +66,9 @@ def test_a_bad_scenario_is_refused_with_the_place_and_leaves_nothing(
     make, where, word = BAD[name]
     Path("bad.json").write_text(json.dumps(make()), encoding="utf-8")
     for command in ("plan", "export-contacts"):
-        shown = refused(tmp_path, command, "bad.json")
-        assert where in shown, shown
-        assert word in shown, shown
+        output = refused(tmp_path, command, "bad.json")
+        assert where in output, output
+        assert word in output, output
 
 
 @pytest.mark.parametrize("name", [name for name in BAD if "phases" not in name])
@@ -82,6 +82,6 @@ def test_bad_ends_of_a_task_are_refused_with_the_place(
     task = {key: scenario[key] for key in ("robot", "terrain", "friction")}
     task |= {end: {"contacts": phase["contacts"]} for end, phase in ends.items()}
     Path("bad.json").write_text(json.dumps(task), encoding="utf-8")
-    shown = refused(tmp_path, "plan-contacts", "bad.json")
-    assert where.replace("phases[0]", "start").replace("phases[2]", "goal") in shown, shown
-    assert word in shown, shown
+    output = refused(tmp_path, "plan-contacts", "bad.json")
+    assert where.replace("phases[0]", "start").replace("phases[2]", "goal") in output, output
+    assert word in output, output

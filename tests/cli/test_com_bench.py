@@ -31,7 +31,7 @@ def lab(tmp_path: Path) -> Path:
     return tmp_path / "lab"
 
 
-def test_a_folder_is_scored_and_what_cannot_be_is_listed(
+def test_a_folder_is_scored_and_the_files_without_a_score_are_listed(
     run: Run, lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "200")
@@ -67,7 +67,7 @@ def test_a_folder_is_scored_and_what_cannot_be_is_listed(
     assert json.loads(again.out)["summary"]["columns"] == result["summary"]["columns"]
 
 
-def test_nothing_but_damaged_files_is_refused_with_each_reason(run: Run, lab: Path) -> None:
+def test_a_folder_of_damaged_files_is_refused_with_each_reason(run: Run, lab: Path) -> None:
     for name in ("ann/walk.c3d", "ben/again.c3d"):
         (lab / name).unlink()
     ran = run("com-bench", lab, "--out", "bench")

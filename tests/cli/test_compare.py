@@ -21,9 +21,9 @@ def run(out_dir: Path, *, truth: Path | None = TRUTH, as_json: bool = False, ser
 
 def test_the_table_shows_errors_and_agreement(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run(tmp_path / "out")
-    shown = capsys.readouterr().out
+    output = capsys.readouterr().out
     for word in ("geometry", "complementary", "horizontal mm", "held back N", "r of dL/dt", "spectra.parquet"):
-        assert word in shown
+        assert word in output
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert {"result.json", "references.bib", "comparison.csv", "bode.csv"} <= names
     assert not any("truth" in name or "trial" in name for name in names)

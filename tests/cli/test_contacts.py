@@ -16,16 +16,16 @@ from support.robots.scenario_bodies import box, planks, task
 
 
 def typed(*arguments: str) -> tuple[int, str]:
-    done = CliRunner().invoke(app, ["plan-contacts", *arguments])
-    return done.exit_code, done.output
+    result = CliRunner().invoke(app, ["plan-contacts", *arguments])
+    return result.exit_code, result.output
 
 
 def test_a_task_becomes_a_folder_with_a_scenario(tmp_path: Path) -> None:
     file = tmp_path / "door.json"
     file.write_text(json.dumps(task([box("floor", (-1.0, 2.0), 0.0)], 0.6, 0.0)))
-    code, shown = typed(str(file), "--out", str(tmp_path / "out"))
-    assert code == 0, shown
-    assert "right_foot" in shown
+    code, output = typed(str(file), "--out", str(tmp_path / "out"))
+    assert code == 0, output
+    assert "right_foot" in output
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"scenario.json", "result.json", "references.bib"}
     code, printed = typed(str(tmp_path / "out" / "scenario.json"), "--out", str(tmp_path / "again"), "--json")
     result = JobResult.model_validate(json.loads(printed[printed.index("{") :]))
@@ -39,9 +39,9 @@ def test_a_task_becomes_a_folder_with_a_scenario(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", bundled_names())
 def test_every_bundled_scenario_is_a_task(name: str) -> None:
     scenario = read_scenario(name)
-    made = task_of(read_document(name), name)
-    assert (made.robot, made.terrain) == (scenario.robot, scenario.terrain)
-    assert (made.start.contacts, made.goal.contacts) == (scenario.phases[0].contacts, scenario.phases[-1].contacts)
+    task = task_of(read_document(name), name)
+    assert (task.robot, task.terrain) == (scenario.robot, scenario.terrain)
+    assert (task.start.contacts, task.goal.contacts) == (scenario.phases[0].contacts, scenario.phases[-1].contacts)
 
 
 def test_a_wrong_field_is_named_as_people_write_it() -> None:
@@ -58,18 +58,18 @@ def test_an_end_that_cannot_be_held_is_named_and_leaves_nothing(tmp_path: Path) 
     wrong["goal"]["contacts"][0]["position_m"][2] = 0.2
     file = tmp_path / "door.json"
     file.write_text(json.dumps(wrong))
-    code, shown = typed(str(file), "--out", str(tmp_path / "out"))
+    code, output = typed(str(file), "--out", str(tmp_path / "out"))
     assert code == EXIT_CODES[InvalidInput]
-    assert f"goal.contacts[{wrong['goal']['contacts'][0]['effector']}]" in shown
+    assert f"goal.contacts[{wrong['goal']['contacts'][0]['effector']}]" in output
     assert not (tmp_path / "out").exists()
 
 
-def test_no_way_is_explained_and_leaves_nothing(tmp_path: Path) -> None:
+def test_an_impossible_task_is_explained_and_leaves_nothing(tmp_path: Path) -> None:
     file = tmp_path / "gap.json"
     file.write_text(json.dumps(planks(0.6)))
-    code, shown = typed(str(file), "--out", str(tmp_path / "out"))
+    code, output = typed(str(file), "--out", str(tmp_path / "out"))
     assert code != 0
-    assert "plank 1" in shown
+    assert "plank 1" in output
     assert not (tmp_path / "out").exists()
 
 
@@ -86,8 +86,8 @@ def test_a_file_that_is_no_task_is_named(document: object, where: str) -> None:
 def test_a_course_is_planned_like_a_task(tmp_path: Path) -> None:
     file = tmp_path / "stones.json"
     file.write_text(json.dumps({"robot": "talos", "elements": [{"kind": "stones", "number": 3}]}))
-    code, shown = typed(str(file), "--out", str(tmp_path / "out"))
-    assert code == 0, shown
+    code, output = typed(str(file), "--out", str(tmp_path / "out"))
+    assert code == 0, output
     scenario = json.loads((tmp_path / "out" / "scenario.json").read_text())
     assert scenario["name"] == "stones"
     assert {"1 stone 1", "1 stone 3", "end"} <= {surface["name"] for surface in scenario["terrain"]}

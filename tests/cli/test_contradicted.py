@@ -1,4 +1,4 @@
-"""A result whose sensors contradict each other: exit code 3, said before any number, and all files are written."""
+"""A result whose sensors contradict each other: exit code 3, a warning before any number, and all files."""
 
 import json
 from pathlib import Path
@@ -26,7 +26,7 @@ def test_a_mass_a_quarter_too_large_ends_with_exit_code_3(run: Run, tmp_path: Pa
     assert not check["passed"]
 
 
-def test_a_good_result_ends_with_0_and_the_geometry_alone_says_what_was_not_checked(run: Run, tmp_path: Path) -> None:
+def test_a_good_result_ends_with_0_and_the_geometry_alone_lists_the_missing_checks(run: Run, tmp_path: Path) -> None:
     ran = run("estimate", TRIAL, "--method", "geometry", "--out", "out")
     assert ran.code == 0, ran.err
     quality = json.loads((tmp_path / "out" / "result.json").read_text())["summary"]["quality"]

@@ -11,7 +11,7 @@ from stridelab.cli.doctor.checks import Check
 from stridelab.service.settings import Settings
 
 
-def test_pythons_too_old_and_too_new_are_told() -> None:
+def test_unsupported_python_versions_are_reported() -> None:
     assert [doctor.check_python_version((3, minor)).ok for minor in (10, 11, 13, 14)] == [False, True, True, False]
 
 
@@ -22,7 +22,7 @@ def test_missing_packages_are_named() -> None:
     assert "no_such_package" in check.detail
 
 
-def test_models_are_found() -> None:
+def test_models_are_located() -> None:
     assert doctor.check_models().ok
 
 
@@ -65,16 +65,16 @@ def a_file(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", FAILING)
-def test_a_failing_check_says_what_to_do(name: str, tmp_path: Path) -> None:
+def test_a_failing_check_gives_the_remedy(name: str, tmp_path: Path) -> None:
     check, settings, fix = FAILING[name]
-    found = check(settings(tmp_path))
-    assert not found.ok
-    assert fix in found.fix
+    results = check(settings(tmp_path))
+    assert not results.ok
+    assert fix in results.fix
 
 
-def test_a_taken_port_says_what_to_do() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        check = doctor.check_port(Settings(port=taken.getsockname()[1]))
+def test_a_taken_port_is_reported_with_the_remedy() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        check = doctor.check_port(Settings(port=listener.getsockname()[1]))
     assert not check.ok
     assert "STRIDELAB_PORT" in check.fix
 
@@ -93,12 +93,12 @@ def test_a_token_opens_the_network() -> None:
     assert doctor.check_network(Settings(host="0.0.0.0", api_token="x")).ok
 
 
-def test_a_service_that_does_not_answer_fails_the_question(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_service_that_does_not_answer_fails_the_check(capsys: pytest.CaptureFixture[str]) -> None:
     assert not doctor.report_service("http://127.0.0.1:9")
     assert "FAIL" in capsys.readouterr().out
 
 
-def test_settings_that_make_no_sense_are_the_only_finding(
+def test_invalid_settings_are_the_only_result(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("STRIDELAB_PORT", "eighty")

@@ -27,7 +27,7 @@ def settings(database_url: str, tmp_path: Path) -> Settings:
     return Settings(database_url=database_url, data_dir=tmp_path)
 
 
-def test_tables_of_this_program_an_older_and_a_newer_one(settings: Settings, postgres: TestDatabases) -> None:
+def test_the_database_revision_is_compared_with_the_program(settings: Settings, postgres: TestDatabases) -> None:
     assert parts.check_tables(settings).ok
     with psycopg.connect(str(settings.database_url)) as connection:
         connection.execute("UPDATE alembic_version SET version_num = '9999'")
@@ -41,7 +41,7 @@ def test_tables_of_this_program_an_older_and_a_newer_one(settings: Settings, pos
         assert parts.check_workers(Settings(database_url=url)).ok
 
 
-def test_a_clock_a_minute_off_is_told_with_its_fix(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_clock_a_minute_off_is_reported_with_the_remedy(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
     assert parts.check_clock(settings).ok
     now = time.time
     monkeypatch.setattr(parts.time, "time", lambda: now() + 60.0)
@@ -64,33 +64,33 @@ def test_waiting_jobs_need_a_worker(settings: Settings) -> None:
 
 
 @pytest.mark.parametrize("check", [parts.check_tables, parts.check_clock, parts.check_workers])
-def test_a_database_that_is_away(check: object) -> None:
-    found = check(NOWHERE)  # type: ignore[operator]
-    assert not found.ok
-    assert "database" in found.fix
+def test_an_unreachable_database_is_reported(check: object) -> None:
+    results = check(NOWHERE)  # type: ignore[operator]
+    assert not results.ok
+    assert "database" in results.fix
 
 
-def test_a_store_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
+def test_the_store_is_tested_and_left_unchanged(tmp_path: Path) -> None:
     store = tmp_path / "store"
     assert parts.check_storage(Settings(blob_url=store.as_uri())).ok
     assert not list(store.iterdir())
     (store / "doctor").write_text("a file where a folder should be")
     for broken in (store.as_uri(), "ftp://x/y", (store / "doctor" / "deeper").as_uri()):
-        found = parts.check_storage(Settings(blob_url=broken))
-        assert not found.ok, broken
-        assert "STRIDELAB_BLOB_URL" in found.fix
+        results = parts.check_storage(Settings(blob_url=broken))
+        assert not results.ok, broken
+        assert "STRIDELAB_BLOB_URL" in results.fix
     assert parts.check_storage(Settings(data_dir=tmp_path / "new")).ok
     assert not (tmp_path / "new").exists()
 
 
-def test_a_store_that_never_answers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_store_that_never_answers_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(parts, "_STORE_TIMEOUT_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as mute:
         keys = tmp_path / "keys"
         keys.write_text(f"endpoint=http://127.0.0.1:{mute.getsockname()[1]}\naccess_key_id=x\nsecret_access_key=y\n")
-        found = parts.check_storage(Settings(blob_url="s3://bucket/prefix", blob_credentials_file=keys))
-    assert not found.ok
-    assert "no answer within" in found.detail
+        results = parts.check_storage(Settings(blob_url="s3://bucket/prefix", blob_credentials_file=keys))
+    assert not results.ok
+    assert "no answer within" in results.detail
 
 
 def test_memory_is_that_of_the_container_or_unit(tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_memory_is_that_of_the_container_or_unit(tmp_path: Path) -> None:
     assert parts.memory_bytes(tmp_path, own) == 2_000_000
 
 
-def test_too_little_memory_for_a_job_is_told_and_the_solver_is_found() -> None:
+def test_too_little_memory_for_a_job_is_reported_and_the_solver_detected() -> None:
     assert parts.check_memory(Settings()).ok
     short = parts.check_memory(Settings(job_memory_mb=10**9))
     assert not short.ok
@@ -116,16 +116,16 @@ def test_too_little_memory_for_a_job_is_told_and_the_solver_is_found() -> None:
 
 
 def test_a_worker_is_known_by_its_beat(database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def asked() -> int:
+    def exit_code() -> int:
         return CliRunner().invoke(app, ["doctor", "--worker"]).exit_code
 
     monkeypatch.setenv("STRIDELAB_DATA_DIR", str(tmp_path))
-    assert asked() == 1
+    assert exit_code() == 1
     with worker(database_url, tmp_path):
-        wait_until(lambda: asked() == 0, 30, "a beat")
+        wait_until(lambda: exit_code() == 0, 30, "a beat")
     old = time.time() - 21.0
     os.utime(tmp_path / HEARTBEAT_FILE, (old, old))
-    assert asked() == 1
+    assert exit_code() == 1
 
 
 @pytest.fixture(scope="module")
@@ -139,7 +139,7 @@ def embedded() -> Iterator[Settings]:
             server.stop()
 
 
-def test_an_embedded_database_is_asked_while_it_runs(embedded: Settings, tmp_path: Path) -> None:
+def test_an_embedded_database_is_checked_while_it_runs(embedded: Settings, tmp_path: Path) -> None:
     assert "revision" in parts.check_tables(embedded).detail
     assert parts.check_clock(embedded).ok
     assert parts.check_workers(embedded).detail == "0 alive, 0 jobs waiting"

@@ -23,8 +23,8 @@ WALK = Walk(SAMPLE / "recording.c3d")
 FILES = {"com.parquet", "com.csv", "com.c3d", "result.json", "references.bib"}
 
 
-def run(delivery: Delivery, walk: Walk = WALK, **asked: Any) -> None:
-    estimate_recording(EstimateRequest(walk, **asked), delivery)
+def run(delivery: Delivery, walk: Walk = WALK, **options: Any) -> None:
+    estimate_recording(EstimateRequest(walk, **options), delivery)
 
 
 def test_the_result_is_that_of_the_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -42,16 +42,16 @@ def test_the_result_is_that_of_the_job(tmp_path: Path, capsys: pytest.CaptureFix
         assert f"{{{key}," in (tmp_path / "out" / "references.bib").read_text()
 
 
-def test_the_table_says_what_was_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_shows_the_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run(Delivery(tmp_path / "out"))
-    shown = capsys.readouterr().out
+    output = capsys.readouterr().out
     for word in ("window", "smoother", "60.0 kg", "force latency", "latency-applied", "com.parquet"):
-        assert word in shown
+        assert word in output
 
 
 def test_options_reach_the_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    asked = Estimation(segment_table="dumas2007", cutoffs="0.2,2", window="1.95,2.6")
-    run(Delivery(tmp_path / "out", as_json=True), replace(WALK, mass_kg=61.0), estimation=asked)
+    options = Estimation(segment_table="dumas2007", cutoffs="0.2,2", window="1.95,2.6")
+    run(Delivery(tmp_path / "out", as_json=True), replace(WALK, mass_kg=61.0), estimation=options)
     result = JobResult.model_validate_json(capsys.readouterr().out)
     summary = EstimateComSummary.model_validate(result.summary)
     assert summary.mass_kg == 61.0
@@ -67,15 +67,15 @@ def test_a_forced_second_run_replaces_the_first(tmp_path: Path, capsys: pytest.C
     assert "geometry" in capsys.readouterr().out
 
 
-def test_what_is_stated_for_the_smoother_reaches_the_job() -> None:
+def test_stated_errors_of_the_smoother_reach_the_job() -> None:
     stated = Estimation(prior=["plate_force_n=5", "momentum_m_s=0.001,0.002"], no_learn=True, segment_momentum=True)
-    asked = EstimateRequest(WALK, estimation=stated).to_input("r", EstimateComInput)
-    assert asked.smoother is not None
-    assert asked.smoother.priors.model_dump(exclude_none=True) == {
+    job_input = EstimateRequest(WALK, estimation=stated).to_input("r", EstimateComInput)
+    assert job_input.smoother is not None
+    assert job_input.smoother.priors.model_dump(exclude_none=True) == {
         "plate_force_n": 5.0,
         "momentum_m_s": (0.001, 0.002),
     }
-    assert (asked.smoother.learn, asked.smoother.segment_momentum) == (False, True)
+    assert (job_input.smoother.learn, job_input.smoother.segment_momentum) == (False, True)
     plain = EstimateRequest(WALK).to_input("r", EstimateComInput)
     assert plain.smoother is None, "nothing stated leaves the choice of the method open"
 
@@ -91,14 +91,14 @@ def test_belt_speeds_are_settings_of_their_plates() -> None:
 
 
 @pytest.mark.parametrize("text", ["1.2", "left=1.2", "1=fast", "1=-1", "1=40"])
-def test_a_belt_speed_that_cannot_be_is_refused_by_its_option(text: str) -> None:
+def test_an_impossible_belt_speed_is_refused_by_its_option(text: str) -> None:
     with pytest.raises(InvalidInput) as refused:
         EstimateRequest(WALK, preparation=Preparation(belt_speed=[text])).plate_switches()
     assert refused.value.faults[0].where == "--belt-speed"
 
 
 @pytest.mark.parametrize("text", ["1=0.005", "left=0,0,0", "1=0,0,-60"])
-def test_an_offset_of_moments_that_cannot_be_is_refused_by_its_option(text: str) -> None:
+def test_an_impossible_moment_offset_is_refused_by_its_option(text: str) -> None:
     with pytest.raises(InvalidInput) as refused:
         EstimateRequest(WALK, preparation=Preparation(moment_offset=[text])).plate_switches()
     assert refused.value.faults[0].where == "--moment-offset"
@@ -155,15 +155,15 @@ def test_a_broken_trc_is_named_by_the_line(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_a_static_trial_that_is_none_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unsuitable_static_trial_is_remarked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The walk of a taller body, given as the static trial."""
     walk = read_recording(WALK.file)
     taller = replace(walk, markers_m={label: 1.1 * track for label, track in walk.markers_m.items()}, carried={})
     write_c3d(tmp_path / "other.c3d", taller)
     run(Delivery(tmp_path / "out"), method="geometry", preparation=Preparation(static=tmp_path / "other.c3d"))
-    shown = " ".join(capsys.readouterr().out.split())
-    assert "The subject moves in the static trial other.c3d" in shown
-    assert "The static trial other.c3d shows a different body from this recording" in shown
+    output = " ".join(capsys.readouterr().out.split())
+    assert "The subject moves in the static trial other.c3d" in output
+    assert "The static trial other.c3d shows a different body from this recording" in output
 
 
 def test_a_model_and_forces_are_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

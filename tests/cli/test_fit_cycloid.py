@@ -25,9 +25,9 @@ def run(
 
 def test_the_tables_show_wheel_timing_and_scatter(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run(tmp_path / "out")
-    shown = capsys.readouterr().out
+    output = capsys.readouterr().out
     for word in ("R mm", "2piR/L", "s=-1", "both down", "(3.3.3)", "sd between", "timed-omega-low", "wheel.parquet"):
-        assert word in shown
+        assert word in output
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert names == {"steps.parquet", "steps.csv", "wheel.parquet", "wheel.csv", "result.json", "references.bib"}
 
@@ -40,7 +40,7 @@ def test_json_is_the_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert len(FitCycloidSummary.model_validate(result.summary).steps) >= 4
 
 
-def test_what_cannot_be_read_or_meant_leaves_nothing(tmp_path: Path) -> None:
+def test_unreadable_files_and_invalid_options_leave_nothing(tmp_path: Path) -> None:
     with pytest.raises(UnreadableFile):
         run(tmp_path / "out", file=tmp_path / "missing.c3d")
     with pytest.raises(InvalidInput):

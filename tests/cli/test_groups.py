@@ -35,11 +35,11 @@ APP.command()(travel)
 
 
 @pytest.fixture(autouse=True)
-def nobody_has_gone() -> None:
+def clear_taken() -> None:
     TAKEN.clear()
 
 
-def test_what_is_typed_reaches_the_command_as_the_group() -> None:
+def test_options_reach_the_command_as_one_group() -> None:
     assert CliRunner().invoke(APP, ["Padua", "--days", "5", "--after", "x"]).exit_code == 0
     assert CliRunner().invoke(APP, ["--before", "Bath"]).exit_code == 0
     assert [(False, Journey("Padua", 5), "x"), (True, Journey("Bath"), None)] == TAKEN
@@ -51,6 +51,6 @@ def test_a_field_without_default_must_be_typed() -> None:
 
 
 def test_help_has_the_fields_where_the_group_stands() -> None:
-    shown = CliRunner().invoke(APP, ["--help"]).output
-    places = [shown.index(word) for word in ("Go.", "Where to.", "Before.", "How long.", "After.")]
+    output = CliRunner().invoke(APP, ["--help"]).output
+    places = [output.index(word) for word in ("Go.", "Where to.", "Before.", "How long.", "After.")]
     assert places == sorted(places)

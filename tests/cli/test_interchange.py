@@ -23,17 +23,17 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def typed(*arguments: str) -> tuple[int, str]:
-    done = CliRunner().invoke(app, list(arguments))
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return done.exit_code, done.output
+    result = CliRunner().invoke(app, list(arguments))
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result.exit_code, result.output
 
 
 def refused(kind: type[StridelabError], *arguments: str) -> str:
     before = sorted(Path().iterdir())
-    code, shown = typed(*arguments)
-    assert code == EXIT_CODES[kind], shown
+    code, output = typed(*arguments)
+    assert code == EXIT_CODES[kind], output
     assert sorted(Path().iterdir()) == before, "something was left behind"
-    return shown
+    return output
 
 
 def exported(name: str = "stairs-with-rail") -> Document:
@@ -50,11 +50,11 @@ def bad(document: object) -> str:
 
 @pytest.mark.parametrize("name", bundled_names())
 def test_a_scenario_exported_and_imported_is_the_same(name: str) -> None:
-    code, shown = typed("export-contacts", name)
-    assert code == 0, shown
-    code, shown = typed("import-contacts", f"{name}.contacts.json")
-    assert code == 0, shown
-    assert f"stridelab plan {name}.scenario.json" in shown
+    code, output = typed("export-contacts", name)
+    assert code == 0, output
+    code, output = typed("import-contacts", f"{name}.contacts.json")
+    assert code == 0, output
+    assert f"stridelab plan {name}.scenario.json" in output
     was, now = read_scenario(name), read_scenario(f"{name}.scenario.json")
     assert (now.name, now.robot, now.friction, now.description) == (was.name, was.robot, was.friction, was.description)
     assert now.start_com_height_m == was.start_com_height_m
@@ -65,21 +65,21 @@ def test_a_scenario_exported_and_imported_is_the_same(name: str) -> None:
         ]
 
 
-def test_what_another_tool_does_not_say_is_given_beside() -> None:
+def test_missing_fields_of_other_tools_are_taken_from_a_scenario_beside() -> None:
     document = exported("six-stairs")
     del document["stridelab"]
     bare = bad(document)
-    told = refused(InvalidInput, "import-contacts", bare)
-    assert "robot" in told
-    assert "terrain" in told
-    code, shown = typed("import-contacts", bare, "--beside", "six-stairs")
-    assert code == 0, shown
+    message = refused(InvalidInput, "import-contacts", bare)
+    assert "robot" in message
+    assert "terrain" in message
+    code, output = typed("import-contacts", bare, "--beside", "six-stairs")
+    assert code == 0, output
     assert read_scenario("bad.scenario.json").terrain == read_scenario("six-stairs").terrain
-    told = refused(NotFound, "import-contacts", bare, "--beside", "seven-stairs", "--force")
-    assert "seven-stairs" in told
+    message = refused(NotFound, "import-contacts", bare, "--beside", "seven-stairs", "--force")
+    assert "seven-stairs" in message
 
 
-def test_a_file_is_replaced_on_demand_only() -> None:
+def test_a_file_is_replaced_only_with_force() -> None:
     Path("mine.json").write_text("mine", encoding="utf-8")
     refused(Conflict, "export-contacts", "flat-walk", "--out-file", "mine.json")
     assert Path("mine.json").read_text(encoding="utf-8") == "mine"
@@ -91,11 +91,11 @@ def test_a_file_is_replaced_on_demand_only() -> None:
     refused(InvalidInput, "export-contacts", "flat-walk", "--out-file", "mine.json/below.json")
 
 
-def test_what_cannot_be_done_is_not_exported() -> None:
+def test_an_infeasible_scenario_is_not_exported() -> None:
     scenario = read_scenario("flat-walk").model_dump(mode="json")
     scenario["phases"][0]["contacts"][0]["position_m"][2] += 0.2
-    told = refused(InvalidInput, "export-contacts", bad(scenario))
-    assert f"phases[0].contacts[{scenario['phases'][0]['contacts'][0]['effector']}]" in told
+    message = refused(InvalidInput, "export-contacts", bad(scenario))
+    assert f"phases[0].contacts[{scenario['phases'][0]['contacts'][0]['effector']}]" in message
 
 
 @pytest.mark.parametrize(
@@ -113,19 +113,19 @@ def test_what_cannot_be_done_is_not_exported() -> None:
         (b'{"contact_phases": [{"t_init": 0, "t_final": 1' + b"0" * 400 + b"}]}", InvalidInput, "phases[0]"),
     ],
 )
-def test_what_is_no_document_is_said_in_one_line(content: bytes, kind: type[StridelabError], word: str) -> None:
+def test_an_invalid_document_is_refused_in_one_line(content: bytes, kind: type[StridelabError], word: str) -> None:
     Path("bad.json").write_bytes(content)
-    told = refused(kind, "import-contacts", "bad.json", "--beside", "flat-walk")
-    assert word in told
-    assert "Traceback" not in told
+    message = refused(kind, "import-contacts", "bad.json", "--beside", "flat-walk")
+    assert word in message
+    assert "Traceback" not in message
     refused(UnreadableFile, "import-contacts", "nowhere.json")
 
 
-def test_two_patches_of_one_effector_are_not_silently_one() -> None:
-    made = json.dumps(exported())
-    Path("bad.json").write_text(made.replace('"right_foot": {', '"left_foot": {', 1), encoding="utf-8")
-    told = refused(InvalidInput, "import-contacts", "bad.json")
-    assert "left_foot: is there twice" in told
+def test_two_patches_of_one_effector_are_refused() -> None:
+    document = json.dumps(exported())
+    Path("bad.json").write_text(document.replace('"right_foot": {', '"left_foot": {', 1), encoding="utf-8")
+    message = refused(InvalidInput, "import-contacts", "bad.json")
+    assert "left_foot: is there twice" in message
 
 
 def phase(change: Document) -> Callable[[Document], None]:
@@ -171,13 +171,13 @@ def many(made: Document) -> None:
         (many, "phases", "400"),
     ],
 )
-def test_what_cannot_be_is_named_and_nothing_is_written(
+def test_an_impossible_choice_is_named_and_nothing_is_written(
     change: Callable[[Document], None], where: str, word: str
 ) -> None:
-    made = exported()
-    change(made)
-    told = refused(
-        NotFound if word == "nobody" else InvalidInput, "import-contacts", bad(made), "--out-file", "made.json"
+    document = exported()
+    change(document)
+    message = refused(
+        NotFound if word == "nobody" else InvalidInput, "import-contacts", bad(document), "--out-file", "made.json"
     )
-    assert where in told.replace("\n", "")
-    assert word in told
+    assert where in message.replace("\n", "")
+    assert word in message

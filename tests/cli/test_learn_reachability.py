@@ -1,4 +1,4 @@
-"""``stridelab learn-reachability``: what a run here writes and shows, and what it refuses."""
+"""``stridelab learn-reachability``: the output of a local run, and refused arguments."""
 
 import json
 from dataclasses import replace
@@ -24,16 +24,16 @@ FILES = {
 
 
 def typed(*arguments: str) -> tuple[int, str]:
-    done = CliRunner().invoke(app, ["learn-reachability", *arguments])
-    return done.exit_code, done.output
+    result = CliRunner().invoke(app, ["learn-reachability", *arguments])
+    return result.exit_code, result.output
 
 
 def test_the_files_are_those_of_the_job_and_the_same_again(tmp_path: Path) -> None:
     options = ["--samples", "500", "--seed", "3", "--effector", "left_foot", "--effector", "right_hand"]
-    code, shown = typed("talos", *options, "--out", str(tmp_path / "one"))
-    assert code == 0, shown
-    assert "left_foot" in shown
-    assert "few-samples" in shown
+    code, output = typed("talos", *options, "--out", str(tmp_path / "one"))
+    assert code == 0, output
+    assert "left_foot" in output
+    assert "few-samples" in output
     assert {path.name for path in (tmp_path / "one").iterdir()} == FILES
     code, printed = typed("talos", *options, "--out", str(tmp_path / "two"), "--json")
     result = JobResult.model_validate(json.loads(printed[printed.index("{") :]))
@@ -44,15 +44,15 @@ def test_the_files_are_those_of_the_job_and_the_same_again(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(("option", "value"), [("--samples", "3"), ("--seed", "-1"), ("--measure", "gaussian")])
-def test_an_option_that_makes_no_sense_is_named(tmp_path: Path, option: str, value: str) -> None:
-    code, shown = typed("talos", option, value, "--out", str(tmp_path / "out"))
+def test_an_invalid_option_is_named(tmp_path: Path, option: str, value: str) -> None:
+    code, output = typed("talos", option, value, "--out", str(tmp_path / "out"))
     assert code == 2
-    assert option in shown
+    assert option in output
     assert not (tmp_path / "out").exists()
 
 
 def test_an_unknown_robot_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    code, shown = typed("../marvin")
-    assert (code, "robot-not-found" in shown) == (5, True), shown
+    code, output = typed("../marvin")
+    assert (code, "robot-not-found" in output) == (5, True), output
     assert list(tmp_path.iterdir()) == []

@@ -53,9 +53,9 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_the_page_of_the_new_robot_is_opened(run: Run, opened: list[str]) -> None:
-    done: Ran = run("live", "six-stairs", "--server", "http://lab:8000/")
-    assert done.code == 0
-    assert "http://lab:8000/live/robots/ab12" in done.out.replace("\n", "")
+    ran: Ran = run("live", "six-stairs", "--server", "http://lab:8000/")
+    assert ran.code == 0
+    assert "http://lab:8000/live/robots/ab12" in ran.out.replace("\n", "")
     assert opened == ["http://lab:8000/live/robots/ab12"]
     assert FakeClient.started == [("six-stairs", None, None)]
 
@@ -76,10 +76,10 @@ def test_velocities_that_no_robot_can_follow_are_refused(run: Run, opened: list[
 
 
 def test_a_script_gets_the_session_and_no_browser(run: Run, opened: list[str]) -> None:
-    done: Ran = run("live", "--robot", "g1", "--no-open", "--json", "--server", "http://lab:8000")
-    told = json.loads(done.out)
-    assert told["url"] == "http://lab:8000/live/robots/ab12"
-    assert LiveSession.model_validate({k: v for k, v in told.items() if k != "url"}) == SESSION
+    ran: Ran = run("live", "--robot", "g1", "--no-open", "--json", "--server", "http://lab:8000")
+    session = json.loads(ran.out)
+    assert session["url"] == "http://lab:8000/live/robots/ab12"
+    assert LiveSession.model_validate({k: v for k, v in session.items() if k != "url"}) == SESSION
     assert not opened
     assert FakeClient.started == [(None, "g1", None)]
 
@@ -92,8 +92,8 @@ def test_a_script_gets_the_session_and_no_browser(run: Run, opened: list[str]) -
         (("six-stairs", "--server", "http://nowhere"), "service-unreachable"),
     ],
 )
-def test_what_cannot_be_started_is_refused(run: Run, opened: list[str], arguments: tuple[str, ...], code: str) -> None:
-    done: Ran = run("live", *arguments)
-    assert done.code != 0
-    assert code in done.err.replace("\n", "")
+def test_an_impossible_session_is_refused(run: Run, opened: list[str], arguments: tuple[str, ...], code: str) -> None:
+    ran: Ran = run("live", *arguments)
+    assert ran.code != 0
+    assert code in ran.err.replace("\n", "")
     assert not opened

@@ -26,11 +26,10 @@ def test_help_names_every_command_and_imports_no_numeric_package() -> None:
         "heavy = {'numpy', 'scipy', 'ezc3d', 'pinocchio', 'pyarrow', 'sqlalchemy', 'httpx'}\n"
         "print('HEAVY', sorted(heavy & set(sys.modules)))"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip().endswith("HEAVY []")
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip().endswith("HEAVY []")
     assert all(
-        name in found.stdout
-        for name in ("serve", "worker", "migrate", "estimate", "simulate", "plan", "demo", "doctor")
+        name in run.stdout for name in ("serve", "worker", "migrate", "estimate", "simulate", "plan", "demo", "doctor")
     )
 
 
@@ -56,7 +55,7 @@ def test_a_bad_file_is_one_clear_line_and_leaves_nothing(run: Run, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "told"),
+    ("arguments", "code", "message"),
     [
         (("estimate", "nowhere.c3d"), 3, "there is no such file"),
         (("compare", "."), 3, "it is not a file"),
@@ -88,8 +87,8 @@ def test_a_bad_file_is_one_clear_line_and_leaves_nothing(run: Run, tmp_path: Pat
         (("worker",), 2, "STRIDELAB_DATABASE_URL"),
     ],
 )
-def test_what_makes_no_sense_is_refused_naming_it(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], code: int, told: str
+def test_invalid_arguments_are_refused_by_name(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], code: int, message: str
 ) -> None:
     from stridelab.service.settings import current_settings
 
@@ -98,12 +97,12 @@ def test_what_makes_no_sense_is_refused_naming_it(
     (tmp_path / "x.c3d").write_bytes(b"\x02\x50")
     ran = run(*arguments)
     assert ran.code == code
-    assert told in ran.err
+    assert message in ran.err
     assert "Traceback" not in ran.err
     assert [path.name for path in tmp_path.iterdir()] == ["x.c3d"]
 
 
-def test_settings_that_make_no_sense_are_named(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_invalid_settings_are_named(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     from stridelab.service.settings import current_settings
 
     monkeypatch.setenv("STRIDELAB_PORT", "eighty")
@@ -127,7 +126,7 @@ def cli_conflict() -> type[StridelabError]:
     return Conflict
 
 
-def test_ctrl_c_is_quiet(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_ends_without_a_traceback(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(**_: object) -> None:
         raise KeyboardInterrupt
 
@@ -145,7 +144,7 @@ def test_an_error_takes_the_code_of_its_nearest_class() -> None:
     assert exit_code(StridelabError("a", "b")) == 1
 
 
-def test_a_service_that_does_not_answer_is_said(run: Run, tmp_path: Path) -> None:
+def test_an_unreachable_service_is_reported(run: Run, tmp_path: Path) -> None:
     (tmp_path / "x.c3d").write_bytes(b"\x02\x50")
     ran = run("estimate", "x.c3d", "--server", "http://127.0.0.1:9")
     assert ran.code == 10
@@ -158,8 +157,8 @@ def test_the_estimation_imports_neither_signal_processing_nor_a_database() -> No
         "import sys, stridelab.cli.app, stridelab.service.kinds.estimate_com.run\n"
         "print(*sorted({'scipy.signal', 'scipy.stats', 'sqlalchemy', 'pydantic_settings', 'httpx'} & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == []
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == []
 
 
 def test_tables_and_tasks_of_an_estimation_import_nothing_that_they_do_not_use() -> None:
@@ -168,8 +167,8 @@ def test_tables_and_tasks_of_an_estimation_import_nothing_that_they_do_not_use()
         "unused = {'pyarrow.compute', 'stridelab.schemas.plans', 'stridelab.schemas.scenarios'}\n"
         "print(*sorted(unused & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == []
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == []
 
 
 def test_the_collector_does_not_run_while_a_command_imports() -> None:
@@ -183,5 +182,5 @@ def test_the_collector_does_not_run_while_a_command_imports() -> None:
         "except SystemExit: pass\n"
         "print('collections', len(started))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split()[-2:] == ["collections", "0"]
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split()[-2:] == ["collections", "0"]

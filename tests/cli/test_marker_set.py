@@ -51,8 +51,8 @@ def test_the_estimate_equals_that_of_known_labels(run: Run, lab: Path, tmp_path:
 def test_several_recordings_use_the_set(run: Run, lab: Path, tmp_path: Path) -> None:
     (tmp_path / "again.c3d").write_bytes((lab / "walk.c3d").read_bytes())
     files = (lab / "walk.c3d", tmp_path / "again.c3d")
-    asked = ("--method", "geometry", "--marker-set", lab / "lab.toml", "--out", tmp_path / "out")
-    assert run("estimate", *files, *asked).code == 0
+    options = ("--method", "geometry", "--marker-set", lab / "lab.toml", "--out", tmp_path / "out")
+    assert run("estimate", *files, *options).code == 0
     assert (tmp_path / "out" / "again-com" / "result.json").is_file()
 
 
@@ -60,9 +60,9 @@ def test_a_set_that_does_not_fit_is_the_nearest_one_with_what_it_lacks(run: Run,
     text = (lab / "lab.toml").read_text(encoding="utf-8").replace('l_asis = ["', 'l_asis = ["not-')
     (tmp_path / "other.toml").write_text(text, encoding="utf-8")
     refused = run("estimate", lab / "walk.c3d", "--marker-set", tmp_path / "other.toml")
-    shown = " ".join(refused.err.split())
+    message = " ".join(refused.err.split())
     assert refused.code == 4
-    assert "nearest: lab" in shown
-    assert "missing: l_asis" in shown
+    assert "nearest: lab" in message
+    assert "missing: l_asis" in message
     (tmp_path / "other.toml").write_text("name = 3", encoding="utf-8")
     assert "marker-set-invalid" in run("estimate", lab / "walk.c3d", "--marker-set", tmp_path / "other.toml").err

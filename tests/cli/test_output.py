@@ -24,7 +24,7 @@ def write_and_fail(target: Path, error: BaseException, *, force: bool = False) -
         raise error
 
 
-def test_the_folder_appears_with_everything(tmp_path: Path) -> None:
+def test_the_output_folder_appears_only_when_complete(tmp_path: Path) -> None:
     write(tmp_path / "deep" / "out", "one")
     assert sorted(p.name for p in (tmp_path / "deep" / "out").iterdir()) == ["com.csv", RESULT_FILE]
     assert [p.name for p in (tmp_path / "deep").iterdir()] == ["out"]
@@ -79,7 +79,7 @@ def test_force_replaces_neither_a_file_nor_a_link(tmp_path: Path) -> None:
     assert (tmp_path / "file").read_text() == "precious"
 
 
-def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+def test_an_unwritable_folder_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InvalidInput) as refusal:
         write(tmp_path / "file" / "out", "one")

@@ -1,4 +1,4 @@
-"""``stridelab plan`` and ``demo``: what a run here writes and shows, and what is asked of a service."""
+"""``stridelab plan`` and ``demo``: what a local run writes and prints, and what is sent to a service."""
 
 import json
 import re
@@ -66,23 +66,23 @@ def test_the_folder_is_named_after_the_scenario(walk: str, tmp_path: Path, monke
 
 
 def test_a_replay_goes_with_the_whole_body() -> None:
-    def asked(**options: Any) -> tuple[bool, bool | ReplayOptions]:
-        made = PlanRequest("x", **options).to_input(short_walk())
-        return made.whole_body, made.replay
+    def stages_of(**options: Any) -> tuple[bool, bool | ReplayOptions]:
+        job_input = PlanRequest("x", **options).to_input(short_walk())
+        return job_input.whole_body, job_input.replay
 
-    assert asked() == (True, True)
-    assert asked(replay=False) == (True, False)
-    assert asked(no_whole_body=True) == (False, False)
+    assert stages_of() == (True, True)
+    assert stages_of(replay=False) == (True, False)
+    assert stages_of(no_whole_body=True) == (False, False)
     with pytest.raises(InvalidInput) as refusal:
         PlanRequest("x", no_whole_body=True, replay=True)
     assert refusal.value.faults[0].where == "--replay"
 
 
 def test_a_delay_of_the_replay_is_an_option_of_the_job() -> None:
-    made = PlanRequest("x", replay_delay_ms=3.0).to_input(short_walk())
-    assert made == PlanMotionInput(scenario=short_walk(), replay=ReplayOptions(delay_s=0.003))
-    made = PlanRequest("x", replay_delay_ms=6.0, expected_delay_ms=6.0).to_input(short_walk())
-    assert made.replay == ReplayOptions(delay_s=0.006, expected_delay_s=0.006)
+    job_input = PlanRequest("x", replay_delay_ms=3.0).to_input(short_walk())
+    assert job_input == PlanMotionInput(scenario=short_walk(), replay=ReplayOptions(delay_s=0.003))
+    predicted = PlanRequest("x", replay_delay_ms=6.0, expected_delay_ms=6.0).to_input(short_walk())
+    assert predicted.replay == ReplayOptions(delay_s=0.006, expected_delay_s=0.006)
     for without in ({"replay": False}, {"no_whole_body": True}):
         with pytest.raises(InvalidInput) as refusal:
             PlanRequest("x", replay_delay_ms=3.0, **without)  # type: ignore[arg-type]
@@ -91,8 +91,10 @@ def test_a_delay_of_the_replay_is_an_option_of_the_job() -> None:
 
 def test_disturbances_of_the_replay_are_options_of_the_job() -> None:
     pushes = ["1.5:0,-20,0", "2:1,2,3:base_link"]
-    made = PlanRequest("x", pushes=pushes, payload_kg=2.0, friction=0.25, sensors="estimated").to_input(short_walk())
-    assert made.replay == ReplayOptions.model_validate(
+    job_input = PlanRequest("x", pushes=pushes, payload_kg=2.0, friction=0.25, sensors="estimated").to_input(
+        short_walk()
+    )
+    assert job_input.replay == ReplayOptions.model_validate(
         {
             "pushes": [
                 {"time_s": 1.5, "impulse_ns": [0.0, -20.0, 0.0]},
@@ -127,8 +129,8 @@ def test_a_disturbance_that_cannot_be_is_refused(options: dict[str, Any], where:
 def test_options_of_the_solver_are_those_of_the_job() -> None:
     options = {"formulation": "wrench", "solver": "ipopt", "node_rate_hz": 20.0, "time_limit_s": 5.0}
     options |= {"free_durations": True, "duration_range": (0.8, 1.3)}
-    made = PlanRequest("x", **options).to_input(short_walk())  # type: ignore[arg-type]
-    assert {name: getattr(made, name) for name in options} == options
+    job_input = PlanRequest("x", **options).to_input(short_walk())  # type: ignore[arg-type]
+    assert {name: getattr(job_input, name) for name in options} == options
     plain = PlanRequest("x").to_input(short_walk())
     assert plain == PlanMotionInput(scenario=short_walk(), replay=True)
 
@@ -144,21 +146,23 @@ def test_options_of_the_solver_are_those_of_the_job() -> None:
         ({"duration_range": (0.7, float("nan"))}, "--duration-range"),
     ],
 )
-def test_durations_that_cannot_be_chosen_are_named(options: dict[str, Any], where: str) -> None:
+def test_invalid_bounds_of_durations_are_named(options: dict[str, Any], where: str) -> None:
     with pytest.raises(InvalidInput) as refusal:
         PlanRequest("x", **options)
     assert refusal.value.faults[0].where == where
 
 
-def test_chosen_durations_are_said_and_kept(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_solved_durations_are_reported_and_written(
+    walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     act(PlanRequest(walk, no_whole_body=True, free_durations=True, duration_range=(0.8, 1.2)), tmp_path / "out")
     assert "durations chosen " in capsys.readouterr().out
-    kept = Scenario.model_validate_json((tmp_path / "out" / "scenario.json").read_text())
-    assert [p.duration_s for p in kept.phases] != [p.duration_s for p in short_walk().phases]
+    written = Scenario.model_validate_json((tmp_path / "out" / "scenario.json").read_text())
+    assert [p.duration_s for p in written.phases] != [p.duration_s for p in short_walk().phases]
 
 
 @pytest.mark.parametrize("options", [{"time_limit_s": 0.0}, {"time_limit_s": 1e4}])
-def test_a_time_limit_that_cannot_be_is_named(options: dict[str, Any]) -> None:
+def test_an_invalid_time_limit_is_named(options: dict[str, Any]) -> None:
     with pytest.raises(InvalidInput) as refusal:
         PlanRequest("x", **options)
     assert refusal.value.faults[0].where == "--time-limit"
@@ -174,7 +178,7 @@ def test_an_unknown_value_is_named_on_the_command_line(walk: str, option: str, v
     assert option in re.sub(r"\x1b\[[0-9;]*m", "", answer.output)
 
 
-def test_a_scenario_that_cannot_be_leaves_nothing(tmp_path: Path) -> None:
+def test_an_infeasible_scenario_leaves_nothing(tmp_path: Path) -> None:
     bad = changed(short_walk(), lambda body: body["phases"][2]["contacts"][0]["position_m"].__setitem__(2, 0.3))
     (tmp_path / "bad.json").write_text(bad.model_dump_json())
     with pytest.raises(InvalidInput) as refusal:
@@ -213,20 +217,18 @@ def fallen() -> dict[str, Any]:
     return summary.model_dump(mode="json")
 
 
-def test_a_replay_that_is_not_completed_says_what_is_missing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_incomplete_replay_reports_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     summary, message = fallen(), "A loaded foot slips by 68 mm; at most 20 mm are allowed."
     summary["replay"] |= {"fall_time_s": None, "remarks": [{"code": "replay-slipped", "message": message}]}
     result = JobResult(kind="plan-motion", input={}, versions={}, references=[], summary=summary, artifacts=[])
     show_plan(result, tmp_path)
-    said = " ".join(capsys.readouterr().out.split())
-    assert "replay not completed: CoM error" in said
-    assert "fell at" not in said
-    assert f"replay-slipped {message}" in said
+    output = " ".join(capsys.readouterr().out.split())
+    assert "replay not completed: CoM error" in output
+    assert "fell at" not in output
+    assert f"replay-slipped {message}" in output
 
 
-def test_the_tables_say_what_failed_and_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_tables_name_failed_checks_and_their_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = Artifact(name="motion.html", media_type="text/html", bytes=1)
     result = JobResult(kind="plan-motion", input={}, versions={}, references=[], summary=fallen(), artifacts=[page])
     show_plan(result, tmp_path)
@@ -268,32 +270,32 @@ def test_a_motion_that_stops_is_written_with_its_reason_and_ends_as_the_error(
         act(PlanRequest(walk), tmp_path / "out")
     assert refusal.value.code == "whole-body-failed"
     assert (tmp_path / "out" / "motion.html").is_file()
-    kept = json.loads((tmp_path / "out" / "result.json").read_text())["summary"]
-    assert kept["stopped"]["time_s"] == 0.4
+    summary = json.loads((tmp_path / "out" / "result.json").read_text())["summary"]
+    assert summary["stopped"]["time_s"] == 0.4
     assert "stopped at 0.40 s in phase 0: level 0" in capsys.readouterr().out
 
 
 @pytest.fixture
 def service(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ScriptedService:
-    made = ScriptedService()
+    job_input = ScriptedService()
     result = {"versions": {"stridelab": "9"}, "references": [], "summary": fallen()}
-    made.done = {"kind": "plan-motion", "input": {}, "result": result}
-    made.files = tmp_path / "there"
-    made.files.mkdir()
-    made.artifact = "motion.viser"
-    (made.files / "motion.viser").write_bytes(b"recorded")
-    monkeypatch.setattr(remote, "Client", made)
-    return made
+    job_input.done = {"kind": "plan-motion", "input": {}, "result": result}
+    job_input.files = tmp_path / "there"
+    job_input.files.mkdir()
+    job_input.artifact = "motion.viser"
+    (job_input.files / "motion.viser").write_bytes(b"recorded")
+    monkeypatch.setattr(remote, "Client", job_input)
+    return job_input
 
 
-def test_a_service_is_sent_the_scenario_and_its_files_come_home(
+def test_the_scenario_is_sent_to_the_service_and_the_files_are_downloaded(
     service: ScriptedService, walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     act(PlanRequest(walk), tmp_path / "out", server="http://lab:8000", token="secret")
-    told = dict(service.calls)
-    assert told["client"] == ("http://lab:8000", "secret")
-    kind, asked, keyed = told["submit"]
-    assert (kind, asked.scenario, asked.scenario_id, asked.replay, keyed) == (
+    calls = dict(service.calls)
+    assert calls["client"] == ("http://lab:8000", "secret")
+    kind, job_input, key = calls["submit"]
+    assert (kind, job_input.scenario, job_input.scenario_id, job_input.replay, key) == (
         "plan-motion",
         short_walk(),
         None,
@@ -306,13 +308,13 @@ def test_a_service_is_sent_the_scenario_and_its_files_come_home(
     assert "certificate not passed" in capsys.readouterr().out
 
 
-def test_what_is_no_file_is_the_id_of_a_scenario_there(service: ScriptedService, tmp_path: Path) -> None:
+def test_an_argument_that_is_no_file_is_the_id_of_a_stored_scenario(service: ScriptedService, tmp_path: Path) -> None:
     act(PlanRequest("0123abcd"), tmp_path / "out", server="http://lab:8000")
-    asked = dict(service.calls)["submit"][1]
-    assert (asked.scenario_id, asked.scenario) == ("0123abcd", None)
+    job_input = dict(service.calls)["submit"][1]
+    assert (job_input.scenario_id, job_input.scenario) == ("0123abcd", None)
 
 
-def test_a_failed_plan_there_is_not_estimable_with_its_stage(
+def test_a_plan_that_fails_on_the_service_is_not_estimable_with_its_stage(
     service: ScriptedService, walk: str, tmp_path: Path
 ) -> None:
     service.ends = ("failed", problem(422, "plan-not-converged"))
@@ -323,7 +325,7 @@ def test_a_failed_plan_there_is_not_estimable_with_its_stage(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_motion_that_stops_there_comes_home_before_the_error(
+def test_a_motion_that_stops_on_the_service_is_downloaded_before_the_error(
     service: ScriptedService, walk: str, tmp_path: Path
 ) -> None:
     service.ends = ("failed", problem(422, "whole-body-failed"))
@@ -343,14 +345,14 @@ def test_a_scenario_that_the_service_refuses_is_invalid_input(
 
 def test_the_demo_does_both_main_jobs(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     demo.run_demo(out_dir=tmp_path / "demo", force=False, stairs=walk)
-    shown = capsys.readouterr().out
+    output = capsys.readouterr().out
     com_files = {"com.parquet", "com.csv", "com.c3d", "result.json", "references.bib", "truth.parquet", "truth.csv"}
     assert {path.name for path in (tmp_path / "demo" / "walk").iterdir()} == com_files
     climb = {path.name for path in (tmp_path / "demo" / "climb").iterdir()}
     assert PLAN_FILES | {"motion.npz", "motion.viser", "motion.html", "replay.npz", "certificate.json"} <= climb
     for words in ("RMS error, mm", "markers only", "certificate passed", "replay completed", "motion.html"):
-        assert words in shown
-    assert str(tmp_path / "demo" / "climb" / "motion.html") in shown
+        assert words in output
+    assert str(tmp_path / "demo" / "climb" / "motion.html") in output
 
 
 def test_the_demo_refuses_before_any_work(tmp_path: Path) -> None:

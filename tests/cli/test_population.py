@@ -39,14 +39,14 @@ def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
 
 @dataclass
 class FakeStudy:
-    """The job's function, without its numbers: what it was asked, with the files as they lay before it."""
+    """Stands in for the job's function: records its task and the files of its folder."""
 
-    asked: StudyPopulationTask | None = None
+    task: StudyPopulationTask | None = None
     files: Mapping[str, bytes] | None = None
     fails: StridelabError | None = None
 
     def __call__(self, task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> Outcome:
-        self.asked = task
+        self.task = task
         self.files = {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
         progress(0.5, "half")
         if self.fails is not None:
@@ -59,9 +59,9 @@ class FakeStudy:
 
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> FakeStudy:
-    made = FakeStudy()
-    monkeypatch.setattr(study_population, "run", made)
-    return made
+    fake_study = FakeStudy()
+    monkeypatch.setattr(study_population, "run", fake_study)
+    return fake_study
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ def table(folder: Path, text: str) -> Path:
     return folder / "who.csv"
 
 
-def test_two_walks_and_a_broken_file(run: Run, tmp_path: Path) -> None:
+def test_a_study_of_two_walks_and_a_broken_file_names_the_broken_one(run: Run, tmp_path: Path) -> None:
     """The job itself: the sample walk, and the same walk with more padding behind it, as two people."""
     trial = (SAMPLE / "recording.c3d").read_bytes()
     for name, content in (("a.c3d", trial), ("b.c3d", trial + bytes(512)), ("broken.c3d", b"no recording")):
@@ -99,7 +99,7 @@ def test_two_walks_and_a_broken_file(run: Run, tmp_path: Path) -> None:
     ]
     assert one.n_steps == other.n_steps > 0
     assert one.recordings == ["a.c3d"]
-    assert [left.filename for left in summary.left_out] == ["broken.c3d"]
+    assert [left_out.filename for left_out in summary.left_out] == ["broken.c3d"]
     assert summary.method == "complementary"
     assert "carpentier2017thesis" in (tmp_path / "people" / "references.bib").read_text()
     rows = list(csv.DictReader(io.StringIO((tmp_path / "people" / "subjects.csv").read_text())))
@@ -109,8 +109,8 @@ def test_two_walks_and_a_broken_file(run: Run, tmp_path: Path) -> None:
 def test_tables_of_people_and_pairs(run: Run, fake: FakeStudy, lab: Path, tmp_path: Path) -> None:
     ran = run(lab)
     assert ran.code == 0, ran.err
-    for shown in ("P01", "C02", "children", "100.0 ± 4.0", "adults R", "height", "+0.10 to +0.90", "0.67", "turn.c3d"):
-        assert shown in ran.out
+    for text in ("P01", "C02", "children", "100.0 ± 4.0", "adults R", "height", "+0.10 to +0.90", "0.67", "turn.c3d"):
+        assert text in ran.out
     assert "(turning)" in ran.out
     assert "(groups-apart)" in ran.out
     assert "written population: correlations.csv" in ran.out
@@ -124,9 +124,9 @@ def test_json_is_the_result_and_the_options_arrive(run: Run, fake: FakeStudy, la
     assert result.kind == "study-population"
     expected = {"pooled": True, "seed": 7, "steps": "all", "method": "rts"}
     assert {name: result.input[name] for name in expected} == expected
-    assert fake.asked is not None
-    assert (fake.asked.pooled, fake.asked.seed) == (True, 7)
-    assert {(one.task.input.steps, one.task.input.method) for one in fake.asked.members} == {("all", "rts")}
+    assert fake.task is not None
+    assert (fake.task.pooled, fake.task.seed) == (True, 7)
+    assert {(one.task.input.steps, one.task.input.method) for one in fake.task.members} == {("all", "rts")}
 
 
 def test_a_folder_is_searched_and_the_table_names_people_and_static_trials(
@@ -135,9 +135,9 @@ def test_a_folder_is_searched_and_the_table_names_people_and_static_trials(
     who = table(tmp_path, "file;subject;height_m;static\na.c3d;P01;1.71;standing.c3d\nday-2/b.C3D;P02;;\n")
     ran = run(lab, "--subjects", who)
     assert ran.code == 0, ran.err
-    assert fake.asked is not None
+    assert fake.task is not None
     assert fake.files is not None
-    one, other = fake.asked.members
+    one, other = fake.task.members
     assert [m.task.recording.filename for m in (one, other)] == ["day-1/a.c3d", "day-2/b.C3D"]
     assert [m.person.subject for m in (one, other)] == ["P01", "P02"]
     assert one.task.recording.subject.height_m == 1.71
@@ -159,8 +159,8 @@ def test_trc_files_of_a_folder_and_of_a_zip_are_studied(run: Run, fake: FakeStud
     batch = zipped(tmp_path / "lab.zip", {"d.trc": b"d", "e.trc": b"e"})
     ran = run(lab, batch)
     assert ran.code == 0, ran.err
-    assert fake.asked is not None
-    studied = [member.task.recording.filename for member in fake.asked.members]
+    assert fake.task is not None
+    studied = [member.task.recording.filename for member in fake.task.members]
     assert studied == ["day-1/a.c3d", "day-1/c.trc", "day-2/b.C3D", "standing.c3d", "d.trc", "e.trc"]
 
 
@@ -168,8 +168,8 @@ def test_a_zip_brings_its_files_and_its_table(run: Run, fake: FakeStudy, tmp_pat
     batch = zipped(tmp_path / "lab.zip", {"lab/a.c3d": b"a", "lab/who.csv": b"file,subject\na.c3d,P01\n"})
     ran = run(batch)
     assert ran.code == 0, ran.err
-    assert fake.asked is not None
-    assert [(m.task.recording.filename, m.person.subject) for m in fake.asked.members] == [("lab/a.c3d", "P01")]
+    assert fake.task is not None
+    assert [(m.task.recording.filename, m.person.subject) for m in fake.task.members] == [("lab/a.c3d", "P01")]
     again = run(batch, "--subjects", table(tmp_path, "file\na.c3d\n"), "--force")
     assert (again.code, "(subject-table-twice)" in again.err) == (2, True)
 
@@ -191,11 +191,11 @@ def test_a_bad_table_is_named_by_line_and_column(
     assert "(subject-table-invalid)" in ran.err
     assert f"  {where}: " in ran.err
     assert ran.out == ""
-    assert fake.asked is None
+    assert fake.task is None
     assert {path.name for path in tmp_path.iterdir()} == {"lab", "who.csv"}
 
 
-def test_missing_empty_and_twice_given_files(run: Run, fake: FakeStudy, lab: Path, tmp_path: Path) -> None:
+def test_missing_empty_and_repeated_files_are_refused(run: Run, fake: FakeStudy, lab: Path, tmp_path: Path) -> None:
     missing = run(tmp_path / "missing.c3d")
     assert missing.code == 3
     assert "missing.c3d" in missing.err
@@ -206,7 +206,7 @@ def test_missing_empty_and_twice_given_files(run: Run, fake: FakeStudy, lab: Pat
     shutil.copyfile(lab / "standing.c3d", tmp_path / "copy.c3d")
     twice = run(lab, tmp_path / "copy.c3d")
     assert (twice.code, "(recording-twice)" in twice.err) == (2, True)
-    assert fake.asked is None
+    assert fake.task is None
     assert not (tmp_path / "population").exists()
 
 
@@ -226,7 +226,7 @@ def test_a_study_that_fails_leaves_nothing(run: Run, fake: FakeStudy, lab: Path,
     assert {path.name for path in tmp_path.iterdir()} == {"lab"}
 
 
-def test_nothing_that_can_be_fitted(run: Run, tmp_path: Path) -> None:
+def test_a_study_without_any_fit_is_refused(run: Run, tmp_path: Path) -> None:
     (tmp_path / "broken.c3d").write_bytes(b"no recording")
     ran = run(tmp_path / "broken.c3d")
     assert (ran.code, "(nothing-fitted)" in ran.err) == (4, True)
@@ -241,11 +241,11 @@ class LabService(ScriptedService):
     def upload_batch(
         self, files: Sequence[tuple[str, Path]], table: str | None = None, *, progress: Any = None
     ) -> RecordingBatch:
-        taken = [(name, path) for name, path in files if name not in self.refused]
+        accepted = [(name, path) for name, path in files if name not in self.refused]
         self._note("upload_batch", [name for name, _ in files])
         progress(10, 10)
         recordings = []
-        for name, path in taken:
+        for name, path in accepted:
             stored = ScriptedService.upload(self, path)
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
             recordings.append(stored.model_copy(update={"id": f"id-of-{name}", "filename": name, "sha256": digest}))
@@ -255,16 +255,16 @@ class LabService(ScriptedService):
 
 @pytest.fixture
 def service(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> LabService:
-    made = LabService()
-    made.files = tmp_path / "served"
-    made.files.mkdir()
-    made.artifact = "subjects.csv"
-    (made.files / made.artifact).write_text("subject\n")
-    given = {"recording_ids": ["a"]}
-    done = results.population_result(given).model_dump(mode="json", exclude={"kind", "input"})
-    made.done = {"kind": "study-population", "input": given, "result": done}
-    monkeypatch.setattr(remote, "Client", made)
-    return made
+    lab_service = LabService()
+    lab_service.files = tmp_path / "served"
+    lab_service.files.mkdir()
+    lab_service.artifact = "subjects.csv"
+    (lab_service.files / lab_service.artifact).write_text("subject\n")
+    job_input = {"recording_ids": ["a"]}
+    summary = results.population_result(job_input).model_dump(mode="json", exclude={"kind", "input"})
+    lab_service.done = {"kind": "study-population", "input": job_input, "result": summary}
+    monkeypatch.setattr(remote, "Client", lab_service)
+    return lab_service
 
 
 def test_on_a_service_files_statics_people_and_options_arrive(
@@ -273,15 +273,15 @@ def test_on_a_service_files_statics_people_and_options_arrive(
     who = table(tmp_path, "file,subject,static\nday-1/a.c3d,P01,standing.c3d\n")
     ran = run(lab, "--subjects", who, "--server", "http://lab:8000", "--token", "secret", "--pooled", "--out", "there")
     assert ran.code == 0, ran.err
-    told = dict(service.calls)
-    assert told["client"] == ("http://lab:8000", "secret")
-    assert told["upload_batch"] == ["day-1/a.c3d", "day-2/b.C3D", "standing.c3d"]
-    assert told["patch"][0] == "id-of-day-1/a.c3d"
-    assert told["patch"][1].static_recording_id == "id-of-standing.c3d"
-    kind, asked, keyed = told["submit"]
-    assert (kind, keyed, asked.pooled) == ("study-population", True, True)
-    assert asked.recording_ids == ["id-of-day-1/a.c3d", "id-of-day-2/b.C3D"]
-    assert [(row.recording_id, row.subject) for row in asked.subjects] == [("id-of-day-1/a.c3d", "P01")]
+    calls = dict(service.calls)
+    assert calls["client"] == ("http://lab:8000", "secret")
+    assert calls["upload_batch"] == ["day-1/a.c3d", "day-2/b.C3D", "standing.c3d"]
+    assert calls["patch"][0] == "id-of-day-1/a.c3d"
+    assert calls["patch"][1].static_recording_id == "id-of-standing.c3d"
+    kind, job_input, keyed = calls["submit"]
+    assert (kind, keyed, job_input.pooled) == ("study-population", True, True)
+    assert job_input.recording_ids == ["id-of-day-1/a.c3d", "id-of-day-2/b.C3D"]
+    assert [(row.recording_id, row.subject) for row in job_input.subjects] == [("id-of-day-1/a.c3d", "P01")]
     assert {path.name for path in (tmp_path / "there").iterdir()} == {"subjects.csv", "result.json", "references.bib"}
     assert "P01" in ran.out
 
@@ -295,9 +295,9 @@ def test_on_a_service_refused_files_are_named_and_the_rest_studied(
     assert ran.code == 0, ran.err
     assert "refused day-1/a.c3d: It is damaged." in ran.err
     assert JobResult.model_validate_json(ran.out).kind == "study-population"
-    asked = dict(service.calls)["submit"][1]
-    assert asked.recording_ids == ["id-of-day-2/b.C3D", "id-of-standing.c3d"]
-    assert [row.subject for row in asked.subjects] == ["P02"]
+    job_input = dict(service.calls)["submit"][1]
+    assert job_input.recording_ids == ["id-of-day-2/b.C3D", "id-of-standing.c3d"]
+    assert [row.subject for row in job_input.subjects] == ["P02"]
 
 
 @pytest.mark.parametrize(
@@ -312,7 +312,7 @@ def test_a_refusal_of_the_service_is_an_exit_code(
     assert not (tmp_path / "population").exists()
 
 
-def test_a_job_that_fails_on_the_service(run: Run, service: LabService, lab: Path, tmp_path: Path) -> None:
+def test_a_failed_job_of_the_service_is_an_error(run: Run, service: LabService, lab: Path, tmp_path: Path) -> None:
     service.ends = ("failed", problem(422, "nothing-fitted"))
     ran = run(lab, "--server", "http://lab:8000")
     assert (ran.code, "(nothing-fitted)" in ran.err) == (4, True)

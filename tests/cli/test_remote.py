@@ -18,14 +18,14 @@ WALK = Walk(SAMPLE / "recording.c3d")
 
 @pytest.fixture
 def service(monkeypatch: pytest.MonkeyPatch) -> ScriptedService:
-    made = ScriptedService()
-    monkeypatch.setattr(remote, "Client", made)
-    return made
+    scripted = ScriptedService()
+    monkeypatch.setattr(remote, "Client", scripted)
+    return scripted
 
 
-def ask(folder: Path, walk: Walk = WALK, **asked: Any) -> JobResult:
+def ask(folder: Path, walk: Walk = WALK, **options: Any) -> JobResult:
     folder.mkdir(exist_ok=True)
-    request = EstimateRequest(walk, **asked)
+    request = EstimateRequest(walk, **options)
     return remote.estimate_remotely(request, folder, Delivery(server="http://lab:8000", token="secret"))
 
 
@@ -33,11 +33,11 @@ def test_upload_job_and_download_in_order(service: ScriptedService, tmp_path: Pa
     result = ask(tmp_path, replace(WALK, height_m=1.7))
     names = [call for call, _ in service.calls]
     assert names == ["client", "upload", "submit", "events", "wait", "result", "download", "close"]
-    told = dict(service.calls)
-    assert told["client"] == ("http://lab:8000", "secret")
-    assert told["upload"][1].height_m == 1.7
-    assert told["submit"][1].recording_id == "id-of-recording.c3d"
-    assert told["submit"][2] is True
+    calls = dict(service.calls)
+    assert calls["client"] == ("http://lab:8000", "secret")
+    assert calls["upload"][1].height_m == 1.7
+    assert calls["submit"][1].recording_id == "id-of-recording.c3d"
+    assert calls["submit"][2] is True
     assert {p.name for p in tmp_path.iterdir()} == {"com.csv", "result.json", "references.bib"}
     assert result.versions == DONE["result"]["versions"], "the versions are those of the machine that computed"
 
@@ -74,7 +74,7 @@ def test_a_marker_set_is_sent_as_the_map_of_the_recording(service: ScriptedServi
         ("upload", 500, StridelabError),
     ],
 )
-def test_a_refusal_of_the_service_is_the_error_a_user_would_get_here(
+def test_a_refusal_of_the_service_is_the_same_error_as_locally(
     service: ScriptedService, tmp_path: Path, call: str, status: int, kind: type[StridelabError]
 ) -> None:
     service.refuse[call] = ProblemError(problem(status, "some-code"), 3.0)
@@ -93,14 +93,14 @@ def test_a_failed_job_is_not_estimable_with_its_own_code(service: ScriptedServic
     assert refusal.value.code == "no-plates"
 
 
-def test_a_cancelled_job_is_said(service: ScriptedService, tmp_path: Path) -> None:
+def test_a_cancelled_job_is_reported(service: ScriptedService, tmp_path: Path) -> None:
     service.ends = ("cancelled", None)
     with pytest.raises(StridelabError) as refusal:
         ask(tmp_path)
     assert refusal.value.code == "job-cancelled"
 
 
-def test_ctrl_c_cancels_there_too(service: ScriptedService, tmp_path: Path) -> None:
+def test_ctrl_c_cancels_the_job_on_the_service(service: ScriptedService, tmp_path: Path) -> None:
     service.refuse["wait"] = KeyboardInterrupt()
     with pytest.raises(KeyboardInterrupt):
         ask(tmp_path)
@@ -108,7 +108,9 @@ def test_ctrl_c_cancels_there_too(service: ScriptedService, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", ["../evil", "a/b", "..", ""])
-def test_a_service_cannot_make_us_write_elsewhere(service: ScriptedService, tmp_path: Path, name: str) -> None:
+def test_file_names_of_the_service_do_not_leave_the_output_folder(
+    service: ScriptedService, tmp_path: Path, name: str
+) -> None:
     service.artifact = name
     with pytest.raises(StridelabError) as refusal:
         ask(tmp_path / "out")
@@ -116,7 +118,7 @@ def test_a_service_cannot_make_us_write_elsewhere(service: ScriptedService, tmp_
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
-def test_nothing_is_sent_for_options_that_make_no_sense(service: ScriptedService, tmp_path: Path) -> None:
+def test_nothing_is_sent_for_invalid_options(service: ScriptedService, tmp_path: Path) -> None:
     with pytest.raises(InvalidInput):
         ask(tmp_path, estimation=Estimation(latency="soon"))
     assert service.calls == []

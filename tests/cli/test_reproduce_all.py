@@ -1,4 +1,4 @@
-"""``stridelab reproduce --all`` on two quick items: a report, nothing twice, a failure told with an exit code."""
+"""``stridelab reproduce --all`` on two quick items: one report, each item computed once, an exit code for failures."""
 
 import json
 import sys
@@ -26,9 +26,9 @@ def test_all_items_are_in_one_report_and_computed_once(
 ) -> None:
     out_dir = tmp_path / "new" / "folder"
     assert everything(out_dir)
-    shown = capsys.readouterr().out
-    assert "claims of 2 items" in shown
-    assert str(out_dir / REPORT) in shown.replace("\n", "")
+    output = capsys.readouterr().out
+    assert "claims of 2 items" in output
+    assert str(out_dir / REPORT) in output.replace("\n", "")
     text = (out_dir / REPORT).read_text(encoding="utf-8")
     assert all(f'<section id="{name}">' in text for name in QUICK)
     assert text.count("<svg") == 2
@@ -41,14 +41,14 @@ def test_all_items_are_in_one_report_and_computed_once(
     monkeypatch.setattr(fig_2_5, "bode_responses", broken)
     # Processes that compute items are forked from this one, whatever threads other tests left, and see the change.
     monkeypatch.setattr(parallel, "_has_one_thread", lambda: True)
-    assert everything(out_dir), "what is kept needs no filters"
+    assert everything(out_dir), "cached results need no filters"
     capsys.readouterr()
     assert not everything(out_dir, anew=True, as_json=True)
     captured = capsys.readouterr()
-    told = json.loads(captured.out)
-    assert told["items"]["fig-2.5"] == "failed"
-    assert told["items"]["fig-4.3"] != "failed"
-    assert told["claims"]["met"] > 0
+    report = json.loads(captured.out)
+    assert report["items"]["fig-2.5"] == "failed"
+    assert report["items"]["fig-4.3"] != "failed"
+    assert report["claims"]["met"] > 0
     assert "RuntimeError: the filters are gone" in captured.err
     assert "Not computed: RuntimeError: the filters are gone" in (out_dir / REPORT).read_text(encoding="utf-8")
 
@@ -65,7 +65,7 @@ def test_all_items_are_in_one_report_and_computed_once(
         (["--all", "--seeds", "201"], "--seeds"),
     ],
 )
-def test_what_cannot_be_meant_is_refused_before_anything_is_computed(
+def test_invalid_arguments_are_refused_before_anything_is_computed(
     arguments: list[str],
     where: str,
     tmp_path: Path,
@@ -82,7 +82,7 @@ def test_what_cannot_be_meant_is_refused_before_anything_is_computed(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_place_that_cannot_be_written_is_told_first(tmp_path: Path) -> None:
+def test_an_unwritable_folder_is_reported_before_any_work(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(InvalidInput) as refused:
         everything(tmp_path / "file")

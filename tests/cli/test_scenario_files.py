@@ -29,7 +29,7 @@ def test_a_file_and_a_bundled_name_are_scenarios(tmp_path: Path) -> None:
         assert isinstance(read_scenario(name), Scenario)
 
 
-def test_a_file_here_goes_before_a_bundled_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_local_file_takes_precedence_over_a_bundled_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "six-stairs").write_text(short_walk().model_dump_json())
     assert read_scenario("six-stairs") == short_walk()
@@ -47,7 +47,7 @@ def test_a_file_here_goes_before_a_bundled_name(tmp_path: Path, monkeypatch: pyt
         (b"{}", InvalidInput, "scenario-invalid", "name"),
     ],
 )
-def test_what_is_no_scenario_is_one_clear_sentence(
+def test_an_invalid_scenario_is_refused_in_one_sentence(
     tmp_path: Path, content: bytes, kind: type[StridelabError], code: str, words: str
 ) -> None:
     with pytest.raises(kind) as refusal:
@@ -56,7 +56,7 @@ def test_what_is_no_scenario_is_one_clear_sentence(
     assert words in refusal.value.message
 
 
-def test_a_name_that_is_nothing_lists_what_there_is() -> None:
+def test_an_unknown_name_lists_the_bundled_scenarios() -> None:
     with pytest.raises(NotFound) as refusal:
         read_scenario("seven-stairs")
     assert refusal.value.code == "scenario-not-found"

@@ -35,8 +35,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         recording = record(walk, noise, k, lab="two_plates").recording
         write_c3d(home / f"walk{k}.c3d", recording)
         if k == 0:
-            held = {label: track[:1].repeat(30, axis=0) for label, track in recording.markers_m.items()}
-            still = replace(recording, markers_m=held, plates=(), events=(), walking_direction=None, subject=Subject())
+            first_frame = {label: track[:1].repeat(30, axis=0) for label, track in recording.markers_m.items()}
+            still = replace(
+                recording, markers_m=first_frame, plates=(), events=(), walking_direction=None, subject=Subject()
+            )
             write_c3d(home / "standing.c3d", still)
     return home
 
@@ -59,13 +61,13 @@ def results(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_walk_of_a_folder_has_a_result_with_the_values_of_the_session(results: Path) -> None:
     assert {path.name for path in results.iterdir()} == {"walk0-com", "walk1-com", "walk2-com"}
-    found = [summary(results / f"walk{k}-com") for k in range(3)]
-    assert {one["latency_source"] for one in found} == {"session"}
-    assert {one["latency_n_trials"] for one in found} == {3}
-    assert len({one["latency_applied_s"] for one in found}) == 1
-    assert found[0]["latency_s"] == pytest.approx(0.018, abs=0.002)
-    assert len({one["latency_trial_s"] for one in found}) == 3
-    for one in found:
+    summaries = [summary(results / f"walk{k}-com") for k in range(3)]
+    assert {one["latency_source"] for one in summaries} == {"session"}
+    assert {one["latency_n_trials"] for one in summaries} == {3}
+    assert len({one["latency_applied_s"] for one in summaries}) == 1
+    assert summaries[0]["latency_s"] == pytest.approx(0.018, abs=0.002)
+    assert len({one["latency_trial_s"] for one in summaries}) == 3
+    for one in summaries:
         assert one["session"]["static_recording_id"] == "standing"
         assert "static-from-session" in {remark["code"] for remark in one["warnings"]}
 
@@ -88,7 +90,7 @@ def test_the_order_of_the_files_does_not_matter(folder: Path, results: Path, tmp
     assert [one["input"]["recording_id"] for one in printed] == ["walk2.c3d", "walk0.c3d", "walk1.c3d"]
 
 
-def test_what_cannot_be_estimated_is_named_and_the_others_are_not_held_up(folder: Path, tmp_path: Path) -> None:
+def test_a_walk_without_an_estimate_is_named_and_the_others_are_estimated(folder: Path, tmp_path: Path) -> None:
     broken = tmp_path / "broken.c3d"
     broken.write_bytes(b"no recording at all")
     answer = run(folder / "walk0.c3d", folder / "walk1.c3d", broken, "--out", tmp_path / "out")
@@ -101,7 +103,7 @@ def test_what_cannot_be_estimated_is_named_and_the_others_are_not_held_up(folder
     ("words", "code"),
     [(("--server", "http://127.0.0.1:1"), "option-invalid"), (("--latency", "x"), "option-invalid")],
 )
-def test_what_makes_no_sense_is_refused(folder: Path, tmp_path: Path, words: tuple[str, ...], code: str) -> None:
+def test_invalid_values_are_refused(folder: Path, tmp_path: Path, words: tuple[str, ...], code: str) -> None:
     answer = run(folder, *words, "--out", tmp_path / "out")
     assert answer.exit_code != 0
     assert isinstance(answer.exception, StridelabError | SystemExit)
@@ -124,18 +126,18 @@ def member(name: str, parent: str, height_m: float | None = None, day: str | Non
     return Member(Path(parent) / name, name, TrialFacts(name, name, name, facts(subject=known, recorded_on=day)))
 
 
-def test_who_belongs_together() -> None:
+def test_recordings_are_grouped_by_person_and_day() -> None:
     first = [member("a1", "/lab/a", 1.7), member("a2", "/lab/a", 1.7), member("a_static", "/lab/a")]
     second = [member("b1", "/lab/b", 1.8), member("b_static", "/lab/b")]
-    found = sessions_of([*first, *second])
-    assert found["a1"] == found["a2"] == found["a_static"] != found["b1"] == found["b_static"]
+    sessions = sessions_of([*first, *second])
+    assert sessions["a1"] == sessions["a2"] == sessions["a_static"] != sessions["b1"] == sessions["b_static"]
     assert len(set(sessions_of(first).values())) == 1
     assert len(set(sessions_of([*first, *second], one_person=True).values())) == 1
     days = [member("c1", "/lab", 1.7, "2026-01-02"), member("c2", "/lab", 1.7, "2026-01-03")]
     assert len(set(sessions_of(days).values())) == 2
     strangers = [*first, *second, member("x", "/lab/x"), member("y", "/lab/y")]
-    found = sessions_of(strangers)
-    assert len({found["x"], found["y"], found["a1"], found["b1"]}) == 4
+    sessions = sessions_of(strangers)
+    assert len({sessions["x"], sessions["y"], sessions["a1"], sessions["b1"]}) == 4
 
 
 def test_a_trc_of_a_folder_is_estimated_unless_it_is_the_export_of_a_trial(folder: Path, tmp_path: Path) -> None:

@@ -42,26 +42,26 @@ def test_the_sample_is_replayed(service: Served, tmp_path: Path, capsys: pytest.
     figures = json.loads(capsys.readouterr().out)
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = list(csv.reader(file))
-    told = np.array(rows, dtype=float)
+    estimates = np.array(rows, dtype=float)
     assert tuple(header) == COLUMNS
-    assert len(told) == figures["samples"]
+    assert len(estimates) == figures["samples"]
     assert figures["method"] == "complementary"
-    assert figures["played_s"] >= (told[-1, 0] - told[0, 0]) / 4.0 - 0.01
+    assert figures["played_s"] >= (estimates[-1, 0] - estimates[0, 0]) / 4.0 - 0.01
     _, samples = prepare_samples(REQUEST, Replay(packed=True))
     geometry = np.array([sample.geometry_m for sample in samples])
-    assert told[:, 0] == pytest.approx([sample.time_s for sample in samples], abs=1e-5)
-    assert np.abs(told[:, 1:4] - geometry).max() < 0.05
-    assert np.abs(told[:, 1:3] - geometry[:, :2]).max() > 0.0, "the force says something"
+    assert estimates[:, 0] == pytest.approx([sample.time_s for sample in samples], abs=1e-5)
+    assert np.abs(estimates[:, 1:4] - geometry).max() < 0.05
+    assert np.abs(estimates[:, 1:3] - geometry[:, :2]).max() > 0.0, "the force says something"
 
 
 def test_the_summary_is_a_table(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
     stream_samples(REQUEST, Replay(speed=1000.0, block=50), as_json=False, server=service.base_url, token=None)
-    shown = capsys.readouterr().out
+    output = capsys.readouterr().out
     for name in ("method", "played", "answered", "last position", "its band"):
-        assert name in shown
+        assert name in output
 
 
-def test_the_smoother_is_asked_for_by_name(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_smoother_is_selected_by_name(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
     replay = Replay(method="smoother", ahead="1,0", speed=1000.0, block=50)
     stream_samples(REQUEST, replay, as_json=True, server=service.base_url, token=None)
     assert json.loads(capsys.readouterr().out)["method"] == "smoother"
@@ -84,7 +84,7 @@ def test_a_senseless_method_or_direction_is_refused_before_anything_is_sent(
     assert where in [fault.where for fault in refused.value.faults]
 
 
-def test_nobody_there_is_said_in_one_line() -> None:
+def test_an_unreachable_service_is_reported_in_one_line() -> None:
     with pytest.raises(Unavailable) as refused:
         stream_samples(REQUEST, Replay(speed=1000.0), as_json=False, server="http://127.0.0.1:9", token=None)
     assert refused.value.code == "service-unreachable"
@@ -132,19 +132,19 @@ def test_markers_are_replayed(service: Served, tmp_path: Path, capsys: pytest.Ca
         header, *rows = list(csv.reader(file))
     assert tuple(header) == FRAME_COLUMNS
     assert len(rows) == figures["samples"]
-    told = np.array([row[:11] for row in rows], dtype=float)
+    estimates = np.array([row[:11] for row in rows], dtype=float)
     _, samples = prepare_samples(
         EstimateRequest(REQUEST.walk, estimation=Estimation(segment_table="dumas2007")), Replay()
     )
     geometry = np.array([sample.geometry_m for sample in samples])
-    assert np.abs(told[100:, 1:4] - geometry[100:]).max() < 0.015
+    assert np.abs(estimates[100:, 1:4] - geometry[100:]).max() < 0.015
 
 
 def test_the_summary_of_a_live_walk_is_a_table(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
     stream_frames(REQUEST, Replay(speed=1000.0), as_json=False, server=service.base_url, token=None)
-    shown = capsys.readouterr().out
+    output = capsys.readouterr().out
     for name in ("marker set", "played", "answered", "without estimate", "without force", "last margin", "sideways"):
-        assert name in shown
+        assert name in output
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from support.robots.plans import short_walk
 @pytest.mark.parametrize(
     "typed", ["stride", "stride=1", "stride=1:2", "stride=1:2:x", "stride=a:2:3", "stride=1:2:3:4"]
 )
-def test_what_is_no_range_is_named(typed: str) -> None:
+def test_an_invalid_range_is_named(typed: str) -> None:
     with pytest.raises(InvalidInput) as refusal:
         parse_ranges([typed])
     assert refusal.value.faults[0].where == "--vary"
@@ -25,9 +25,9 @@ def test_what_is_no_range_is_named(typed: str) -> None:
 
 def test_ranges_become_the_jobs_input() -> None:
     request = SweepRequest("walk", ["stride=0.6:1.05:50", "friction=0.3:0.8:6"], solver="casadi", node_rate_hz=20.0)
-    asked = request.to_input(short_walk())
-    assert asked.vary == {"stride": (0.6, 1.05, 50), "friction": (0.3, 0.8, 6)}
-    assert (asked.points, asked.solver, asked.node_rate_hz) == (300, "casadi", 20.0)
+    job_input = request.to_input(short_walk())
+    assert job_input.vary == {"stride": (0.6, 1.05, 50), "friction": (0.3, 0.8, 6)}
+    assert (job_input.points, job_input.solver, job_input.node_rate_hz) == (300, "casadi", 20.0)
     with pytest.raises(InvalidInput):
         SweepRequest("walk", ["mass=1:2:3"]).to_input(short_walk())
 
@@ -40,11 +40,11 @@ def test_a_sweep_from_the_command_line(tmp_path: Path, monkeypatch: pytest.Monke
     file.write_text(short_walk().model_dump_json(exclude_unset=True))
     out = tmp_path / "out"
     command = ["sweep", str(file), "--vary", "timing=0.9:1.1:2", "--solver", "ipopt", "--node-rate", "5"]
-    done = CliRunner().invoke(app, [*command, "--out", str(out)], catch_exceptions=False)
-    assert done.exit_code == 0, done.output
+    result = CliRunner().invoke(app, [*command, "--out", str(out)], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
     assert (
         "2 of 2 scenarios have a motion (centre of mass only: whether the body can follow was not computed)"
-        in " ".join(done.output.split())
+        in " ".join(result.output.split())
     )
     assert sorted(path.name for path in out.iterdir()) == [
         "references.bib",

@@ -9,7 +9,7 @@ from stridelab.cli.app import app
 from stridelab.service.settings import Settings
 
 
-def test_a_token_from_its_making_to_its_end(database_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_token_is_created_listed_and_revoked(database_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stridelab.service.settings.current_settings", lambda: Settings(database_url=database_url))
 
     def typed(*arguments: str) -> tuple[int, str]:
@@ -27,6 +27,6 @@ def test_a_token_from_its_making_to_its_end(database_url: str, monkeypatch: pyte
     assert typed("revoke", "p07")[0] == 0
     assert typed("revoke", "p07")[0] != 0
     assert typed("list")[1] == ""
-    (kept,) = json.loads(typed("list", "--json")[1])
-    assert kept["revoked_at"] is not None
-    assert "hash" not in str(kept)
+    (token,) = json.loads(typed("list", "--json")[1])
+    assert token["revoked_at"] is not None
+    assert "hash" not in str(token)

@@ -18,7 +18,7 @@ from stridelab.schemas.base import Problem
 from stridelab.schemas.jobs import EstimateComInput, Job
 from stridelab.schemas.recordings import PlateSwitch, RecordingPatch, SubjectFields, SubjectInput
 from support.recordings.c3d_files import small_trial
-from support.service.stored_rows import add_job, add_recording, fail, report, start_job, succeed
+from support.service.stored_rows import add_job, add_recording, fail_attempt, publish_result, report_progress, start_job
 from support.service.web_server import Served
 
 
@@ -42,16 +42,16 @@ def test_a_running_service_is_healthy(lab: Client) -> None:
     assert lab.health().status == "ok"
 
 
-def test_an_upload_tells_its_progress(lab: Client, tmp_path: Path) -> None:
+def test_an_upload_reports_its_progress(lab: Client, tmp_path: Path) -> None:
     path = small_trial(tmp_path / 'Gang "Ü".c3d')
-    told: list[tuple[int, int]] = []
+    progress: list[tuple[int, int]] = []
     subject = SubjectFields(name="P7", height_m=1.71, sex="male")
-    recording = lab.upload(path, subject, progress=lambda sent, total: told.append((sent, total)))
+    recording = lab.upload(path, subject, progress=lambda sent, total: progress.append((sent, total)))
     assert recording.subject == subject
     assert recording.filename == "Gang %22Ü%22.c3d"
     assert recording.bytes == path.stat().st_size
-    assert told[-1] == (path.stat().st_size, path.stat().st_size)
-    assert [sent for sent, _ in told] == sorted({sent for sent, _ in told})
+    assert progress[-1] == (path.stat().st_size, path.stat().st_size)
+    assert [sent for sent, _ in progress] == sorted({sent for sent, _ in progress})
     assert lab.recording(recording.id) == recording
     assert lab.download_file(recording.id, tmp_path / "back.c3d").read_bytes() == path.read_bytes()
     assert lab.download_tracks(recording.id, tmp_path / "tracks.parquet").read_bytes()[:4] == b"PAR1"
@@ -71,7 +71,7 @@ def test_recordings_are_listed_changed_and_deleted(lab: Client, service: Served)
     assert (refused.value.status, refused.value.code) == (404, "recording-not-found")
 
 
-def test_a_refusal_carries_code_sentence_and_places(lab: Client, service: Served) -> None:
+def test_a_refusal_has_code_sentence_and_places(lab: Client, service: Served) -> None:
     recording_id = service.run(add_recording(service.parts))
     with pytest.raises(ProblemError) as refused:
         lab.patch_recording(recording_id, RecordingPatch(plates={9: PlateSwitch(use=False)}))
@@ -82,15 +82,15 @@ def test_a_refusal_carries_code_sentence_and_places(lab: Client, service: Served
 
 
 def test_a_subject_is_added_changed_and_deleted(lab: Client) -> None:
-    made = lab.add_subject(SubjectInput(name="P1", mass_kg=60.0))
-    assert lab.subject(made.subject_id) == made
-    assert lab.subjects(limit=1).items == [made]
-    changed = lab.patch_subject(made.subject_id, SubjectInput(height_m=1.7))
+    subject = lab.add_subject(SubjectInput(name="P1", mass_kg=60.0))
+    assert lab.subject(subject.subject_id) == subject
+    assert lab.subjects(limit=1).items == [subject]
+    changed = lab.patch_subject(subject.subject_id, SubjectInput(height_m=1.7))
     assert (changed.name, changed.height_m, changed.mass_kg) == ("P1", 1.7, 60.0)
-    assert lab.patch_subject(made.subject_id, SubjectInput(name=None)).name is None
-    lab.delete_subject(made.subject_id)
+    assert lab.patch_subject(subject.subject_id, SubjectInput(name=None)).name is None
+    lab.delete_subject(subject.subject_id)
     with pytest.raises(ProblemError, match="no subject"):
-        lab.subject(made.subject_id)
+        lab.subject(subject.subject_id)
 
 
 def test_a_job_from_submission_to_files(lab: Client, service: Served, tmp_path: Path) -> None:
@@ -102,7 +102,9 @@ def test_a_job_from_submission_to_files(lab: Client, service: Served, tmp_path: 
     assert [item.id for item in lab.jobs(recording_id=recording_id, kind="estimate-com", state="queued").items] == [
         job.id
     ]
-    service.run(succeed(service.parts, service.run(start_job(service.parts, job.id)), [("com.csv", "text/csv", b"x")]))
+    service.run(
+        publish_result(service.parts, service.run(start_job(service.parts, job.id)), [("com.csv", "text/csv", b"x")])
+    )
     assert lab.wait(job.id, timeout_s=5.0).state == "succeeded"
     assert lab.result(job.id).input == {"recording_id": recording_id, "method": "geometry"}
     assert lab.read_artifact(job.id, "com.csv") == b"x"
@@ -127,7 +129,7 @@ def later(work: Callable[[], Any], delay_s: float = 0.2) -> threading.Thread:
 def test_waiting_returns_as_soon_as_the_job_has_finished(lab: Client, service: Served) -> None:
     job_id = service.run(add_job(service.parts))
     attempt = service.run(start_job(service.parts, job_id))
-    thread = later(lambda: service.run(fail(service.parts, attempt)))
+    thread = later(lambda: service.run(fail_attempt(service.parts, attempt)))
     began_s = time.monotonic()
     job = lab.wait(job_id)
     assert job.state == "failed"
@@ -137,18 +139,18 @@ def test_waiting_returns_as_soon_as_the_job_has_finished(lab: Client, service: S
     thread.join()
 
 
-def test_waiting_gives_up_when_told_to(lab: Client, service: Served) -> None:
+def test_waiting_ends_at_its_time_limit(lab: Client, service: Served) -> None:
     with pytest.raises(TimeoutError, match="still queued"):
         lab.wait(service.run(add_job(service.parts)), timeout_s=0.2)
 
 
-def test_events_until_the_end(lab: Client, service: Served) -> None:
+def test_events_are_received_until_the_job_ends(lab: Client, service: Served) -> None:
     job_id = service.run(add_job(service.parts))
     attempt = service.run(start_job(service.parts, job_id))
 
     def work() -> None:
-        service.run(report(service.parts, attempt, 0.5, "half"))
-        service.run(succeed(service.parts, attempt))
+        service.run(report_progress(service.parts, attempt, 0.5, "half"))
+        service.run(publish_result(service.parts, attempt))
 
     thread = later(work)
     events = list(lab.events(job_id))
@@ -161,14 +163,14 @@ def test_events_until_the_end(lab: Client, service: Served) -> None:
 @pytest.mark.anyio
 async def test_the_asynchronous_client_does_the_same(service: Served, tmp_path: Path) -> None:
     path = small_trial(tmp_path / "walk.c3d", with_plate=False)
-    told: list[int] = []
+    progress: list[int] = []
     async with AsyncClient(service.base_url) as lab:
         assert (await lab.health()).status == "ok"
-        recording = await lab.upload(path, progress=lambda sent, total: told.append(sent))
-        assert told[-1] == recording.bytes
+        recording = await lab.upload(path, progress=lambda sent, total: progress.append(sent))
+        assert progress[-1] == recording.bytes
         job = await lab.submit("estimate-com", {"recording_id": recording.id})
         attempt = service.run(start_job(service.parts, job.id))
-        thread = later(lambda: service.run(succeed(service.parts, attempt, [("com.csv", "text/csv", b"x")])))
+        thread = later(lambda: service.run(publish_result(service.parts, attempt, [("com.csv", "text/csv", b"x")])))
         assert [event.state async for event in lab.events(job.id)][-1] == "succeeded"
         thread.join()
         assert (await lab.wait(job.id)).state == "succeeded"
@@ -210,24 +212,24 @@ class Broken(httpx.SyncByteStream):
 
 def test_an_interrupted_stream_is_resumed_without_losing_or_repeating(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "sleep", lambda _: None)
-    asked: list[str | None] = []
+    requested_ids: list[str | None] = []
 
     def handler(request: httpx.Request) -> httpx.Response:
-        asked.append(request.headers.get("last-event-id"))
-        if len(asked) == 1:
+        requested_ids.append(request.headers.get("last-event-id"))
+        if len(requested_ids) == 1:
             return httpx.Response(200, stream=Broken())
-        if len(asked) == 2:
+        if len(requested_ids) == 2:
             return httpx.Response(503, json={"title": "-", "status": 503, "code": "c", "detail": "d"})
-        if len(asked) == 3:
+        if len(requested_ids) == 3:
             return httpx.Response(200, text=": nothing yet\n\n" + event(3, "running"))
         return httpx.Response(200, text=event(4, "succeeded"))
 
     with answering(handler) as lab:
         assert [e.seq for e in lab.events("j")] == [1, 2, 3, 4]
-    assert asked == [None, "2", "2", "3"]
+    assert requested_ids == [None, "2", "2", "3"]
 
 
-def test_a_service_that_is_gone_is_told_after_some_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unreachable_service_is_reported_after_some_retries(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "sleep", lambda _: None)
     tries = 0
 
@@ -264,12 +266,12 @@ def test_waiting_survives_a_restart_of_the_service(monkeypatch: pytest.MonkeyPat
         assert lab.wait("j").state == "succeeded"
 
 
-def test_a_newer_service_may_say_more() -> None:
+def test_unknown_fields_of_a_newer_service_are_ignored() -> None:
     with answering(lambda _: httpx.Response(200, json={**JOB, "mood": "good"})) as lab:
         assert lab.job("j") == Job.model_validate(JOB)
 
 
-def test_nonsense_is_told_as_such() -> None:
+def test_an_answer_that_is_not_json_is_reported() -> None:
     with (
         answering(lambda _: httpx.Response(200, text="<html>")) as lab,
         pytest.raises(ClientError, match="cannot parse"),
@@ -285,7 +287,7 @@ def test_a_refusal_of_a_proxy_is_a_problem_too() -> None:
     assert (refused.value.status, refused.value.code) == (502, "http-error")
 
 
-def test_a_full_queue_says_when_to_come_back() -> None:
+def test_a_full_queue_is_refused_with_retry_after() -> None:
     problem = Problem(title="Too Many Requests", status=429, code="queue-full", detail="Full.")
     answer = httpx.Response(429, json=problem.model_dump(), headers={"Retry-After": "5"})
     with answering(lambda _: answer) as lab, pytest.raises(ProblemError) as refused:
@@ -293,20 +295,20 @@ def test_a_full_queue_says_when_to_come_back() -> None:
     assert refused.value.retry_after_s == 5.0
 
 
-def test_token_and_odd_ids_travel_safely() -> None:
-    seen: list[httpx.Request] = []
+def test_tokens_and_unusual_ids_are_sent_safely() -> None:
+    requests: list[httpx.Request] = []
 
     def handler(request: httpx.Request) -> httpx.Response:
-        seen.append(request)
+        requests.append(request)
         return httpx.Response(200, json=JOB)
 
     with Client("http://lab", token="t", transport=httpx.MockTransport(handler)) as lab:
         lab.job("../x?y#z", wait_s=2.0)
-    assert seen[0].headers["authorization"] == "Bearer t"
-    assert seen[0].url.raw_path == b"/api/v1/jobs/..%2Fx%3Fy%23z?wait=2"
+    assert requests[0].headers["authorization"] == "Bearer t"
+    assert requests[0].url.raw_path == b"/api/v1/jobs/..%2Fx%3Fy%23z?wait=2"
 
 
-def test_the_announced_length_of_an_upload_is_true(tmp_path: Path) -> None:
+def test_the_announced_length_of_an_upload_is_that_of_its_body(tmp_path: Path) -> None:
     path = tmp_path / 'a"b\\ü\n.c3d'
     path.write_bytes(b"\x00" * 600_001)
     subject = SubjectFields(name="Ü\r\nx", mass_kg=60.5, age_years=0.0)

@@ -39,30 +39,30 @@ def drawn(service: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> I
 def test_a_scenario_from_storing_to_deletion(lab: Client, service: Served) -> None:
     service.run(scenarios.seed_scenarios(service.parts.engine))
     body = Scenario.model_validate(one_step())
-    made = lab.add_scenario(body)
-    assert (made.name, made.bundled) == ("One step", False)
-    assert lab.scenario(made.id) == made
+    stored = lab.add_scenario(body)
+    assert (stored.name, stored.bundled) == ("One step", False)
+    assert lab.scenario(stored.id) == stored
     page = lab.scenarios(limit=1)
-    assert page.items == [made]
+    assert page.items == [stored]
     assert all(item.bundled for item in lab.scenarios(cursor=page.next).items)
 
-    changed = made.model_copy(update={"name": "Another"})
-    put = lab.put_scenario(made.id, changed)  # sent back as it came
-    assert (put.id, put.name, put.phases) == (made.id, "Another", made.phases)
+    changed = stored.model_copy(update={"name": "Another"})
+    put = lab.put_scenario(stored.id, changed)  # sent back as it came
+    assert (put.id, put.name, put.phases) == (stored.id, "Another", stored.phases)
     with pytest.raises(ProblemError) as late:
-        lab.put_scenario(made.id, body, unless_changed=made)
+        lab.put_scenario(stored.id, body, unless_changed=stored)
     assert (late.value.status, late.value.code) == (412, "scenario-changed")
-    assert lab.put_scenario(made.id, changed, unless_changed=put).phases == made.phases
+    assert lab.put_scenario(stored.id, changed, unless_changed=put).phases == stored.phases
     copy = lab.add_scenario(lab.scenario(scenarios.EXAMPLE_ID))
     assert copy.bundled is False
     with pytest.raises(ProblemError) as refused:
         lab.put_scenario(scenarios.EXAMPLE_ID, body)
     assert (refused.value.status, refused.value.code) == (409, "scenario-read-only")
-    for each in (made.id, copy.id):
+    for each in (stored.id, copy.id):
         lab.delete_scenario(each)
-        with pytest.raises(ProblemError) as gone:
+        with pytest.raises(ProblemError) as missing:
             lab.scenario(each)
-        assert gone.value.code == "scenario-not-found"
+        assert missing.value.code == "scenario-not-found"
 
 
 def test_a_check_and_a_refusal_name_the_same_places(lab: Client) -> None:
@@ -88,11 +88,11 @@ def test_a_plan_at_once_needs_the_fast_solver(lab: Client) -> None:
 
 
 def test_plans_of_a_scenario(lab: Client) -> None:
-    made = lab.add_scenario(one_step())
-    job = lab.submit("plan-motion", PlanMotionInput(scenario_id=made.id))
-    assert job.scenario_id == made.id
-    assert lab.jobs(scenario_id=made.id).items == [job]
-    assert lab.jobs(scenario_id=made.id, state="failed").items == []
+    stored = lab.add_scenario(one_step())
+    job = lab.submit("plan-motion", PlanMotionInput(scenario_id=stored.id))
+    assert job.scenario_id == stored.id
+    assert lab.jobs(scenario_id=stored.id).items == [job]
+    assert lab.jobs(scenario_id=stored.id, state="failed").items == []
 
 
 def test_facts_meshes_and_reach_of_a_robot_come_as_the_service_has_them(
@@ -116,13 +116,13 @@ def test_facts_meshes_and_reach_of_a_robot_come_as_the_service_has_them(
 @pytest.mark.anyio
 async def test_the_asynchronous_client_does_the_same(drawn: Served, tmp_path: Path) -> None:
     async with AsyncClient(drawn.base_url) as lab:
-        made = await lab.add_scenario(one_step())
-        assert await lab.scenario(made.id) == made
-        assert (await lab.scenarios(limit=1)).items == [made]
-        assert (await lab.put_scenario(made.id, one_step(name="Another"))).name == "Another"
+        stored = await lab.add_scenario(one_step())
+        assert await lab.scenario(stored.id) == stored
+        assert (await lab.scenarios(limit=1)).items == [stored]
+        assert (await lab.put_scenario(stored.id, one_step(name="Another"))).name == "Another"
         assert (await lab.check_scenario(one_step())).valid
-        await lab.delete_scenario(made.id)
-        assert (await lab.jobs(scenario_id=made.id)).items == []
+        await lab.delete_scenario(stored.id)
+        assert (await lab.jobs(scenario_id=stored.id)).items == []
         assert "talos" in [robot.name for robot in (await lab.robots()).items]
         assert (await lab.robot("talos")).sha256 == FACTS["sha256"]
         assert (await lab.robot_links("talos", tmp_path / "talos.glb")).read_bytes() == GLB
@@ -131,12 +131,12 @@ async def test_the_asynchronous_client_does_the_same(drawn: Served, tmp_path: Pa
 
 
 def test_a_robot_may_take_longer_than_other_calls() -> None:
-    asked: list[dict[str, Any]] = []
+    timeouts: list[dict[str, Any]] = []
 
     def handler(request: httpx.Request) -> httpx.Response:
-        asked.append(request.extensions["timeout"])
+        timeouts.append(request.extensions["timeout"])
         return httpx.Response(200, json=FACTS)
 
     with Client("http://lab", timeout_s=5.0, transport=httpx.MockTransport(handler)) as lab:
         lab.robot("talos")
-    assert asked[0]["read"] == 5.0 + LOADING_TIMEOUT_S
+    assert timeouts[0]["read"] == 5.0 + LOADING_TIMEOUT_S

@@ -8,7 +8,7 @@ import pytest
 from stridelab.client import AsyncClient, Client, ClientError, ProblemError, Unreachable
 from stridelab.client.streams import decode_estimates, encode_samples
 from stridelab.schemas.streams import StreamConfiguration, StreamSample
-from support.service.streams import CONFIGURATION, MOTION, RATE_HZ, packed, walk_samples
+from support.service.streams import CONFIGURATION, MOTION, RATE_HZ, pack_samples, walk_samples
 from support.service.web_server import Served
 
 SAMPLES = walk_samples(0.5)
@@ -18,18 +18,18 @@ PACKED = CONFIGURATION.model_copy(update={"format": "float32"})
 def test_the_synchronous_client_streams(lab: Client) -> None:
     with lab.stream_com(PACKED) as stream:
         assert stream.ready.format == "float32"
-        told = [stream.send([sample])[0] for sample in SAMPLES[:5]] + stream.send(SAMPLES[5:])
+        estimates = [stream.send([sample])[0] for sample in SAMPLES[:5]] + stream.send(SAMPLES[5:])
     t = np.array([sample.time_s for sample in SAMPLES])
-    assert [estimate.time_s for estimate in told] == pytest.approx(t, abs=1e-6)
-    assert np.abs(np.array([estimate.com_m for estimate in told]) - MOTION.com.at(t)).max() < 0.01
+    assert [estimate.time_s for estimate in estimates] == pytest.approx(t, abs=1e-6)
+    assert np.abs(np.array([estimate.com_m for estimate in estimates]) - MOTION.com.at(t)).max() < 0.01
 
 
 @pytest.mark.anyio
 async def test_the_asynchronous_client_streams_beside_other_calls(service: Served) -> None:
     async with AsyncClient(service.base_url) as lab, lab.stream_com(CONFIGURATION) as stream:
-        told, health = await asyncio.gather(stream.send(SAMPLES), lab.health())
+        estimates, health = await asyncio.gather(stream.send(SAMPLES), lab.health())
         assert health.status == "ok"
-        assert [estimate.time_s for estimate in told] == [sample.time_s for sample in SAMPLES]
+        assert [estimate.time_s for estimate in estimates] == [sample.time_s for sample in SAMPLES]
         with pytest.raises(ProblemError) as refused:
             await stream.send(SAMPLES[:1])
         assert refused.value.code == "time-not-increasing"
@@ -45,11 +45,11 @@ def test_a_refused_configuration_is_a_problem(lab: Client) -> None:
     assert refused.value.code == "cutoffs-out-of-range"
 
 
-def test_who_does_not_answer_and_who_refuses_are_told_apart(service: Served) -> None:
-    nobody, lost = Client("http://127.0.0.1:9", timeout_s=5.0), Client(f"{service.base_url}/elsewhere")
-    with nobody, pytest.raises(Unreachable, match="does not answer"), nobody.stream_com(CONFIGURATION):
+def test_unreachable_and_refusing_services_are_distinguished(service: Served) -> None:
+    unreachable, wrong_path = Client("http://127.0.0.1:9", timeout_s=5.0), Client(f"{service.base_url}/elsewhere")
+    with unreachable, pytest.raises(Unreachable, match="does not answer"), unreachable.stream_com(CONFIGURATION):
         pass
-    with lost, pytest.raises(ProblemError) as refused, lost.stream_com(CONFIGURATION):
+    with wrong_path, pytest.raises(ProblemError) as refused, wrong_path.stream_com(CONFIGURATION):
         pass
     assert (refused.value.code, refused.value.status) == ("stream-refused", 403)
 
@@ -61,13 +61,13 @@ def test_packing_is_the_documented_layout() -> None:
     ]
     nan = float("nan")
     rows = ((0.0, *range(1, 10)), (0.5, 1, 2, 3, nan, nan, nan, nan, nan, nan))
-    assert encode_samples(some, "float32") == packed(7.0, *rows)
-    assert encode_samples([], "float32") == packed(0.0)
-    (back,) = decode_estimates(packed(7.0, (0.5, *range(1, 10))))
+    assert encode_samples(some, "float32") == pack_samples(7.0, *rows)
+    assert encode_samples([], "float32") == pack_samples(0.0)
+    (back,) = decode_estimates(pack_samples(7.0, (0.5, *range(1, 10))))
     assert (back.time_s, back.com_m, back.velocity_m_s, back.sd_m) == (7.5, (1, 2, 3), (4, 5, 6), (7, 8, 9))
 
 
 @pytest.mark.parametrize("raw", [b"", b"123", "hello", "[]", '{"samples": [{}]}'])
-def test_an_answer_that_is_none_is_an_error_of_the_client(raw: str | bytes) -> None:
+def test_an_invalid_answer_is_an_error_of_the_client(raw: str | bytes) -> None:
     with pytest.raises(ClientError, match="cannot parse"):
         decode_estimates(raw)

@@ -11,5 +11,5 @@ vector = arrays(float, 3, elements=st.floats(-1e6, 1e6))
 
 
 @given(a=vector, b=vector)
-def test_it_is_that_of_numpy(a: np.ndarray, b: np.ndarray) -> None:
+def test_the_cross_product_is_that_of_numpy(a: np.ndarray, b: np.ndarray) -> None:
     np.testing.assert_array_equal(cross(a, b), np.cross(a, b))

@@ -75,7 +75,7 @@ def test_without_load_there_is_no_zmp():
 
 @pytest.mark.parametrize("length", [0.1, 1.0, 3.0])
 def test_twenty_newton_along_the_normal_are_too_little_whatever_its_length(length):
-    """Nothing is said of a foot that hardly touches."""
+    """A foot with hardly any load has no ZMP."""
     f = np.array([[0.0, 0.0, 20.0], [0.0, 0.0, 20.5], [0.0, 0.0, 60.0]])
     z = zmp_of_wrench(Wrench(f, np.zeros((3, 3))), np.zeros(3), length * UP)
     assert np.isnan(z[:, 0]).tolist() == [True, False, False]

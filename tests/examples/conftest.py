@@ -16,10 +16,10 @@ Example = Callable[..., str]
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where all examples run; the first of them has been here."""
-    made = tmp_path_factory.mktemp("examples")
-    with chdir(made):
+    examples_folder = tmp_path_factory.mktemp("examples")
+    with chdir(examples_folder):
         runpy.run_path(str(EXAMPLES / "01_simulate_a_walk.py"), run_name="__main__")
-    return made
+    return examples_folder
 
 
 @pytest.fixture

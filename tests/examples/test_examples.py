@@ -36,7 +36,7 @@ def test_the_first_writes_a_recording_and_its_truth(folder: Path) -> None:
     assert set(np.load(folder / "truth.npz").files) == {"time_s", "com_m", "force_n"}
 
 
-def test_estimating_from_a_c3d_takes_ten_lines_and_finds_the_truth(example: Example, folder: Path) -> None:
+def test_estimating_from_a_c3d_takes_ten_lines_and_recovers_the_truth(example: Example, folder: Path) -> None:
     (script,) = EXAMPLES.glob("02_*.py")
     statements = [n for n in ast.parse(script.read_text(encoding="utf-8")).body if not isinstance(n, ast.ImportFrom)]
     assert len(statements) - 1 <= 10, "without the docstring"
@@ -49,10 +49,10 @@ def test_estimating_from_a_c3d_takes_ten_lines_and_finds_the_truth(example: Exam
         assert np.abs(com_m - truth["com_m"][k]).max() < 0.03
 
 
-def test_the_comparison_finds_the_delay_and_the_smoother_best(example: Example) -> None:
-    said = example("03")
-    assert figures(said.splitlines()[0])[0] == pytest.approx(12.0, abs=1.5)
-    tables = [part.splitlines()[1:] for part in said.split("RMS error")[1:]]
+def test_the_comparison_recovers_the_delay_and_ranks_the_smoother_first(example: Example) -> None:
+    output = example("03")
+    assert figures(output.splitlines()[0])[0] == pytest.approx(12.0, abs=1.5)
+    tables = [part.splitlines()[1:] for part in output.split("RMS error")[1:]]
     ahead_mm = [{line[2:42].strip(): figures(line[42:])[0] for line in table if line} for table in tables]
     assert ahead_mm[0].keys() == ahead_mm[1].keys()
     assert len(ahead_mm[0]) == 6
@@ -73,19 +73,19 @@ def test_steps_are_wheels(example: Example) -> None:
 
 
 def test_the_climb_ends_on_the_second_stair(example: Example) -> None:
-    said = example("05")
-    assert "4 steps" in said
-    assert "converged" in said
-    begins, ends = re.findall(r"\[([^\]]*)\]", said.splitlines()[-2])
+    output = example("05")
+    assert "4 steps" in output
+    assert "converged" in output
+    begins, ends = re.findall(r"\[([^\]]*)\]", output.splitlines()[-2])
     rise = np.array(ends.split(), dtype=float) - np.array(begins.split(), dtype=float)
     assert rise == pytest.approx([0.6, 0.0, 0.2], abs=0.002)
 
 
 def test_the_human_wing_over_http(example: Example, folder: Path, service_url: str) -> None:
     (folder / "com.csv").unlink(missing_ok=True)
-    said = example("06", service_url)
-    assert "smoother over" in said
-    assert figures(said.splitlines()[1])[-1] == pytest.approx(12.0, abs=2.0)
+    output = example("06", service_url)
+    assert "smoother over" in output
+    assert figures(output.splitlines()[1])[-1] == pytest.approx(12.0, abs=2.0)
     rows = (folder / "com.csv").read_text(encoding="utf-8").splitlines()
     assert len(rows) == 401
     assert rows[0].startswith('"time_s","x_m"')

@@ -48,11 +48,11 @@ def test_every_call_is_described_and_the_script_comes_to_its_end(folder: Path, s
     assert len(names["com"]["sd_z_m"]) == 400
 
 
-def test_the_script_asks_where_make_serve_answers() -> None:
+def test_the_script_calls_the_address_of_make_serve() -> None:
     assert "api = 'http://127.0.0.1:8000/api/v1';" in SCRIPT.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("line", ["x = mystery(1);", "x = 1", "x = a + b;"])
-def test_what_is_not_known_is_not_passed_over(line: str, tmp_path: Path) -> None:
+def test_unknown_matlab_functions_are_refused(line: str, tmp_path: Path) -> None:
     with httpx.Client() as http, pytest.raises((AssertionError, KeyError)):
         run(line, Web(http, tmp_path).functions(), {})

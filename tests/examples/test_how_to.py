@@ -42,8 +42,8 @@ HOW_TO = Path(__file__).parents[2] / "docs" / "how-to"
 def blocks(page: str) -> list[str]:
     """Code of a page that is no shell, in order."""
     text = (HOW_TO / page).read_text(encoding="utf-8")
-    found = re.findall(r"^( *)```(?:python|toml|text)\n(.*?)^ *```$", text, re.MULTILINE | re.DOTALL)
-    return [re.sub(rf"^{indent}", "", block, flags=re.MULTILINE) for indent, block in found]
+    matches = re.findall(r"^( *)```(?:python|toml|text)\n(.*?)^ *```$", text, re.MULTILINE | re.DOTALL)
+    return [re.sub(rf"^{indent}", "", block, flags=re.MULTILINE) for indent, block in matches]
 
 
 def test_the_marker_set_is_read_and_recognised() -> None:
@@ -54,7 +54,7 @@ def test_the_marker_set_is_read_and_recognised() -> None:
     assert identify(["SpineC7", *labels], own_sets=[known]).name == "example-lab"
 
 
-def test_the_scenario_passes_the_judge() -> None:
+def test_the_scenario_passes_validation() -> None:
     builder, line = blocks("add-a-scenario.md")
     names = vars(stairs) | vars(bundled)
     exec(builder, names)
@@ -72,8 +72,8 @@ def test_the_estimator_keeps_the_contract_and_is_exact_without_errors(tmp_path: 
     assert isinstance(estimator, ComEstimator)
     motion, t = walk(), np.arange(500) / 100.0
     geometric = motion.geometric(t, np.zeros(3), np.zeros((len(t), 3)))
-    found = estimator.estimate(geometric, motion.wrench_track(t, Window(0.5, 4.5)), motion.mass_kg)
-    assert np.abs(found.com_m - motion.com.at(found.time_s)).max() < 1e-3
+    estimate = estimator.estimate(geometric, motion.wrench_track(t, Window(0.5, 4.5)), motion.mass_kg)
+    assert np.abs(estimate.com_m - motion.com.at(estimate.time_s)).max() < 1e-3
 
 
 @pytest.fixture
@@ -91,15 +91,15 @@ def kind_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path
         del sys.modules[name]
 
 
-def test_the_job_kind_is_found_and_described(kind_files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = registry.discover_kinds(kinds)
-    assert set(found) - set(registry.KINDS) == {"weigh-recording"}
-    monkeypatch.setattr(submit, "KINDS", found)
+def test_the_job_kind_is_discovered_and_described(kind_files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kinds_in_folder = registry.discover_kinds(kinds)
+    assert set(kinds_in_folder) - set(registry.KINDS) == {"weigh-recording"}
+    monkeypatch.setattr(submit, "KINDS", kinds_in_folder)
     app, router = FastAPI(), APIRouter(prefix="/jobs")
     submit.add_kinds(router)
     app.include_router(router)
     operation = app.openapi()["paths"]["/jobs/weigh-recording"]["post"]
-    kind = found["weigh-recording"]
+    kind = kinds_in_folder["weigh-recording"]
     assert operation["description"].startswith(f"{kind.title}. {kind.description} ")
     assert operation["requestBody"]["content"]["application/json"]["examples"] == kind.examples
     routes = [route for route in router.routes if isinstance(route, APIRoute)]
@@ -114,8 +114,8 @@ def test_describing_the_job_kind_imports_no_numerics(kind_files: Path) -> None:
         "assert 'stridelab.service.kinds.weigh_recording.run' in COMPUTING;"
         "print(sorted({'numpy', 'scipy', 'ezc3d', 'pinocchio', 'pyarrow'} & set(sys.modules)))"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"
 
 
 def test_the_job_kind_weighs_the_stored_sample(kind_files: Path, database_url: str, tmp_path: Path) -> None:
@@ -131,10 +131,10 @@ def test_the_job_kind_weighs_the_stored_sample(kind_files: Path, database_url: s
             return await kind.stage(connection, store, kind.input_model.model_validate(example["value"]), folder)
 
     module, _, function = kind.run.partition(":")
-    task = database.within(database_url, act)
-    done = with_json(getattr(importlib.import_module(module), function))(task, folder, lambda _share, _message: None)
-    assert done["summary"]["mass_kg"] == pytest.approx(60.0, rel=0.03)
-    assert len(done["summary"]["largest_force_n"]) == 2
+    task = database.run_with_engine(database_url, act)
+    outcome = with_json(getattr(importlib.import_module(module), function))(task, folder, lambda _share, _message: None)
+    assert outcome["summary"]["mass_kg"] == pytest.approx(60.0, rel=0.03)
+    assert len(outcome["summary"]["largest_force_n"]) == 2
 
 
 def test_the_test_of_the_job_kind_passes(kind_files: Path, tmp_path: Path) -> None:

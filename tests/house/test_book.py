@@ -56,21 +56,21 @@ def test_every_endpoint_is_there_with_its_parameters_and_answers() -> None:
     by_name = {section.partition("\n")[0]: section for section in sections}
     for path, methods in description()["paths"].items():
         for method, operation in methods.items():
-            said = by_name[f"{method.upper()} {path}"]
-            assert all(f"| `{p['name']}` | {p['in']} |" in said for p in operation.get("parameters", []))
-            assert all(f"| {status} |" in said for status in operation["responses"])
+            entry = by_name[f"{method.upper()} {path}"]
+            assert all(f"| `{p['name']}` | {p['in']} |" in entry for p in operation.get("parameters", []))
+            assert all(f"| {status} |" in entry for status in operation["responses"])
             codes = set(
                 re.findall(r"`[a-z]+(?:-[a-z]+)+`", str([r["description"] for r in operation["responses"].values()]))
             )
-            assert all(code in said for code in codes)
+            assert all(code in entry for code in codes)
 
 
 def test_every_model_is_there_with_its_fields() -> None:
     sections = re.split(r"^## ", http_pages.models_page(), flags=re.MULTILINE)
     by_name = {section.partition("\n")[0]: section for section in sections}
     for name, schema in description()["components"]["schemas"].items():
-        said = by_name[http_pages.shown(name)]
-        assert all(f"| `{field}` |" in said for field in schema.get("properties", {})), name
+        entry = by_name[http_pages.shown(name)]
+        assert all(f"| `{field}` |" in entry for field in schema.get("properties", {})), name
 
 
 @pytest.mark.parametrize(
@@ -97,9 +97,9 @@ def test_the_page_of_a_package_documents_exactly_what_it_exports(package: str) -
     for name in module.__all__:
         exported = getattr(module, name)
         if inspect.isclass(exported) or inspect.isfunction(exported):
-            said = inspect.getdoc(exported)
-            assert said, name
-            assert said.splitlines()[0].replace("``", "`") in page
+            docstring = inspect.getdoc(exported)
+            assert docstring, name
+            assert docstring.splitlines()[0].replace("``", "`") in page
 
 
 def test_a_signature_is_that_of_the_source() -> None:
@@ -126,11 +126,11 @@ def test_keys_that_a_page_cites_are_known(page: Path) -> None:
 
 def test_formulas_become_mathml() -> None:
     marked = '<p>of <span class="arithmatex">\\(a &lt; \\dot L_c\\)</span></p>\n<div class="arithmatex">\\[ b \\]</div>'
-    shown = formulas.in_page(marked)
-    assert "arithmatex" not in shown
-    assert shown.count("<math ") == 2
-    assert "<mo>&#x0003C;</mo>" in shown
-    assert "<mover><mi>L</mi><mo>&#x002D9;</mo></mover>" in shown
+    page = formulas.in_page(marked)
+    assert "arithmatex" not in page
+    assert page.count("<math ") == 2
+    assert "<mo>&#x0003C;</mo>" in page
+    assert "<mover><mi>L</mi><mo>&#x002D9;</mo></mover>" in page
     assert formulas.in_title("the moment \\(\\nu_c\\)").startswith("the moment <math")
     with pytest.raises(ValueError, match="nonsense"):
         formulas.mathml("\\nonsense")

@@ -78,13 +78,13 @@ CHECKS: dict[str, Callable[[Block], list[str]]] = {
 
 
 @pytest.mark.parametrize("block", BLOCKS, ids=lambda b: b.place)
-def test_a_block_is_true(block: Block) -> None:
+def test_a_code_block_runs_and_agrees_with_the_program(block: Block) -> None:
     assert block.language in CHECKS, "no test knows this language; a drawing is `text`"
     assert CHECKS[block.language](block) == []
 
 
 @each_of(PAGES)
-def test_commands_inside_of_sentences_are_true(page: Path) -> None:
+def test_commands_in_sentences_exist(page: Path) -> None:
     """`make serve`, `scripts/native`, and commands of stridelab; of a synopsis the options."""
     wrong = []
     for code in inline_code(page):
@@ -100,7 +100,7 @@ CALL = re.compile(r"`(POST|PUT|PATCH) (/[^`\s]*)` with `(\{[^`]*\})`")
 
 
 @each_of(PAGES)
-def test_bodies_inside_of_sentences_are_true(page: Path) -> None:
+def test_request_bodies_in_sentences_are_valid(page: Path) -> None:
     """`POST /x` with `{...}`: the body is one that the call takes."""
     calls = [c for c in CALL.findall(page.read_text(encoding="utf-8")) if "..." not in c[2]]
     assert [
@@ -134,5 +134,5 @@ def test_bodies_inside_of_sentences_are_true(page: Path) -> None:
         """id=$(curl -s --json '{"scenario_id": 4}' $api/jobs/plan-motion | jq -r .id)""",
     ],
 )
-def test_what_is_not_true_is_found(line: str) -> None:
+def test_wrong_commands_and_bodies_are_detected(line: str) -> None:
     assert [wrong for command in commands(line) for wrong in check_command(command)] != []

@@ -38,7 +38,7 @@ def test_links_lead_to_a_file_and_a_heading(page: Path) -> None:
     assert broken(page) == []
 
 
-def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:
+def test_a_broken_link_is_detected(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("# One\n\n# One\n\n[a](#one_1) [b](#two) [c](none.md)\n\n![d](none.png)\n\n`[e](none.md)`\n")
     assert broken(page) == ["#two", "none.md", "none.png"]
@@ -47,10 +47,10 @@ def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:
 @each_of(PAGES)
 def test_files_and_tests_that_a_page_names_exist(page: Path) -> None:
     for code in inline_code(page):
-        if (found := NAMED.fullmatch(code)) and not re.search(INVENTED, code):
-            path = ROOT / found[1]
+        if (named := NAMED.fullmatch(code)) and not re.search(INVENTED, code):
+            path = ROOT / named[1]
             assert path.is_file(), code
-            assert found[2] is None or f"def {found[2]}(" in path.read_text(encoding="utf-8"), code
+            assert named[2] is None or f"def {named[2]}(" in path.read_text(encoding="utf-8"), code
 
 
 @each_of(PAGES)
@@ -71,7 +71,7 @@ def defined(folder: Path, names: list[str]) -> bool:
         return defined(folder / names[0], names[1:])
     module = folder / f"{names[0]}.py"
     text = (module if module.is_file() else folder / "__init__.py").read_text(encoding="utf-8")
-    wanted = names[1:] if module.is_file() else names
+    needed = names[1:] if module.is_file() else names
     return all(
-        re.search(rf"^\s*(?:(?:async )?def|class) {n}\b|^\s*{n}(?::[^=]*)? ?=|^\s*{n}:", text, re.M) for n in wanted
+        re.search(rf"^\s*(?:(?:async )?def|class) {n}\b|^\s*{n}(?::[^=]*)? ?=|^\s*{n}:", text, re.M) for n in needed
     )

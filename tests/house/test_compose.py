@@ -24,7 +24,7 @@ def own() -> list[tuple[str, dict[str, Any]]]:
 
 
 @pytest.mark.parametrize("files", FILES.values(), ids=FILES)
-def test_whatever_is_named_is_declared_and_whatever_is_declared_is_used(files: tuple[Any, ...]) -> None:
+def test_names_in_the_compose_file_are_declared_and_declarations_used(files: tuple[Any, ...]) -> None:
     whole = compose(*files)
     used: dict[str, set[str]] = {"secrets": set(), "volumes": set(), "networks": set()}
     for service in whole["services"].values():
@@ -42,7 +42,7 @@ def test_whatever_is_named_is_declared_and_whatever_is_declared_is_used(files: t
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_container_is_held_short(name: str) -> None:
+def test_every_container_is_confined(name: str) -> None:
     service = ALL["services"][name]
     assert service["init"] is True
     assert service["read_only"] is True
@@ -66,12 +66,12 @@ def test_only_the_proxy_can_be_reached_from_elsewhere() -> None:
         assert line in CADDY
 
 
-def test_the_proxy_alone_is_believed_about_addresses() -> None:
+def test_addresses_of_clients_are_taken_from_the_proxy_alone() -> None:
     proxy = ALL["services"]["caddy"]["networks"]["inside"]["ipv4_address"]
     assert ALL["services"]["api"]["environment"]["FORWARDED_ALLOW_IPS"] == proxy
     (pool,) = ALL["networks"]["inside"]["ipam"]["config"]
     assert ip_address(proxy) in ip_network(pool["subnet"])
-    assert ip_address(proxy) not in ip_network(pool["ip_range"]), "nobody else gets it"
+    assert ip_address(proxy) not in ip_network(pool["ip_range"]), "no other container gets it"
 
 
 def test_every_variable_is_a_setting_and_no_secret_is_a_variable() -> None:
@@ -148,7 +148,7 @@ def test_the_database_is_of_the_version_that_the_embedded_one_has() -> None:
     assert ALL["services"]["postgres"]["image"] == f"postgres:{MAJOR_VERSION}"
 
 
-def test_images_copy_what_there_is_and_end_without_root() -> None:
+def test_images_copy_existing_files_and_run_without_root() -> None:
     stages = DOCKERFILE.split("\nFROM ")[1:]
     names = [stage.splitlines()[0].split(" AS ")[1] for stage in stages]
     targets = {service["build"]["target"] for service in ALL["services"].values() if "build" in service}

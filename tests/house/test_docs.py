@@ -27,8 +27,8 @@ def test_every_endpoint_is_documented() -> None:
     of_kinds = {f"POST /jobs/{kind.name}" for kind in KINDS.values() if kind.offered}
     assert calls - documented - of_kinds == set()
     for kind in KINDS.values():
-        said = described[f"/api/v1/jobs/{kind.name}"]["post"]["description"] if kind.offered else ""
-        assert said.startswith(f"{kind.title}. {kind.description} ") == kind.offered
+        text = described[f"/api/v1/jobs/{kind.name}"]["post"]["description"] if kind.offered else ""
+        assert text.startswith(f"{kind.title}. {kind.description} ") == kind.offered
     assert documented - calls - {"GET /metrics"} == set()
 
 

@@ -27,7 +27,7 @@ class Part(NamedTuple):
     """A public class or function: its name with those around it, its docstring, and its node."""
 
     name: str
-    said: str
+    docstring: str
     node: ast.ClassDef | Function
 
 
@@ -36,13 +36,13 @@ def parts(body: list[ast.stmt], inside: str = "", above: str = "") -> Iterator[P
     for node in body:
         if not isinstance(node, ast.ClassDef | Function):
             continue
-        said = ast.get_docstring(node) or ""
+        docstring = ast.get_docstring(node) or ""
         if node.name in MAKES:
-            yield Part(inside + node.name, f"{above}\n{said}", node)
+            yield Part(inside + node.name, f"{above}\n{docstring}", node)
         elif not node.name.startswith("_"):
-            yield Part(inside + node.name, said, node)
+            yield Part(inside + node.name, docstring, node)
             if isinstance(node, ast.ClassDef):
-                yield from parts(node.body, f"{inside}{node.name}.", said)
+                yield from parts(node.body, f"{inside}{node.name}.", docstring)
 
 
 def own(node: ast.AST) -> Iterator[ast.AST]:
@@ -63,10 +63,10 @@ def error_classes() -> frozenset[str]:
         for node in ast.walk(tree)
         if isinstance(node, ast.ClassDef)
     }
-    found = {"StridelabError"}
-    while more := {name for name, above in bases.items() if above & found} - found:
-        found |= more
-    return frozenset(found)
+    names = {"StridelabError"}
+    while more := {name for name, above in bases.items() if above & names} - names:
+        names |= more
+    return frozenset(names)
 
 
 def raised(node: Function, errors: frozenset[str]) -> Iterator[str]:
@@ -83,16 +83,16 @@ def raised(node: Function, errors: frozenset[str]) -> Iterator[str]:
 
 def unsaid(part: Part, errors: frozenset[str]) -> list[str]:
     """What the docstring of a part lacks."""
-    lacking = [] if part.said.strip() or part.node.name in MAKES else ["a docstring"]
+    lacking = [] if part.docstring.strip() or part.node.name in MAKES else ["a docstring"]
     if isinstance(part.node, ast.ClassDef):
         return lacking
-    named = behind_raises(part.said)
+    named = behind_raises(part.docstring)
     return lacking + [name for name in dict.fromkeys(raised(part.node, errors)) if f"``{name}``" not in named]
 
 
-def behind_raises(said: str) -> str:
+def behind_raises(docstring: str) -> str:
     """What a docstring says from its first form of *raise* on."""
-    _, *behind = RAISES.split(said, maxsplit=1)
+    _, *behind = RAISES.split(docstring, maxsplit=1)
     return "".join(behind)
 
 
@@ -112,42 +112,42 @@ def annotations(part: Part) -> Iterator[ast.AST | None]:
     if isinstance(part.node, ast.ClassDef):
         yield from (field.annotation for field in part.node.body if isinstance(field, ast.AnnAssign))
     else:
-        taken = part.node.args
-        yield from (each.annotation for each in (*taken.posonlyargs, *taken.args, *taken.kwonlyargs))
+        arguments = part.node.args
+        yield from (each.annotation for each in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs))
         yield part.node.returns
 
 
 @each_of(numeric_modules())
 def test_public_parts_say_what_they_are_and_what_they_raise(path: Path) -> None:
-    found = {
+    missing = {
         part.name: unsaid(part, error_classes()) for part in parts(ast.parse(path.read_text(encoding="utf-8")).body)
     }
-    assert {name: lacking for name, lacking in found.items() if lacking} == {}
+    assert {name: lacking for name, lacking in missing.items() if lacking} == {}
 
 
 @each_of(numeric_modules())
 def test_arrays_of_public_parts_have_their_shape_in_the_type(path: Path) -> None:
-    found = parts(ast.parse(path.read_text(encoding="utf-8")).body)
-    assert [part.name for part in found if any(map(shapeless, annotations(part)))] == []
+    public_parts = parts(ast.parse(path.read_text(encoding="utf-8")).body)
+    assert [part.name for part in public_parts if any(map(shapeless, annotations(part)))] == []
 
 
 def test_codes_in_docstrings_are_written_in_one_way() -> None:
     texts = [
-        (path.relative_to(BACKEND), part.name, behind_raises(part.said))
+        (path.relative_to(BACKEND), part.name, behind_raises(part.docstring))
         for path in sorted(BACKEND.rglob("*.py"))
         for part in parts(ast.parse(path.read_text(encoding="utf-8")).body)
     ]
-    assert [(path, name) for path, name, said in texts if ODD_CODE.search(said)] == []
+    assert [(path, name) for path, name, docstring in texts if ODD_CODE.search(docstring)] == []
     assert ODD_CODE.search('``NotFound`` ("no-such-thing") where')
     assert ODD_CODE.search("``NotFound`` (no-such-thing)")
 
 
-def test_what_is_not_said_is_found() -> None:
+def test_incomplete_docstrings_are_detected() -> None:
     source = '''
 class Silent:
     def __post_init__(self) -> None:
         raise NotFound("first-code", "words")
-    def told(self) -> None:
+    def explained(self) -> None:
         """Raises ``InvalidInput`` (``second-code``)."""
         def inner() -> None:
             raise NotFound("of-another", "words")
@@ -158,11 +158,11 @@ class Silent:
     def _own(self) -> None:
         raise InvalidInput("fourth-code", "words")
 '''
-    found = {part.name: unsaid(part, error_classes()) for part in parts(ast.parse(source).body)}
-    assert found == {
+    missing = {part.name: unsaid(part, error_classes()) for part in parts(ast.parse(source).body)}
+    assert missing == {
         "Silent": ["a docstring"],
         "Silent.__post_init__": ["NotFound", "first-code"],
-        "Silent.told": [],
+        "Silent.explained": [],
         "Silent.half": ["third-code"],
     }
     (odd, fine) = parts(ast.parse("def odd(x: list[np.ndarray]): ...\ndef fine(x: Float[np.ndarray, 'n 3']): ...").body)

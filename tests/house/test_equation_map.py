@@ -38,7 +38,7 @@ def natural(number: str) -> tuple[int, int, str]:
     return int(chapter), int(rest.rstrip("abcdef")), rest.lstrip("0123456789")
 
 
-def test_the_list_is_whole_and_in_order() -> None:
+def test_the_list_of_equations_is_complete_and_in_order() -> None:
     assert sorted(set(ORDER), key=natural) == ORDER
     wholes = list(dict.fromkeys(e.whole for e in LISTED))
     assert wholes == [f"{chapter}.{k}" for chapter, last in ((2, 31), (3, 4), (4, 20)) for k in range(1, last + 1)]
@@ -61,7 +61,9 @@ def test_only_listed_equations_are_cited_and_in_one_way() -> None:
     texts = [(path.relative_to(ROOT), text) for path in CITING for _, text in themap.docstrings(path)]
     assert [(p, n) for p, text in texts for n in themap.cited_in(text, ORDER) if n not in known] == []
     several = re.compile(r"\([234]\.\d+[a-f]?(?:,|-\d| and )[^)]*\)")
-    assert [(p, found) for p, text in texts for found in several.findall(text)] == [], "each number in parentheses"
+    assert [(p, citation) for p, text in texts for citation in several.findall(text)] == [], (
+        "each number in parentheses"
+    )
 
 
 def test_corrections_lead_to_headings() -> None:

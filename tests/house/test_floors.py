@@ -108,18 +108,18 @@ def imported_modules(package: Path) -> dict[str, set[str]]:
 
 
 def _targets(tree: ast.AST, known: Mapping[str, Path]) -> set[str]:
-    found: set[str] = set()
+    targets: set[str] = set()
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             continue
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            targets |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             inner = {f"{node.module}.{alias.name}" for alias in node.names}
-            found |= {name if name in known else node.module for name in inner}
+            targets |= {name if name in known else node.module for name in inner}
         else:
-            found |= _targets(node, known)
-    return found & set(known)
+            targets |= _targets(node, known)
+    return targets & set(known)
 
 
 def circle(modules: Mapping[str, set[str]]) -> list[str]:
@@ -137,7 +137,7 @@ def test_no_modules_import_each_other_in_a_circle(package: Path) -> None:
     assert circle(imported_modules(package)) == []
 
 
-def test_a_circle_is_seen(tmp_path: Path) -> None:
+def test_a_circle_of_imports_is_detected(tmp_path: Path) -> None:
     package = tmp_path / "wheel"
     package.mkdir()
     (package / "__init__.py").write_text("")
@@ -149,7 +149,7 @@ def test_a_circle_is_seen(tmp_path: Path) -> None:
     assert circle(imported_modules(package)) == []
 
 
-def test_contributors_are_told_every_floor() -> None:
+def test_contributing_lists_every_floor() -> None:
     text = " ".join((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split())
     for wing in (WINGS, ROBOT_WING):
         assert re.search(r"\b" + ", ".join(wing), text), f"CONTRIBUTING.md does not list {', '.join(wing)}"

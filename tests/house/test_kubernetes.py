@@ -40,13 +40,13 @@ ALL = {(one["kind"], one["metadata"]["name"]): one for part in PARTS for one in 
 
 
 def pod(component: str) -> dict[str, Any]:
-    (found,) = (
+    (workload,) = (
         one["spec"]["template"]["spec"]
         for one in ALL.values()
         if one["kind"] in {"Deployment", "Job"} and one["metadata"]["name"] == f"stridelab-{component}"
     )
-    assert isinstance(found, dict)
-    return found
+    assert isinstance(workload, dict)
+    return workload
 
 
 def shared_settings() -> dict[str, str]:
@@ -59,10 +59,10 @@ def environment(component: str) -> dict[str, str]:
     return shared_settings() | {one["name"]: one["value"] for one in container.get("env", [])}
 
 
-def test_the_example_takes_every_part_that_there_is() -> None:
+def test_the_kubernetes_example_uses_every_part() -> None:
     lab = kustomization("lab")
-    taken = {name.removeprefix("../") for name in (*lab["resources"], *lab["components"]) if name.startswith("../")}
-    assert taken == set(PARTS) - {"lab"} == {path.name for path in FOLDER.iterdir()} - {"lab"}
+    used = {name.removeprefix("../") for name in (*lab["resources"], *lab["components"]) if name.startswith("../")}
+    assert used == set(PARTS) - {"lab"} == {path.name for path in FOLDER.iterdir()} - {"lab"}
     images = {container["image"] for component in OURS for container in pod(component)["containers"]}
     images |= set(re.findall(r"image: (\S+)", (FOLDER / "dask" / "cluster.yaml").read_text(encoding="utf-8")))
     assert images == {image["name"] for image in lab["images"]} == {"stridelab"}
@@ -112,7 +112,7 @@ def test_commands_exist() -> None:
                 assert {word for word in called if word.startswith("--")} <= known
 
 
-def test_a_request_finds_its_way_to_the_web_server() -> None:
+def test_a_request_is_routed_to_the_web_server() -> None:
     ingress, service = ALL["Ingress", "stridelab"], ALL["Service", "stridelab-api"]
     (path,) = ingress["spec"]["rules"][0]["http"]["paths"]
     assert path["backend"]["service"]["name"] == "stridelab-api"
@@ -148,8 +148,8 @@ def test_the_queue_is_counted_in_the_tables_that_there_are() -> None:
     assert states == {"queued", "running"}
     assert not states & set(FINAL_STATES)
     authentication = ALL["TriggerAuthentication", trigger["authenticationRef"]["name"]]["spec"]["secretTargetRef"][0]
-    made = {secret["name"]: secret for secret in kustomization("lab")["secretGenerator"]}
-    assert f"secrets/{authentication['key']}" in made[authentication["name"]]["files"]
+    secrets = {secret["name"]: secret for secret in kustomization("lab")["secretGenerator"]}
+    assert f"secrets/{authentication['key']}" in secrets[authentication["name"]]["files"]
 
 
 def test_the_database_is_where_the_settings_look() -> None:
@@ -158,8 +158,8 @@ def test_the_database_is_where_the_settings_look() -> None:
     owner, name = (database["spec"]["bootstrap"]["initdb"][key] for key in ("owner", "database"))
     assert url == f"postgresql://{owner}@{database['metadata']['name']}-rw:5432/{name}"
     assert database["spec"]["imageName"].endswith(f":{MAJOR_VERSION}")
-    made = {secret["name"] for secret in kustomization("lab")["secretGenerator"]}
-    assert database["spec"]["bootstrap"]["initdb"]["secret"]["name"] in made
+    secrets = {secret["name"] for secret in kustomization("lab")["secretGenerator"]}
+    assert database["spec"]["bootstrap"]["initdb"]["secret"]["name"] in secrets
 
 
 def test_the_dask_scheduler_is_where_the_settings_look_and_only_workers_reach_it() -> None:

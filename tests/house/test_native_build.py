@@ -18,29 +18,29 @@ COMPILERS = ("c++", "g++", "clang++")
 
 def native(folder: Path, **settings: str) -> subprocess.CompletedProcess[str]:
     """The script with a cache of its own, whatever the tests were started with."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("STRIDELAB_NATIVE", "CXX"))}
-    environment = kept | {"XDG_CACHE_HOME": str(folder / "a cache")} | settings
+    variables = {name: value for name, value in os.environ.items() if not name.startswith(("STRIDELAB_NATIVE", "CXX"))}
+    environment = variables | {"XDG_CACHE_HOME": str(folder / "a cache")} | settings
     return subprocess.run([SCRIPT], env=environment, capture_output=True, text=True, check=False, timeout=120)
 
 
-def says_one_line(done: subprocess.CompletedProcess[str], words: str) -> None:
-    assert done.returncode == 0
-    assert done.stdout == ""
-    assert len(done.stderr.splitlines()) == 1
-    assert words in done.stderr
-    assert "CasADi solves in its place" in done.stderr
+def says_one_line(run: subprocess.CompletedProcess[str], words: str) -> None:
+    assert run.returncode == 0
+    assert run.stdout == ""
+    assert len(run.stderr.splitlines()) == 1
+    assert words in run.stderr
+    assert "CasADi solves in its place" in run.stderr
 
 
 @pytest.mark.skipif(not (ROOT / ".venv" / "bin" / "python").exists(), reason="the script builds for .venv")
 class TestScript:
-    def test_without_a_compiler_one_line(self, tmp_path: Path) -> None:
+    def test_without_a_compiler_the_build_prints_one_line(self, tmp_path: Path) -> None:
         tools = tmp_path / "bin"
         tools.mkdir()
         for name in ("sh", "dirname"):
             (tools / name).symlink_to(str(shutil.which(name)))
         says_one_line(native(tmp_path, PATH=str(tools)), "no C++ compiler")
 
-    def test_a_broken_compiler_one_line_and_it_is_remembered(self, tmp_path: Path) -> None:
+    def test_a_broken_compiler_is_reported_in_one_line_and_remembered(self, tmp_path: Path) -> None:
         broken = tmp_path / "broken"
         broken.write_text(f'#!/bin/sh\necho called >>"{tmp_path}/calls"\nexit 3\n')
         broken.chmod(0o755)
@@ -50,12 +50,12 @@ class TestScript:
         # The second start asks the compiler for its name only.
         assert (tmp_path / "calls").read_text().count("called") == calls + 1
 
-    def test_switched_off_it_says_so_in_one_line(self, tmp_path: Path) -> None:
+    def test_a_disabled_build_is_reported_in_one_line(self, tmp_path: Path) -> None:
         says_one_line(native(tmp_path, STRIDELAB_NATIVE="off"), "switched off")
 
-    def test_a_folder_that_is_named_is_taken(self, tmp_path: Path) -> None:
-        done = native(tmp_path, STRIDELAB_NATIVE_PATH="/opt/some folder")
-        assert (done.returncode, done.stdout, done.stderr) == (0, "/opt/some folder\n", "")
+    def test_a_given_folder_is_used(self, tmp_path: Path) -> None:
+        run = native(tmp_path, STRIDELAB_NATIVE_PATH="/opt/some folder")
+        assert (run.returncode, run.stdout, run.stderr) == (0, "/opt/some folder\n", "")
 
 
 class TestWheel:
@@ -76,13 +76,13 @@ class TestWheel:
         hook.initialize(version, data)
         return data, warnings
 
-    def test_is_pure_when_switched_off(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_the_wheel_is_pure_when_the_build_is_disabled(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("STRIDELAB_NATIVE", "off")
         data, warnings = self.built(ROOT)
         assert data == {"force_include": {}}
         assert warnings == ["The wheel has no C++ solver: STRIDELAB_NATIVE is off."]
 
-    def test_is_pure_without_a_compiler(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def test_the_wheel_is_pure_without_a_compiler(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         monkeypatch.delenv("STRIDELAB_NATIVE", raising=False)
         monkeypatch.delenv("CXX", raising=False)
         monkeypatch.setenv("PATH", str(tmp_path))
@@ -91,7 +91,7 @@ class TestWheel:
             ["The wheel has no C++ solver: no C++ compiler was found."],
         )
 
-    def test_is_pure_where_the_build_fails(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def test_the_wheel_is_pure_if_the_build_fails(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         """Sources that do not build: one warning with the compiler's last lines, no half-filled wheel."""
         monkeypatch.delenv("STRIDELAB_NATIVE", raising=False)
         monkeypatch.setenv("CXX", "true")
@@ -100,12 +100,12 @@ class TestWheel:
         assert data == {"force_include": {}}
         assert [warning.splitlines()[0] for warning in warnings] == ["The wheel has no C++ solver: its build failed."]
 
-    def test_leaves_editable_installations_alone(self) -> None:
+    def test_editable_installations_are_not_changed(self) -> None:
         assert self.built(ROOT, "editable") == ({"force_include": {}}, [])
 
 
-def test_it_was_built_where_a_compiler_is() -> None:
-    """Under ``scripts/test``, and so in continuous integration, nobody skips the native solver by accident."""
+def test_the_native_library_is_built_if_there_is_a_compiler() -> None:
+    """Under ``scripts/test``, and so in continuous integration, the native solver is never skipped by accident."""
     if "STRIDELAB_NATIVE_PATH" not in os.environ:
         pytest.skip("scripts/test, which builds the C++ solver, did not start these tests")
     if os.environ.get("STRIDELAB_NATIVE") == "off":

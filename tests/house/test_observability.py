@@ -43,12 +43,12 @@ def queries() -> list[str]:
     return panels + [rule["expr"] for group in ALERTS["groups"] for rule in group["rules"]]
 
 
-def test_every_metric_and_label_that_is_asked_for_is_told() -> None:
-    asked = set()
+def test_every_queried_metric_and_label_is_exported() -> None:
+    queried = set()
     for query in queries():
         for name, selection in re.findall(r"\b(stridelab_[a-z_]+)(?:\{([^}]*)\})?", query):
-            asked.add(name)
-            assert name in LABELS, f"{name} is told by nobody"
+            queried.add(name)
+            assert name in LABELS, f"{name} is exported by no process"
             for label, value in re.findall(r'([a-z_]+)\s*=~?\s*"([^"]*)"', selection):
                 assert label in LABELS[name], f"{name} has no label {label}"
                 assert value in STATES | set(CRASH_REASONS.values()), f"{label}={value}"
@@ -56,8 +56,10 @@ def test_every_metric_and_label_that_is_asked_for_is_told() -> None:
             names = re.findall(r"\bstridelab_[a-z_]+", query)
             assert {label.strip() for label in grouped.split(",")} <= LABELS[names[0]], query
         assert query.count("(") == query.count(")")
-    told = {name.removesuffix("_bucket") for name in LABELS if not name.endswith(("_sum", "_count"))}
-    assert {name.removesuffix("_bucket") for name in asked} == told, "a metric that nobody looks at"
+    exported = {name.removesuffix("_bucket") for name in LABELS if not name.endswith(("_sum", "_count"))}
+    assert {name.removesuffix("_bucket") for name in queried} == exported, (
+        "a metric that no dashboard and no alert uses"
+    )
 
 
 def test_every_metric_is_explained() -> None:
@@ -67,7 +69,7 @@ def test_every_metric_is_explained() -> None:
     assert families == set(re.findall(r"`(stridelab_[a-z_]+)`", listed))
 
 
-def test_prometheus_asks_where_the_service_answers() -> None:
+def test_prometheus_scrapes_the_address_of_the_service() -> None:
     scraped = {job["job_name"]: job for job in PROMETHEUS["scrape_configs"]}
     api = ALL["services"]["api"]
     assert scraped["stridelab"]["static_configs"][0]["targets"] == [f"api:{api['environment']['STRIDELAB_PORT']}"]
@@ -94,7 +96,7 @@ def test_grafana_finds_prometheus_and_the_dashboard() -> None:
     assert len(set(places)) == len(places)
 
 
-def test_every_alert_says_what_is_the_matter() -> None:
+def test_every_alert_has_a_description() -> None:
     for group in ALERTS["groups"]:
         for rule in group["rules"]:
             assert rule["annotations"]["summary"].endswith(".")

@@ -35,7 +35,7 @@ def erlang_c(slots: int, offered: float) -> float:
 
 
 @pytest.mark.parametrize(("slots", "offered"), [(1, 0.7), (3, 2.4), (20, 17.0)])
-def test_waits_are_those_of_erlang(simulation: ModuleType, slots: int, offered: float) -> None:
+def test_waiting_times_are_those_of_erlang(simulation: ModuleType, slots: int, offered: float) -> None:
     dice, mean_s = random.Random(7), 2.0
     arrivals = simulation.stream(offered / mean_s, 200_000, lambda: (dice.expovariate(1 / mean_s), False), dice)
     waited = [wait for wait, _ in simulation.waits(arrivals, slots, 0)]
@@ -51,13 +51,13 @@ def test_equal_services_wait_as_pollaczek_and_khinchine_say(simulation: ModuleTy
     assert sum(waited) / len(waited) == pytest.approx(load / (2 * (1 - load)), rel=0.06)
 
 
-def test_nobody_is_lost_and_each_sort_keeps_its_order(simulation: ModuleType) -> None:
+def test_no_job_is_lost_and_each_kind_keeps_its_order(simulation: ModuleType) -> None:
     dice = random.Random(9)
     arrivals = simulation.stream(3.0, 5000, lambda: (dice.expovariate(1.0), dice.random() < 0.5), dice)
     assert len(simulation.waits(arrivals, 3, 1)) == len(arrivals)
 
 
-def test_a_slot_of_their_own_spares_short_jobs_the_long_ones(simulation: ModuleType) -> None:
+def test_a_reserved_slot_keeps_short_jobs_from_waiting_for_long_ones(simulation: ModuleType) -> None:
     dice = random.Random(10)
 
     def draw() -> tuple[float, bool]:
@@ -78,7 +78,7 @@ def test_shares_and_lanes_are_those_of_the_service(simulation: ModuleType) -> No
     assert {kind for kind in simulation.SHARES if KINDS[kind].lane == "short"} == simulation.SHORT
 
 
-def test_the_page_shows_what_the_simulation_says(simulation: ModuleType) -> None:
+def test_the_page_shows_the_figures_of_the_simulation(simulation: ModuleType) -> None:
     measurements = json.loads((ROOT / "docs" / "job_costs.json").read_text(encoding="utf-8"))
     costs, calls = measurements["kinds"], measurements["calls"]
     page = (ROOT / "docs" / "sizing.md").read_text(encoding="utf-8")

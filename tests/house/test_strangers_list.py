@@ -49,7 +49,7 @@ def test_a_survey_that_finds_the_listed_outcomes_differs_in_nothing() -> None:
 
 
 def repository_of_two_commits(folder: Path) -> list[str]:
-    """A Git repository with walk.trc in two versions, which serves any commit and no more files than asked for."""
+    """A Git repository with walk.trc in two versions, which serves any commit and only the requested files."""
     folder.mkdir(parents=True)
     identity = ["-c", "user.name=a", "-c", "user.email=a@example.org"]
 

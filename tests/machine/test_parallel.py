@@ -36,7 +36,7 @@ def until(true: Callable[[], bool]) -> bool:
 
 
 @pytest.mark.parametrize("processes", [1, 2, 3])
-def test_answers_come_in_order_whoever_computes_them(processes: int) -> None:
+def test_answers_come_in_the_order_of_the_pieces(processes: int) -> None:
     answers = list(map_in_order(parallel_work.square, 5, processes))
     assert [square for square, _ in answers] == [0, 1, 4, 9, 16]
     by = {pid for _, pid in answers}
@@ -44,7 +44,7 @@ def test_answers_come_in_order_whoever_computes_them(processes: int) -> None:
     assert workers() == []
 
 
-def test_no_more_processes_than_pieces_and_none_for_nothing() -> None:
+def test_there_are_no_more_processes_than_pieces() -> None:
     ((_, pid),) = map_in_order(parallel_work.square, 1, 4)
     assert pid == os.getpid()
     assert list(map_in_order(parallel_work.square, 0, 4)) == []
@@ -53,12 +53,12 @@ def test_no_more_processes_than_pieces_and_none_for_nothing() -> None:
 @pytest.mark.parametrize("processes", [1, 2])
 def test_libraries_keep_to_one_thread(processes: int) -> None:
     """With more, sums may depend on how many there are."""
-    for found in map_in_order(parallel_work.threads, 2, processes):
-        assert found
-        assert set(found) == {1}
+    for counts in map_in_order(parallel_work.threads, 2, processes):
+        assert counts
+        assert set(counts) == {1}
 
 
-def test_an_error_comes_over_as_it_is() -> None:
+def test_an_error_of_a_process_is_raised_unchanged() -> None:
     answers = map_in_order(parallel_work.refuse, 4, 2)
     assert [next(answers), next(answers)] == [0, 1]
     with pytest.raises(NotEstimable) as refusal:
@@ -67,7 +67,7 @@ def test_an_error_comes_over_as_it_is() -> None:
     assert workers() == []
 
 
-def test_a_process_without_memory_is_told_as_such() -> None:
+def test_a_process_out_of_memory_is_reported_as_such() -> None:
     """So that a job says that it needed more memory than its limit."""
     with pytest.raises(MemoryError):
         list(map_in_order(parallel_work.hog, 2, 2))
@@ -79,14 +79,14 @@ def test_a_process_that_vanishes_is_noticed() -> None:
     assert refusal.value.code == "process-ended"
 
 
-def test_who_stops_listening_leaves_no_process() -> None:
+def test_a_closed_iterator_leaves_no_process() -> None:
     with closing(map_in_order(parallel_work.hang, 4, 2)) as answers:
         assert len({next(answers), next(answers)}) == 2
         assert len(workers()) == 2
     assert workers() == []
 
 
-def test_they_end_with_a_parent_that_is_killed(tmp_path: Path, threads: str) -> None:
+def test_processes_end_with_a_killed_parent(tmp_path: Path, threads: str) -> None:
     environment = {
         **os.environ,
         "NOTED": str(tmp_path),
@@ -104,6 +104,6 @@ def test_they_end_with_a_parent_that_is_killed(tmp_path: Path, threads: str) -> 
     assert until(lambda: not any(psutil.pid_exists(pid) for pid in children))
 
 
-def test_as_many_as_pay_and_as_there_is_room_for() -> None:
+def test_the_number_of_worthwhile_processes_is_limited() -> None:
     assert worthwhile_processes(0) == worthwhile_processes(1) == 1
     assert worthwhile_processes(1000) == min(usable_cores(), PROCESSES_MAX)

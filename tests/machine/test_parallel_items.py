@@ -25,18 +25,18 @@ def done(*hows: str, timeout_s: float = 30.0) -> dict[int, object]:
 
 
 def test_every_item_has_a_process_of_its_own() -> None:
-    found = done("work", "work", "work", "work", "work")
-    answers = [found[n] for n in range(5)]
+    outcomes = done("work", "work", "work", "work", "work")
+    answers = [outcomes[n] for n in range(5)]
     assert [a["twice"] for a in answers if isinstance(a, dict)] == [0, 2, 4, 6, 8]
     pids = {a["pid"] for a in answers if isinstance(a, dict)}
     assert len(pids) == 5
     assert os.getpid() not in pids
 
 
-def test_what_goes_wrong_costs_its_item_alone() -> None:
-    found = done("crash", "work", "exit", "hang", "refuse", "break", "large", timeout_s=3.0)
-    assert len(found) == 7
-    codes = {n: e.code for n, e in found.items() if isinstance(e, StridelabError)}
+def test_a_failing_item_does_not_affect_the_others() -> None:
+    outcomes = done("crash", "work", "exit", "hang", "refuse", "break", "large", timeout_s=3.0)
+    assert len(outcomes) == 7
+    codes = {n: e.code for n, e in outcomes.items() if isinstance(e, StridelabError)}
     assert codes == {
         0: "computation-crashed",
         2: "computation-crashed",
@@ -44,15 +44,15 @@ def test_what_goes_wrong_costs_its_item_alone() -> None:
         4: "no-step",
         5: "computation-crashed",
     }
-    refusal = found[4]
+    refusal = outcomes[4]
     assert isinstance(refusal, NotEstimable)
     assert refusal.faults[0].where == "walk.c3d"
-    large = found[6]
+    large = outcomes[6]
     assert isinstance(large, dict)
     assert len(large["text"]) == 3_000_000
 
 
-def test_whoever_stops_listening_leaves_no_process_behind() -> None:
+def test_a_closed_iterator_leaves_no_process_of_an_item() -> None:
     answers = map_isolated(
         behave, [{"how": h, "n": 1} for h in ("work", "hang", "hang")], preload=["support.parallel_work"]
     )
@@ -70,14 +70,14 @@ def test_no_items_give_no_answers() -> None:
 
 
 @pytest.mark.parametrize("processes", [1, 3])
-def test_any_number_at_a_time(processes: int) -> None:
+def test_any_number_of_processes_gives_the_same_outcomes(processes: int) -> None:
     items = [{"how": "work", "n": n} for n in range(4)]
-    found = dict(map_isolated(behave, items, preload=["support.parallel_work"], processes=processes))
-    assert sorted(found) == [0, 1, 2, 3]
+    outcomes = dict(map_isolated(behave, items, preload=["support.parallel_work"], processes=processes))
+    assert sorted(outcomes) == [0, 1, 2, 3]
 
 
 def test_no_more_at_a_time_than_cores_that_may_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A machine of 64 cores, two of them ours: of six processes that are asked for, two run at a time."""
+    """A machine of 64 cores, two of them ours: of six requested processes, two run at a time."""
     monkeypatch.setattr(os, "cpu_count", lambda: 64)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _pid: {0, 1})
     items = [{"how": "interval", "n": n} for n in range(6)]

@@ -52,19 +52,19 @@ def runs_of(folder: Path) -> Counter[int]:
     return Counter(int(path.name.partition("-")[0]) for path in folder.iterdir())
 
 
-def test_what_goes_wrong_on_a_node_costs_its_item_alone(nodes: DaskCluster) -> None:
+def test_a_failing_item_on_a_node_does_not_affect_the_others(nodes: DaskCluster) -> None:
     hows = ("work", "crash", "exit", "hang", "refuse", "large", "work")
     items = [{"how": how, "n": n} for n, how in enumerate(hows)]
-    found = dict(map_isolated(parallel_work.behave, items, preload=PRELOAD, timeout_s=3.0))
-    codes = {n: e.code for n, e in found.items() if isinstance(e, StridelabError)}
+    outcomes = dict(map_isolated(parallel_work.behave, items, preload=PRELOAD, timeout_s=3.0))
+    codes = {n: e.code for n, e in outcomes.items() if isinstance(e, StridelabError)}
     assert codes == {
         1: "computation-crashed",
         2: "computation-crashed",
         3: "computation-timed-out",
         4: "no-step",
     }
-    assert isinstance(found[4], NotEstimable)
-    assert found[4].faults[0].where == "walk.c3d"
+    assert isinstance(outcomes[4], NotEstimable)
+    assert outcomes[4].faults[0].where == "walk.c3d"
     assert wait_until(lambda: not nodes.pieces())
 
 
@@ -73,8 +73,8 @@ def test_pieces_come_in_order_from_processes_of_the_nodes() -> None:
     answers = list(map_in_order(parallel_work.square, 11, 2))
     assert [square for square, _ in answers] == [k * k for k in range(11)]
     assert os.getpid() not in {pid for _, pid in answers}
-    found = list(map_in_order(parallel_work.threads, 4, 2))
-    assert {n for threads in found for n in threads} == {1}
+    pieces = list(map_in_order(parallel_work.threads, 4, 2))
+    assert {n for threads in pieces for n in threads} == {1}
     with pytest.raises(NotEstimable, match="no posture"):
         list(map_in_order(parallel_work.refuse, 4, 2))
     with pytest.raises(MemoryError):
@@ -82,7 +82,7 @@ def test_pieces_come_in_order_from_processes_of_the_nodes() -> None:
 
 
 @pytest.mark.usefixtures("nodes")
-def test_as_many_as_the_cluster_has() -> None:
+def test_the_number_of_processes_is_that_of_the_cluster() -> None:
     assert available_processes() == 2
     assert (worthwhile_processes(1), worthwhile_processes(1000)) == (1, 2)
 
@@ -92,11 +92,11 @@ def test_a_killed_node_costs_its_item_alone(tmp_path: Path, monkeypatch: pytest.
     noted.mkdir()
     with dask_cluster(tmp_path, workers=2) as nodes:
         monkeypatch.setenv(cluster.VARIABLE, nodes.url)
-        done = map_isolated(parallel_work.note_run, noting(noted, 8, 1.0), preload=PRELOAD)
-        answers = [next(done), next(done)]
+        results = map_isolated(parallel_work.note_run, noting(noted, 8, 1.0), preload=PRELOAD)
+        answers = [next(results), next(results)]
         assert wait_until(lambda: len(nodes.pieces()) == 2)
         nodes.kill_worker(nodes.workers[0])
-        answers += done
+        answers += results
     assert sorted(index for index, _ in answers) == list(range(8))
     assert all(answer == {"n": index} for index, answer in answers)
     again = {item: runs for item, runs in runs_of(noted).items() if runs > 1}
@@ -118,15 +118,15 @@ def test_a_client_that_is_killed_leaves_no_process_on_a_node(nodes: DaskCluster,
     assert sum(runs_of(tmp_path).values()) == 2
 
 
-def test_a_scheduler_that_goes_away_costs_what_was_not_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lost_scheduler_fails_only_the_unfinished_items(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     noted = tmp_path / "noted"
     noted.mkdir()
     with dask_cluster(tmp_path, workers=2) as nodes:
         monkeypatch.setenv(cluster.VARIABLE, nodes.url)
-        done = map_isolated(parallel_work.note_run, noting(noted, 6, 0.5), preload=PRELOAD)
-        answers = [next(done), next(done)]
+        results = map_isolated(parallel_work.note_run, noting(noted, 6, 0.5), preload=PRELOAD)
+        answers = [next(results), next(results)]
         restart_scheduler(nodes)
-        answers += done
+        answers += results
     assert sorted(index for index, _ in answers) == list(range(6))
     first = {index for index, _ in answers[:2]}
     assert all(runs_of(noted)[index] == 1 for index in first)
@@ -171,8 +171,8 @@ def test_a_sweep_is_the_same_in_every_bit_wherever_it_ran(tmp_path: Path, monkey
     from support.robots.plans import short_walk
 
     scenario = short_walk()
-    asked = SweepInput(scenario=scenario, vary={"stride": (0.3, 0.9, 3)}, solver="ipopt", node_rate_hz=5.0)
-    task = SweepTask(scenario=scenario, input=asked)
+    job_input = SweepInput(scenario=scenario, vary={"stride": (0.3, 0.9, 3)}, solver="ipopt", node_rate_hz=5.0)
+    task = SweepTask(scenario=scenario, input=job_input)
     tables = []
     for name in ("nodes", "here"):
         folder = tmp_path / name
@@ -211,17 +211,19 @@ def test_a_confined_job_spans_the_nodes_if_its_kind_may(nodes: DaskCluster, tmp_
     assert summaries[0] == summaries[1]
 
 
-def test_the_exception_is_one_port(nodes: DaskCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_confined_job_reaches_one_port_only(
+    nodes: DaskCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
     target = "support.parallel_work:connect_to"
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         addresses = {"addresses": [["127.0.0.1", nodes.port], ["127.0.0.1", port]]}
-        found = run_confined(target, addresses, tmp_path, replace(STRICT, connects=nodes.port))
+        reachable = run_confined(target, addresses, tmp_path, replace(STRICT, connects=nodes.port))
         strict = run_confined(target, addresses, tmp_path, STRICT)
-    assert found[f"127.0.0.1:{nodes.port}"] == "connected"
+    assert reachable[f"127.0.0.1:{nodes.port}"] == "connected"
     if KernelFeatures.detect_features().landlock_abi >= NETWORK_ABI:
-        assert found[f"127.0.0.1:{port}"] == "PermissionError"
+        assert reachable[f"127.0.0.1:{port}"] == "PermissionError"
     assert set(strict.values()) == {"PermissionError"}
 
 
@@ -229,6 +231,6 @@ def test_the_exception_is_one_port(nodes: DaskCluster, tmp_path: Path, monkeypat
 def test_time_limits_hold_while_others_wait() -> None:
     began_s = time.monotonic()
     items = [{"how": "hang", "n": n} for n in range(2)]
-    found = dict(map_isolated(parallel_work.behave, items, preload=PRELOAD, timeout_s=1.0))
-    assert {error.code for error in found.values() if isinstance(error, StridelabError)} == {"computation-timed-out"}
+    outcomes = dict(map_isolated(parallel_work.behave, items, preload=PRELOAD, timeout_s=1.0))
+    assert {error.code for error in outcomes.values() if isinstance(error, StridelabError)} == {"computation-timed-out"}
     assert time.monotonic() - began_s < 30

@@ -22,7 +22,7 @@ from stridelab.pipelines import plan_centroidal, plan_problem
 from stridelab.schemas.plans import PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.kinds.plan_motion import run as plan_motion
-from support.command_line import Told
+from support.command_line import RecordedProgress
 from support.robots.plans import plan_task
 
 NOT_BUILT = "It was not built."
@@ -73,7 +73,7 @@ def test_options_reach_the_solver(
         raise NotEstimable("stopped", "far enough")
 
     monkeypatch.setattr(plan_centroidal, "solve", stopped)
-    told = Told()
+    told = RecordedProgress()
     with pytest.raises(NotEstimable, match="far enough"):
         plan_motion.run(plan_task(node_rate_hz=12.5, **asked), tmp_path, told)
     assert seen == [control, 12.5, solver, cpu_s]
@@ -93,7 +93,7 @@ def test_hands_are_bounded_by_their_arms_unless_the_wrench_is_the_control(
     rail = Scenario.model_validate(BUNDLED["stairs-with-rail-hrp2"]())
     for formulation in ("forces", "circular-cones", "wrench"):
         with pytest.raises(NotEstimable, match="far enough"):
-            plan_motion.run(plan_task(rail, formulation=formulation), tmp_path, Told())
+            plan_motion.run(plan_task(rail, formulation=formulation), tmp_path, RecordedProgress())
     assert set(bounds[0]) == {"right_hand"}
     assert 20.0 < bounds[0]["right_hand"] < 150.0
     assert bounds[1:] == [bounds[0], {}]
@@ -103,7 +103,7 @@ def test_hands_are_bounded_by_their_arms_unless_the_wrench_is_the_control(
     "asked", [{"formulation": "wrench"}, {"shape": "cubic"}, {"formulation": "circular-cones", "node_rate_hz": 20.0}]
 )
 def test_every_control_plans(tmp_path: Path, asked: dict[str, Any]) -> None:
-    told = Told()
+    told = RecordedProgress()
     outcome = plan_motion.run(plan_task(whole_body=False, **asked), tmp_path, told)
     summary = PlanMotionSummary.model_validate(outcome.summary)
     assert summary.converged
@@ -145,17 +145,17 @@ def test_without_splines_constants_stay_unless_splines_were_asked_for(
     task = plan_task(shape=asked)
     if asked is not None:
         with pytest.raises(NotEstimable, match="no way") as refusal:
-            plan_motion.run(task, tmp_path, Told())
+            plan_motion.run(task, tmp_path, RecordedProgress())
         assert refusal.value.code == "plan-not-converged"
         return
-    summary = PlanMotionSummary.model_validate(plan_motion.run(task, tmp_path, Told()).summary)
+    summary = PlanMotionSummary.model_validate(plan_motion.run(task, tmp_path, RecordedProgress()).summary)
     assert summary.shape == "constant"
     assert [remark.code for remark in summary.warnings] == ["forces-jump"]
 
 
 def test_chosen_durations_are_kept_by_the_splines(tmp_path: Path) -> None:
     task = plan_task(free_durations=True, duration_range=(0.8, 1.2))
-    summary = PlanMotionSummary.model_validate(plan_motion.run(task, tmp_path, Told()).summary)
+    summary = PlanMotionSummary.model_validate(plan_motion.run(task, tmp_path, RecordedProgress()).summary)
     assert summary.shape == "cubic"
     assert summary.phase_durations is not None
     chosen_s = [phase.chosen_s for phase in summary.phase_durations]
@@ -167,7 +167,7 @@ def test_chosen_durations_are_kept_by_the_splines(tmp_path: Path) -> None:
 @pytest.mark.parametrize("solver", ["auto", "ipopt", "fatrop"])
 def test_a_time_limit_ends_the_solver_and_says_so(tmp_path: Path, solver: str) -> None:
     with pytest.raises(NotEstimable) as failure:
-        plan_motion.run(plan_task(whole_body=False, time_limit_s=1e-6, solver=solver), tmp_path, Told())
+        plan_motion.run(plan_task(whole_body=False, time_limit_s=1e-6, solver=solver), tmp_path, RecordedProgress())
     assert failure.value.code == "plan-time-limit"
     assert failure.value.faults[0].where == "time_limit_s"
     assert failure.value.faults[-1].where == "stage: centroidal"

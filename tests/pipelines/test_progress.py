@@ -4,11 +4,11 @@ import pytest
 
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.pipelines.progress import Stages
-from support.command_line import Told
+from support.command_line import RecordedProgress
 
 
 def test_every_stage_has_its_share_and_its_name() -> None:
-    told = Told()
+    told = RecordedProgress()
     stages = Stages(told, {"check": 1.0, "whole body": 3.0})
     with stages.run_stage("check", "looking"):
         pass
@@ -22,7 +22,7 @@ def test_every_stage_has_its_share_and_its_name() -> None:
 
 
 def test_a_stage_that_overshoots_stays_in_its_part() -> None:
-    told = Told()
+    told = RecordedProgress()
     stages = Stages(told, {"a": 1.0, "b": 1.0})
     with stages.run_stage("a", "one") as tell:
         tell(7.0, "too far")
@@ -32,7 +32,7 @@ def test_a_stage_that_overshoots_stays_in_its_part() -> None:
 
 
 def test_an_error_keeps_its_class_and_code_and_names_the_stage() -> None:
-    stages = Stages(Told(), {"centroidal": 1.0})
+    stages = Stages(RecordedProgress(), {"centroidal": 1.0})
     with pytest.raises(NotEstimable) as failure, stages.run_stage("centroidal", "solving"):
         raise NotEstimable("plan-not-converged", "It did not converge.", [Fault("solver", "ipopt")])
     error = failure.value
@@ -43,7 +43,7 @@ def test_an_error_keeps_its_class_and_code_and_names_the_stage() -> None:
 
 
 def test_a_subclass_is_kept_and_what_is_not_ours_goes_through() -> None:
-    stages = Stages(Told(), {"check": 1.0})
+    stages = Stages(RecordedProgress(), {"check": 1.0})
     with pytest.raises(InvalidInput), stages.run_stage("check", "looking"):
         raise InvalidInput("scenario-invalid", "No.")
     with pytest.raises(ZeroDivisionError), stages.run_stage("check", "looking"):

@@ -69,7 +69,7 @@ def test_the_sizes_of_the_thesis_lose_little(card: ReachabilityCard, name: str) 
 
 
 def test_the_cloud_is_that_of_the_seed(card: ReachabilityCard, talos: Robot) -> None:
-    """The first block, drawn anew, is what is kept, to half a millimetre."""
+    """The first block, drawn again, equals the stored one to half a millimetre."""
     cloud = load_cloud("talos", "uniform")
     again = sample_com(talos, EFFECTORS, BLOCK, card.seed)
     for name in EFFECTORS:

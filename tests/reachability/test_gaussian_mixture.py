@@ -122,7 +122,7 @@ def test_two_near_components_have_their_mode_between_them() -> None:
         ("covariances_m2", np.stack([np.eye(3), np.eye(3) + np.eye(3, k=1)]), "covariances[1]"),
     ],
 )
-def test_numbers_that_are_no_density_are_refused(field: str, value: np.ndarray, where: str) -> None:
+def test_invalid_densities_are_refused(field: str, value: np.ndarray, where: str) -> None:
     good = random_mixture(2, seed=0)
     fields = {"weights": good.weights, "means_m": good.means_m, "covariances_m2": good.covariances_m2} | {field: value}
     with pytest.raises(InvalidInput) as refusal:

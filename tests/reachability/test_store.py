@@ -145,13 +145,13 @@ def test_a_truncated_file_is_refused(saved: Path) -> None:
         store.read_card(saved)
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UnreadableFile) as refusal:
         store.read_card(tmp_path / "nothing.json")
     assert "nothing.json" in refusal.value.message
 
 
-def test_a_measure_that_is_none_is_refused_before_any_file_is_looked_for() -> None:
+def test_an_unknown_measure_is_refused_before_any_file_is_read() -> None:
     with pytest.raises(InvalidInput) as refusal:
         store._bundled_path("talos", "../talos/uniform", ".json")
     assert refusal.value.code == "measure-unknown"
@@ -159,7 +159,7 @@ def test_a_measure_that_is_none_is_refused_before_any_file_is_looked_for() -> No
 
 
 @pytest.mark.parametrize("name", ["nao", "", "../robots/talos", "talos.json"])
-def test_an_unknown_robot_is_refused_before_any_file_is_looked_for(name: str) -> None:
+def test_an_unknown_robot_is_refused_before_any_file_is_read(name: str) -> None:
     with pytest.raises(NotFound) as refusal:
         store.load_card(name)
     assert refusal.value.code == "robot-not-found"
@@ -176,7 +176,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder / "uniform.json"
 
 
-def test_a_robot_that_nothing_was_learned_of(elsewhere: Path) -> None:
+def test_a_robot_without_learned_densities_is_refused(elsewhere: Path) -> None:
     with pytest.raises(NotFound) as refusal:
         store.load_proxies("talos", "uniform")
     assert refusal.value.code == "reachability-not-learned"
@@ -185,7 +185,7 @@ def test_a_robot_that_nothing_was_learned_of(elsewhere: Path) -> None:
 @pytest.mark.parametrize(
     ("field", "before", "after"), [("robot", "talos", "nao"), ("measure", "uniform", "conditioned")]
 )
-def test_a_file_about_something_else_is_refused(
+def test_a_file_with_other_contents_is_refused(
     elsewhere: Path, saved: Path, field: str, before: str, after: str
 ) -> None:
     content = saved.read_text(encoding="utf-8")
@@ -236,7 +236,7 @@ def test_a_truncated_or_flipped_cloud_is_refused(cloud: Path) -> None:
             store.read_cloud(cloud)
 
 
-def test_a_head_that_is_no_python_is_refused(cloud: Path) -> None:
+def test_a_cloud_with_an_invalid_header_is_refused(cloud: Path) -> None:
     with zipfile.ZipFile(cloud, "w") as packed:
         packed.writestr("left_foot.npy", b"\x93NUMPY\x01\x00" + (118).to_bytes(2, "little") + b"(" * 117 + b"\n")
     with pytest.raises(UnreadableFile):
@@ -297,5 +297,5 @@ def test_reading_imports_no_robot_library() -> None:
         "import sys; from stridelab.reachability.store import load_proxies; load_proxies('talos'); "
         "sys.exit(', '.join({'pinocchio', 'sklearn', 'coal'} & set(sys.modules)) or 0)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr

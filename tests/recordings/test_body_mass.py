@@ -23,8 +23,8 @@ from support.recordings.walks import (
 
 def estimates(body: MovingBody, *windows: Window) -> dict[str, MassEstimate]:
     motion = vertical_motion(body.recording, LANDMARKS, body.com_m)
-    found = windows or find_windows(body.recording, LANDMARKS, motion).windows
-    return {estimate.kind: estimate for estimate in weigh(body.recording, found, motion)}
+    windows_used = windows or find_windows(body.recording, LANDMARKS, motion).windows
+    return {estimate.kind: estimate for estimate in weigh(body.recording, windows_used, motion)}
 
 
 def test_a_drop_jump_weighs_the_jumper() -> None:
@@ -41,38 +41,38 @@ def test_a_drop_jump_weighs_the_jumper() -> None:
     assert 0.01 * MASS_KG < estimate.sd_kg < 0.05 * MASS_KG
 
 
-def test_who_stands_is_weighed_as_on_a_scale() -> None:
-    found = estimates(stand())
-    assert found["standing"].mass_kg == pytest.approx(MASS_KG, abs=0.05)
-    assert found["standing"].total_sd_kg == pytest.approx(np.hypot(found["standing"].sd_kg, 0.01 * MASS_KG))
+def test_a_standing_person_is_weighed_as_on_a_scale() -> None:
+    masses = estimates(stand())
+    assert masses["standing"].mass_kg == pytest.approx(MASS_KG, abs=0.05)
+    assert masses["standing"].total_sd_kg == pytest.approx(np.hypot(masses["standing"].sd_kg, 0.01 * MASS_KG))
 
 
 def test_a_plate_that_is_never_unloaded_may_have_a_wrong_zero() -> None:
-    """28 N of zero error are not seen while somebody stands; a touch of the empty plate would show them."""
+    """A zero error of 28 N is invisible while a person stands; samples of the empty plate would show it."""
     standing = stand()
     plate = standing.recording.plates[0]
     assert plate.loaded.all()
     off = replace(
         standing, recording=replace(standing.recording, plates=(replace(plate, force_n=plate.force_n - [0, 0, 28.0]),))
     )
-    found = estimates(off)["standing"]
-    assert 2.0 < abs(found.mass_kg - MASS_KG) < 3.0 * found.sd_kg
+    mass = estimates(off)["standing"]
+    assert 2.0 < abs(mass.mass_kg - MASS_KG) < 3.0 * mass.sd_kg
     known = replace(standing, recording=replace(standing.recording, plates=(replace(plate, zero_is_known=True),)))
-    assert estimates(known)["standing"].sd_kg < 0.3 * found.sd_kg, "another trial of the session shows the zero"
+    assert estimates(known)["standing"].sd_kg < 0.3 * mass.sd_kg, "another trial of the session shows the zero"
     empty = plate.force_n.copy()
     empty[:100] = 0.0
-    seen = replace(standing, recording=replace(standing.recording, plates=(replace(plate, force_n=empty),)))
-    found = estimates(seen, Window(0.5, 2.9))["standing"]
-    assert found.mass_kg == pytest.approx(MASS_KG, abs=0.05)
-    assert found.sd_kg < 0.2
+    with_offset = replace(standing, recording=replace(standing.recording, plates=(replace(plate, force_n=empty),)))
+    mass = estimates(with_offset, Window(0.5, 2.9))["standing"]
+    assert mass.mass_kg == pytest.approx(MASS_KG, abs=0.05)
+    assert mass.sd_kg < 0.2
 
 
 def test_a_quiet_part_of_a_trial_is_a_scale() -> None:
     """From 2.8 s on the person stands; the chair does not count, because it is in no window."""
-    found = estimates(sit_to_stand())
-    assert found["standing"].mass_kg == pytest.approx(MASS_KG, rel=0.002)
-    assert found["impulse"].mass_kg == pytest.approx(MASS_KG, rel=0.02)
-    best = best_mass(tuple(found.values()))
+    masses = estimates(sit_to_stand())
+    assert masses["standing"].mass_kg == pytest.approx(MASS_KG, rel=0.002)
+    assert masses["impulse"].mass_kg == pytest.approx(MASS_KG, rel=0.02)
+    best = best_mass(tuple(masses.values()))
     assert best is not None
     assert best.kind == "standing"
 
@@ -103,7 +103,7 @@ def test_two_trials_are_combined_by_their_errors() -> None:
     assert combined_mass([]) is None
 
 
-def test_no_plate_and_no_window_weigh_nobody() -> None:
+def test_without_plate_or_window_there_is_no_mass() -> None:
     body = stand()
     assert weigh(body.recording, ()) == ()
     assert weigh(replace(body.recording, plates=()), (Window(0.0, 2.0),)) == ()

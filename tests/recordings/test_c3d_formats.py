@@ -13,9 +13,9 @@ from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
 from support.recordings.c3d_files import (
     PlateChannels,
-    as_integers,
     as_written_by,
     parameter_at,
+    with_integer_samples,
     with_parameter,
     write_file,
 )
@@ -45,20 +45,20 @@ def read(folder: Path, content: bytes) -> Recording:
     return read_recording(folder / "made.c3d")
 
 
-def assert_same(made: Recording, expected: Recording, within_m: float) -> None:
-    assert set(made.markers_m) == set(expected.markers_m)
+def assert_same(recording: Recording, expected: Recording, within_m: float) -> None:
+    assert set(recording.markers_m) == set(expected.markers_m)
     for label, track in expected.markers_m.items():
-        np.testing.assert_allclose(made.markers_m[label], track, atol=within_m)
-    assert made.force_rate_hz == expected.force_rate_hz
-    for plate, wanted in zip(made.plates, expected.plates, strict=True):
-        np.testing.assert_allclose(plate.force_n, wanted.force_n, atol=1e-3)
+        np.testing.assert_allclose(recording.markers_m[label], track, atol=within_m)
+    assert recording.force_rate_hz == expected.force_rate_hz
+    for plate, expected_plate in zip(recording.plates, expected.plates, strict=True):
+        np.testing.assert_allclose(plate.force_n, expected_plate.force_n, atol=1e-3)
 
 
 @pytest.mark.parametrize("step_mm", STEPS_MM)
 @pytest.mark.parametrize("machine", ["intel", "dec", "sgi"])
 def test_integer_files_of_every_scale_and_machine(machine: str, step_mm: float, tmp_path: Path) -> None:
     content = float_file(tmp_path)
-    whole = as_integers(content, step_mm)
+    whole = with_integer_samples(content, step_mm)
     assert len(whole) < 0.6 * len(content) + 4 * BLOCK
     recording = read(tmp_path, as_written_by(machine, whole))
     assert_same(recording, read(tmp_path, content), 0.51e-3 * step_mm)
@@ -73,7 +73,7 @@ def test_float_files_of_other_machines(machine: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("machine", ["intel", "dec", "sgi"])
 def test_an_integer_file_that_ends_early_is_still_refused(machine: str, tmp_path: Path) -> None:
-    whole = as_written_by(machine, as_integers(float_file(tmp_path), 0.1))
+    whole = as_written_by(machine, with_integer_samples(float_file(tmp_path), 0.1))
     with pytest.raises(UnreadableFile) as refused:
         read(tmp_path, whole[: len(whole) - 2 * BLOCK])
     assert refused.value.code == "truncated-file"
@@ -84,11 +84,11 @@ def test_unsigned_analog_counts(machine: str, tmp_path: Path) -> None:
     """Counts from 0 to 65535 about an offset of 32768, as ANALOG:FORMAT says."""
     signed = float_file(tmp_path)
     stated = float_file(tmp_path, parameters={("ANALOG", "FORMAT"): ["UNSIGNED"]})
-    recording = read(tmp_path, as_written_by(machine, as_integers(stated, 0.1, unsigned=True)))
+    recording = read(tmp_path, as_written_by(machine, with_integer_samples(stated, 0.1, unsigned=True)))
     assert_same(recording, read(tmp_path, signed), 0.06e-3)
 
 
-def test_an_offset_below_zero_is_subtracted_with_its_sign(tmp_path: Path) -> None:
+def test_a_negative_offset_is_subtracted_with_its_sign(tmp_path: Path) -> None:
     expected = read(tmp_path, float_file(tmp_path))
     content = bytearray(float_file(tmp_path))
     at = parameter_at(bytes(content), "ANALOG", "OFFSET")
@@ -108,7 +108,7 @@ def test_a_section_that_states_too_few_blocks_is_followed_up_to_the_data(stated:
     assert_same(read(tmp_path, bytes(content)), read(tmp_path, float_file(tmp_path)), 1e-9)
 
 
-def test_a_last_record_whose_offset_leads_out_of_the_section(tmp_path: Path) -> None:
+def test_a_last_record_with_an_offset_out_of_the_section_is_read(tmp_path: Path) -> None:
     """Nothing but zeros follows it, so that all parameters have been read."""
     content = bytearray(float_file(tmp_path))
     group, name = "EZC3D", "CONTACT"
@@ -166,13 +166,13 @@ def test_a_name_in_small_letters_names_the_same_parameter(tmp_path: Path) -> Non
     assert_same(read(tmp_path, bytes(content)), read(tmp_path, float_file(tmp_path)), 1e-9)
 
 
-def test_offsets_written_as_floats(tmp_path: Path) -> None:
+def test_offsets_may_be_floats(tmp_path: Path) -> None:
     content = float_file(tmp_path)
-    made = with_parameter(content, "ANALOG", "OFFSET", bytes([4, 1, 6]) + bytes(24))
-    assert_same(read(tmp_path, made), read(tmp_path, content), 1e-9)
+    changed = with_parameter(content, "ANALOG", "OFFSET", bytes([4, 1, 6]) + bytes(24))
+    assert_same(read(tmp_path, changed), read(tmp_path, content), 1e-9)
 
 
-def test_rates_whose_quotient_is_not_whole(tmp_path: Path) -> None:
+def test_a_rate_ratio_that_is_not_whole_is_handled(tmp_path: Path) -> None:
     """The header states 10 samples a frame; 1000 / 105 Hz would be 9, and every frame after the first one garbage."""
     content = bytearray(float_file(tmp_path))
     for at, value in ((20, 105.0), (parameter_at(bytes(content), "POINT", "RATE") + 2, 105.0)):
@@ -183,7 +183,7 @@ def test_rates_whose_quotient_is_not_whole(tmp_path: Path) -> None:
     assert recording.force_rate_hz == pytest.approx(1050.0)
 
 
-def test_rates_that_only_the_header_states(tmp_path: Path) -> None:
+def test_rates_may_be_given_by_the_header_only(tmp_path: Path) -> None:
     """As BTS writes it: without POINT:RATE, ezc3d took the analog samples for points, metres off."""
     whole = float_file(tmp_path)
     content = bytearray(whole)
@@ -193,7 +193,7 @@ def test_rates_that_only_the_header_states(tmp_path: Path) -> None:
     assert_same(read(tmp_path, bytes(content)), read(tmp_path, whole), 1e-9)
 
 
-def test_frames_that_the_parameters_count_otherwise(tmp_path: Path) -> None:
+def test_frame_counts_of_parameters_and_header_may_differ(tmp_path: Path) -> None:
     """The header and the size of the file say 20 frames."""
     content = bytearray(float_file(tmp_path))
     at = parameter_at(bytes(content), "POINT", "FRAMES")
@@ -201,7 +201,7 @@ def test_frames_that_the_parameters_count_otherwise(tmp_path: Path) -> None:
     assert read(tmp_path, bytes(content)).n_frames == 20
 
 
-def test_points_that_the_header_counts_wrong(tmp_path: Path) -> None:
+def test_a_wrong_point_count_in_the_header_is_corrected(tmp_path: Path) -> None:
     """Its 3 points would leave most of the file behind the frames; POINT:USED fits."""
     content = bytearray(float_file(tmp_path))
     struct.pack_into("<H", content, 2, 3)
@@ -211,11 +211,11 @@ def test_points_that_the_header_counts_wrong(tmp_path: Path) -> None:
 def test_a_long_description_is_read(tmp_path: Path) -> None:
     """ezc3d takes a length above 127 for negative and asks for memory without end."""
     content = float_file(tmp_path)
-    made = with_parameter(content, "POINT", "UNITS", bytes([255, 1, 2]) + b"mm", b"x" * 200)
-    assert_same(read(tmp_path, made), read(tmp_path, content), 1e-9)
+    changed = with_parameter(content, "POINT", "UNITS", bytes([255, 1, 2]) + b"mm", b"x" * 200)
+    assert_same(read(tmp_path, changed), read(tmp_path, content), 1e-9)
 
 
-def test_what_the_library_says_is_not_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_messages_of_the_library_are_not_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(_: str) -> None:
         raise MemoryError("std::bad_alloc")
 

@@ -19,7 +19,7 @@ from support.recordings.walks import (
     MovingBody,
     corners,
     moving_body,
-    smooth,
+    smooth_step,
 )
 
 STANDING_M = 0.95
@@ -58,7 +58,7 @@ def held(fall_g: float) -> MovingBody:
 
     body = moving_body(sinks, np.zeros_like, 3.0)
     time_s = body.recording.time_s
-    lift = 0.2 * smooth(time_s, 1.0, 1.1) * (1.0 - smooth(time_s, 1.5, 1.6))
+    lift = 0.2 * smooth_step(time_s, 1.0, 1.1) * (1.0 - smooth_step(time_s, 1.5, 1.6))
     (plate,) = body.recording.plates
     force_s = np.arange(len(plate.force_n)) / FORCE_RATE_HZ
     force_n = plate.force_n.copy()
@@ -69,9 +69,9 @@ def held(fall_g: float) -> MovingBody:
 
 
 def motion_of(body: MovingBody) -> VerticalMotion:
-    found = vertical_motion(body.recording, LANDMARKS, body.com_m)
-    assert found is not None
-    return found
+    motion = vertical_motion(body.recording, LANDMARKS, body.com_m)
+    assert motion is not None
+    return motion
 
 
 def sprint(contact_s: float, flight_s: float) -> MovingBody:
@@ -124,7 +124,7 @@ def test_the_window_of_a_hopper_runs_through_all_flights() -> None:
     assert mass.mass_kg == pytest.approx(MASS_KG, rel=0.01)
 
 
-def test_flight_is_seen_from_lift_off_to_landing() -> None:
+def test_flight_is_detected_from_lift_off_to_landing() -> None:
     body = hop()
     time_s = np.mod(body.recording.time_s, 0.7)
     flight = flight_frames(body.recording, find_feet(body.recording, LANDMARKS), motion_of(body))

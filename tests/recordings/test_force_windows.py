@@ -40,7 +40,7 @@ def test_two_plates_measure_from_the_lift_before_to_the_strike_after() -> None:
     check(walk([2, 3]), [(lift_s(1), strike_s(4))])
 
 
-def test_events_are_not_needed_and_two_windows_are_found() -> None:
+def test_events_are_not_needed_and_there_are_two_windows() -> None:
     check(walk([1, 2, 5, 6], n_steps=9), [(lift_s(0), strike_s(3)), (lift_s(4), strike_s(7))])
 
 
@@ -107,7 +107,7 @@ def test_without_foot_markers_the_load_and_symmetry_decide() -> None:
     assert strike_s(4) - 0.05 <= window.end_s <= strike_s(4)
 
 
-def test_without_foot_markers_one_contact_tells_nothing() -> None:
+def test_without_foot_markers_one_contact_gives_no_window() -> None:
     assert measured_windows(walk([3]), {}) == ()
 
 
@@ -151,7 +151,7 @@ def on_a_belt(recording: Recording) -> Recording:
     return replace(recording, markers_m=markers, plates=tuple(plates), remarks=(Remark("treadmill", ""),))
 
 
-def test_on_a_treadmill_everything_is_measured() -> None:
+def test_on_a_treadmill_the_whole_recording_is_measured() -> None:
     recording = on_a_belt(walk(range(8)))
     (window,) = measured_windows(recording, LANDMARKS)
     assert window.start_s == 0.0
@@ -182,8 +182,8 @@ def test_mass_needs_whole_steps_not_whole_windows() -> None:
     phase = np.arange(len(recording.plates[0].force_n)) / 1000.0 / STEP_S * 2 * np.pi
     swing = (1.0 + 0.3 * np.sin(phase))[:, None]
     plates = tuple(replace(plate, force_n=plate.force_n * swing) for plate in recording.plates)
-    found_kg = mass_kg(replace(recording, plates=plates), (Window(lift_s(1), strike_s(4)),))
-    assert found_kg == pytest.approx(WEIGHT_N / 9.81, rel=0.02)
+    estimated_kg = mass_kg(replace(recording, plates=plates), (Window(lift_s(1), strike_s(4)),))
+    assert estimated_kg == pytest.approx(WEIGHT_N / 9.81, rel=0.02)
 
 
 def test_centre_of_pressure_is_masked_while_unloaded() -> None:
@@ -199,7 +199,7 @@ def refused(recording: Recording) -> str:
     return error.value.code
 
 
-def test_refusals_have_their_reasons() -> None:
+def test_refusals_give_their_reason() -> None:
     recording = walk([2, 3])
     one = {label: track[:1] for label, track in recording.markers_m.items()}
     few = {label: track[:10] for label, track in recording.markers_m.items()}
@@ -216,7 +216,7 @@ def test_refusals_have_their_reasons() -> None:
     assert refused(replace(recording, plates=elsewhere)) == "no-measured-window"
 
 
-def test_markers_that_are_seen_only_while_nobody_stands_on_the_plates() -> None:
+def test_markers_that_are_visible_only_while_the_plates_are_empty_are_refused() -> None:
     recording = walk([2, 3])
     late = {label: track.copy() for label, track in recording.markers_m.items()}
     for track in late.values():

@@ -20,7 +20,7 @@ def track(n: int = 200) -> np.ndarray:
     return np.column_stack([1.2 * t, 0.1 * np.sin(6 * t), 0.5 + 0.05 * np.cos(12 * t)])
 
 
-def test_nan_infinity_exact_zeros_and_what_nobody_measures_are_missing() -> None:
+def test_nan_infinity_exact_zeros_and_implausible_values_are_missing() -> None:
     cloud = np.ones((5, 1, 3))
     cloud[4, 0, 1] = -1e30
     cloud[1, 0] = 0.0
@@ -48,7 +48,7 @@ def test_short_gaps_are_filled_within_a_millimetre_and_reported() -> None:
     np.testing.assert_allclose(filled, whole, atol=1e-3)
 
 
-def test_long_gaps_stay() -> None:
+def test_long_gaps_are_not_filled() -> None:
     holed = track()
     n = int(MAX_GAP_S * RATE) + 1
     holed[50 : 50 + n] = np.nan

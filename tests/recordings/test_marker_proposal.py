@@ -69,7 +69,7 @@ def n_right(recording: Recording, labels: Mapping[str, str]) -> int:
 
 @pytest.mark.parametrize("name", WALKERS)
 @pytest.mark.parametrize("turn_rad", [0.0, 2.0])
-def test_informative_labels(name: str, turn_rad: float) -> None:
+def test_informative_labels_are_proposed_for_their_landmark(name: str, turn_rad: float) -> None:
     labels = {mark: informative(mark) for mark in walk(name).markers_m}
     assert identify(list(labels.values())).name is None
     assert n_right(relabelled(walk(name), labels, turn_rad=turn_rad), labels) >= 20
@@ -77,7 +77,7 @@ def test_informative_labels(name: str, turn_rad: float) -> None:
 
 @pytest.mark.parametrize("name", WALKERS)
 @pytest.mark.parametrize("turn_rad", [0.0, 2.0])
-def test_meaningless_labels(name: str, turn_rad: float) -> None:
+def test_meaningless_labels_are_assigned_by_position(name: str, turn_rad: float) -> None:
     """From position and motion alone at least 17 of 22 landmarks are right, and those of high confidence always."""
     labels = {mark: f"M{k:03d}" for k, mark in enumerate(walk(name).markers_m)}
     recording = relabelled(walk(name), labels, turn_rad=turn_rad)
@@ -97,7 +97,7 @@ def test_markers_that_are_no_landmarks_are_left_out() -> None:
     assert n_right(replace(marked, markers_m={**marked.markers_m, **far}), labels) >= 20
 
 
-def test_gaps_and_markers_that_are_hardly_visible() -> None:
+def test_gaps_are_tolerated_and_hardly_visible_markers_left_out() -> None:
     recording = walk("adult")
     labels = {mark: informative(mark) for mark in recording.markers_m}
     marked = dict(relabelled(recording, labels).markers_m)

@@ -57,7 +57,7 @@ def test_an_invalid_file_is_refused_naming_the_entry(tmp_path: Path, text: str, 
     assert any(fault.where == where and message in fault.message for fault in refusal.value.faults)
 
 
-def test_a_file_that_cannot_be_read_says_why(tmp_path: Path) -> None:
+def test_an_unreadable_file_is_refused_with_the_reason(tmp_path: Path) -> None:
     with pytest.raises(UnreadableFile, match=r"own\.toml.*line 1") as broken:
         read_marker_set(_written(tmp_path, "name = \n"))
     assert broken.value.code == "marker-set-not-toml"

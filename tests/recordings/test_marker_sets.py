@@ -27,10 +27,10 @@ def all_labels(known):
 @pytest.mark.parametrize("name", sorted(marker_sets.marker_sets()))
 def test_a_set_recognises_its_own_labels(name):
     known = marker_sets.marker_sets()[name]
-    found = identify(all_labels(known))
-    assert found.name == name
-    assert set(found.landmarks) == set(known.labels)
-    assert found.nearest == ()
+    match = identify(all_labels(known))
+    assert match.name == name
+    assert set(match.landmarks) == set(known.labels)
+    assert match.nearest == ()
 
 
 @pytest.mark.parametrize("name", sorted(marker_sets.marker_sets()))
@@ -49,38 +49,38 @@ def test_all_required_sets_are_shipped():
 @pytest.mark.parametrize(
     "dressed", [str.lower, str.upper, lambda x: f"Anna: {x}", lambda x: x.replace("_", " ."), "a:b:{}".format]
 )
-def test_labels_match_whatever_their_dress(dressed):
+def test_labels_match_regardless_of_case_prefix_and_separators(dressed):
     labels = [dressed(label) for label in ISB]
-    found = identify(labels)
-    assert found.name == "isb"
-    assert found.landmarks["l_asis"] == labels[0]
+    match = identify(labels)
+    assert match.name == "isb"
+    assert match.landmarks["l_asis"] == labels[0]
 
 
 def test_the_first_of_two_equal_labels_counts():
-    found = identify(["one:L_IAS", *ISB])
-    assert found.landmarks["l_asis"] == "one:L_IAS"
+    match = identify(["one:L_IAS", *ISB])
+    assert match.landmarks["l_asis"] == "one:L_IAS"
     assert normalised_label("one:L_IAS") == normalised_label("l ias")
 
 
 @pytest.mark.parametrize("labels", ["opencap", "opencap video"])
 def test_opencap_marker_based_and_video_labels(labels):
-    found = identify(LABELS[labels].split())
-    assert found.name == "opencap-lab"
-    assert "head-missing" in {remark.code for remark in found.degraded}
+    match = identify(LABELS[labels].split())
+    assert match.name == "opencap-lab"
+    assert "head-missing" in {remark.code for remark in match.degraded}
 
 
-def test_what_is_missing_is_listed_with_its_cost():
-    found = identify(ISB)
-    assert [remark.code for remark in found.degraded] == ["head-missing"]
-    assert "mm" in found.degraded[0].message
-    assert all("head" in entry for entry in found.missing)
+def test_missing_landmarks_are_listed_with_their_cost():
+    match = identify(ISB)
+    assert [remark.code for remark in match.degraded] == ["head-missing"]
+    assert "mm" in match.degraded[0].message
+    assert all("head" in entry for entry in match.missing)
 
 
 def test_a_lower_body_hides_the_smaller_gaps_inside_the_large_one():
     names = ("ASI", "PSI", "KNE", "ANK", "HEE", "TOE", "TIB", "THI")
-    found = identify([side + name for side in "LR" for name in names])
-    assert found.name == "cgm2-lower"
-    codes = {remark.code for remark in found.degraded}
+    match = identify([side + name for side in "LR" for name in names])
+    assert match.name == "cgm2-lower"
+    codes = {remark.code for remark in match.degraded}
     assert "trunk-missing" in codes
     assert not {"head-missing", "arms-missing", "hands-missing", "trunk-simplified"} & codes
 
@@ -88,32 +88,32 @@ def test_a_lower_body_hides_the_smaller_gaps_inside_the_large_one():
 def test_knees_that_only_the_static_trial_marks_are_announced():
     known = marker_sets.marker_sets()["gait2354"]
     labels = [labels[0] for landmark, labels in known.labels.items() if "knee" not in landmark]
-    found = identify(labels)
-    assert found.name == "gait2354"
-    assert found.degraded[0].code == "static-trial-needed"
+    match = identify(labels)
+    assert match.name == "gait2354"
+    assert match.degraded[0].code == "static-trial-needed"
 
 
 def test_an_unknown_set_names_the_nearest_ones_and_what_they_lack():
     labels = [label for label in ISB if label not in ("CV7", "SJN", "L_FLE")]
-    found = identify(labels)
-    assert found.name is None
-    assert found.landmarks == {}
-    nearest, score = found.nearest[0]
+    match = identify(labels)
+    assert match.name is None
+    assert match.landmarks == {}
+    nearest, score = match.nearest[0]
     assert nearest == "isb"
     assert 0.5 < score < 1.0
-    assert set(found.needed["isb"]) == {"c7", "jugular_notch", "l_knee_lateral"}
-    assert [s for _, s in found.nearest] == sorted((s for _, s in found.nearest), reverse=True)
+    assert set(match.needed["isb"]) == {"c7", "jugular_notch", "l_knee_lateral"}
+    assert [s for _, s in match.nearest] == sorted((s for _, s in match.nearest), reverse=True)
 
 
-def test_no_labels_at_all():
-    found = identify([])
-    assert found.name is None
-    assert all(score == 0.0 for _, score in found.nearest)
+def test_without_labels_no_set_matches():
+    match = identify([])
+    assert match.name is None
+    assert all(score == 0.0 for _, score in match.nearest)
 
 
 def test_a_marker_map_overrules_the_set():
-    found = identify([*ISB, "myC7"], {"c7": "MY C7"})
-    assert found.landmarks["c7"] == "myC7"
+    match = identify([*ISB, "myC7"], {"c7": "MY C7"})
+    assert match.landmarks["c7"] == "myC7"
 
 
 def test_a_marker_map_completes_a_set():
@@ -125,10 +125,10 @@ def test_a_marker_map_completes_a_set():
 def test_a_marker_map_alone_can_be_a_set():
     names = ("asis", "psis", "knee_lateral", "ankle_lateral")
     own = {f"{side}_{name}": f"{side}{name}" for side in "lr" for name in names}
-    found = identify(list(own.values()), own)
-    assert found.name == "custom"
-    assert found.landmarks == own
-    assert "trunk-missing" in {remark.code for remark in found.degraded}
+    match = identify(list(own.values()), own)
+    assert match.name == "custom"
+    assert match.landmarks == own
+    assert "trunk-missing" in {remark.code for remark in match.degraded}
 
 
 def test_a_marker_map_that_does_not_fit_names_every_fault():

@@ -34,17 +34,17 @@ def test_the_set_of_every_file(gait, place):
     here = gait / place
     files = [here] if here.is_file() else [*here.rglob("*.c3d"), *here.rglob("*.trc")]
     assert files
-    found = {path.name: identify(labels_of(path)).name for path in files}
-    assert set(found.values()) == {SETS[place]}, found
+    set_names = {path.name: identify(labels_of(path)).name for path in files}
+    assert set(set_names.values()) == {SETS[place]}, set_names
 
 
-def test_no_folder_is_left_out(gait):
+def test_every_folder_of_files_is_tested(gait):
     files = [*gait.rglob("*.c3d"), *gait.rglob("*.trc")]
     covered = [path for path in files if any(str(path.relative_to(gait)).startswith(place) for place in SETS)]
     assert len(covered) == len(files) == 65
 
 
-def test_a_file_of_an_unknown_set_says_what_is_near(gait):
-    found = identify(labels_of(gait / "ezc3d-testfiles" / "FP_Type3.c3d"))
-    assert len(found.nearest) == 3
-    assert all(found.needed[name] for name, _ in found.nearest)
+def test_a_file_of_an_unknown_set_names_the_nearest_sets(gait):
+    match = identify(labels_of(gait / "ezc3d-testfiles" / "FP_Type3.c3d"))
+    assert len(match.nearest) == 3
+    assert all(match.needed[name] for name, _ in match.nearest)

@@ -1,4 +1,4 @@
-"""Force that something beside the plates carries is found by mechanics, on bodies whose force is known."""
+"""Detection of force that acts beside the plates, on bodies whose force is known."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ from support.recordings.walks import (
     drop_jump,
     moving_body,
     sit_to_stand,
-    smooth,
+    smooth_step,
     stand,
     walk,
 )
@@ -35,9 +35,9 @@ LANDED_2_S, LIFTED_1_S, LANDED_3_S, LANDED_4_S = (
 
 
 def motion(body: MovingBody) -> VerticalMotion:
-    found = vertical_motion(body.recording, LANDMARKS, body.com_m)
-    assert found is not None
-    return found
+    vertical = vertical_motion(body.recording, LANDMARKS, body.com_m)
+    assert vertical is not None
+    return vertical
 
 
 def shifted_second_plate(shift_m: tuple[float, float, float]) -> Recording:
@@ -108,14 +108,16 @@ def test_sitting_on_a_chair_beside_the_plate_is_not_measured() -> None:
 
 
 def test_without_a_chair_the_same_movement_is_measured_from_end_to_end() -> None:
-    body = moving_body(lambda t: 0.62 + 0.35 * smooth(t, 1.4, 2.8), np.zeros_like, duration_s=4.5)
+    body = moving_body(lambda t: 0.62 + 0.35 * smooth_step(t, 1.4, 2.8), np.zeros_like, duration_s=4.5)
     search = find_windows(body.recording, LANDMARKS, motion(body))
     assert search.remarks == ()
     assert search.windows == (Window(0.0, float(body.recording.time_s[-1])),)
 
 
-def test_a_rail_that_carries_a_third_is_found() -> None:
-    body = moving_body(lambda t: 0.95 + 0 * t, lambda t: 0.33 * smooth(t, 1.0, 1.3) * (1 - smooth(t, 2, 2.3)), 4.0)
+def test_a_rail_that_carries_a_third_of_the_weight_is_detected() -> None:
+    body = moving_body(
+        lambda t: 0.95 + 0 * t, lambda t: 0.33 * smooth_step(t, 1.0, 1.3) * (1 - smooth_step(t, 2, 2.3)), 4.0
+    )
     first, second = find_windows(body.recording, LANDMARKS, motion(body)).windows
     assert 1.0 < first.end_s < 1.2
     assert 2.1 < second.start_s < 2.3
@@ -151,15 +153,15 @@ def test_hanging_above_the_plate_is_no_flight() -> None:
     assert "force-missing" in {remark.code for remark in search.remarks}
 
 
-def test_a_statement_that_is_too_large_accuses_no_chair() -> None:
-    """Who stands still on a plate with a steady force is weighed by it: a wrong statement must not end the window."""
+def test_an_overstated_mass_is_not_taken_for_a_chair() -> None:
+    """Standing still on a plate with a steady force gives the mass: a wrong stated mass must not end the window."""
     body = stand()
     search = find_windows(body.recording, LANDMARKS, motion(body), stated_kg=1.3 * MASS_KG)
     assert search.remarks == ()
     assert len(search.windows) == 1
 
 
-def test_a_refusal_says_where_force_is_missing() -> None:
+def test_a_refusal_names_the_interval_of_missing_force() -> None:
     body = moving_body(lambda t: 0.95 + 0 * t, lambda t: 0.3 + 0.4 * (t % 0.4 < 0.2), duration_s=2.0)
     with pytest.raises(NotEstimable) as refusal:
         require_windows(body.recording, LANDMARKS, motion(body), stated_kg=MASS_KG)
@@ -168,7 +170,7 @@ def test_a_refusal_says_where_force_is_missing() -> None:
 
 
 def test_the_pelvis_stands_in_for_the_centre_of_mass() -> None:
-    """Where the segments cannot be placed, a chair that carries nine tenths is still found."""
+    """Where the segments cannot be placed, a chair that carries nine tenths is still detected."""
     body = sit_to_stand()
     landmarks = {**LANDMARKS, "sacrum": "pelvis"}
     by_pelvis = vertical_motion(body.recording, landmarks)

@@ -39,8 +39,8 @@ def plate(per_nm: float, corners_mm: np.ndarray = FLAT_CORNERS_MM, share: float 
     return PlateChannels(2, signals, corners_mm=corners_mm, origin_mm=tuple(1000.0 * DEEP_M))
 
 
-def read(folder: Path, stated: str, *plates: PlateChannels, **asked: object) -> Recording:
-    return read_recording(write_file(folder / "a.c3d", markers(), plates=plates, moment_unit=stated), **asked)
+def read(folder: Path, stated: str, *plates: PlateChannels, **options: object) -> Recording:
+    return read_recording(write_file(folder / "a.c3d", markers(), plates=plates, moment_unit=stated), **options)
 
 
 def codes(recording: Recording) -> list[str]:
@@ -72,7 +72,7 @@ def test_the_remark_says_which_unit_and_why(tmp_path: Path) -> None:
     assert "0%" in remark.message
 
 
-def test_a_plate_on_which_nobody_steps_gets_the_unit_of_the_others(tmp_path: Path) -> None:
+def test_an_unused_plate_gets_the_unit_of_the_others(tmp_path: Path) -> None:
     """Its noise of 2 N mm would else be one of 2 Nm."""
     idle = plate(1.0, BESIDE_MM, share=0.0)
     noise = np.random.default_rng(3).normal(0.0, 2.0, idle.signals.shape)

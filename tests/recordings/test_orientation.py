@@ -24,7 +24,7 @@ def test_up_is_the_line_of_the_force_with_the_markers_above_the_plates() -> None
     assert orientation.find_up_axis(np.array([30.0, -700.0, -20.0]), plates, body, "+z") == "+y"
 
 
-def test_oblique_force_says_nothing_and_the_hint_decides() -> None:
+def test_an_oblique_force_decides_nothing_and_the_hint_is_used() -> None:
     assert orientation.find_up_axis(np.array([500.0, 500.0, 0.0]), [], np.ones((2, 2, 3)), "+z") == "+z"
 
 

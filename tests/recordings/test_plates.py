@@ -167,7 +167,7 @@ def test_origin_of_a_treadmill_corner_is_decided_by_the_centre_of_pressure(tmp_p
     check(recording)
 
 
-def test_right_origin_of_a_corner_is_kept(tmp_path: Path) -> None:
+def test_right_origin_of_a_corner_is_not_changed(tmp_path: Path) -> None:
     origin = np.array([-241.0, -180.0, 0.0])
     plate = PlateChannels(2, type2_channels(origin), origin_mm=tuple(origin))
     recording = read_recording(write_file(tmp_path / "a.c3d", markers(), plates=[plate]))
@@ -287,7 +287,7 @@ def test_unknown_plate_type_is_left_out(tmp_path: Path) -> None:
     assert "plate-unusable" in codes(recording)
 
 
-def test_channels_that_are_not_in_the_file(tmp_path: Path) -> None:
+def test_a_plate_with_missing_channels_is_left_out(tmp_path: Path) -> None:
     plate = PlateChannels(2, type2_channels(np.zeros(3)))
     extra = {("FORCE_PLATFORM", "CHANNEL"): np.arange(4, 10)[:, None]}
     recording = read_recording(write_file(tmp_path / "a.c3d", markers(), plates=[plate], parameters=extra))

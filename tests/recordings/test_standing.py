@@ -1,4 +1,4 @@
-"""A trial in which the person stands still is told from every other by its markers alone."""
+"""Static trials are distinguished from others by their markers alone."""
 
 from pathlib import Path
 

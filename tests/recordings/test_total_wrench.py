@@ -75,7 +75,7 @@ def test_complete_is_the_inside_of_the_windows() -> None:
     assert not wrench_track(oscillating(), ()).complete.any()
 
 
-def test_readings_beyond_the_recording_are_not_complete() -> None:
+def test_wrenches_beyond_the_recording_are_not_complete() -> None:
     recording = oscillating()
     everything = (Window(0.0, recording.duration_s),)
     late = wrench_track(recording, everything, latency_s=0.05)
@@ -91,7 +91,7 @@ def test_plates_that_are_switched_off_are_left_out() -> None:
     assert track.force_n[track.complete, 2].mean() == pytest.approx(0.7 * WEIGHT_N, rel=0.02)
 
 
-def test_no_plates_no_wrench() -> None:
+def test_without_plates_there_is_no_wrench() -> None:
     track = wrench_track(replace(oscillating(), plates=()), WINDOWS)
     assert not track.complete.any()
     assert not track.force_n.any()

@@ -1,4 +1,4 @@
-"""Belts of treadmills: stated or found, one for each foot, held against the feet."""
+"""Belts of treadmills: stated or estimated, one for each foot, compared with the feet."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -103,10 +103,10 @@ def test_belts_that_share_an_origin_and_corners_measure_all_force() -> None:
 def test_stated_belts_are_used_and_reported(tmp_path: Path) -> None:
     path = write_trc_mot(tmp_path / "walk.zip", split_belts(1.4, 1.0))
     switches = {1: PlateSwitches(belt_speed_m_s=1.4), 2: PlateSwitches(belt_speed_m_s=1.0)}
-    found = read_recording(path, plate_switches=switches)
-    assert stated_belts_m_s(found) == {1: 1.4, 2: 1.0}
-    assert found.walking_direction == pytest.approx([1.0, 0.0, 0.0], abs=0.02)
-    (message,) = [remark.message for remark in found.remarks if remark.code == "treadmill"]
+    recording = read_recording(path, plate_switches=switches)
+    assert stated_belts_m_s(recording) == {1: 1.4, 2: 1.0}
+    assert recording.walking_direction == pytest.approx([1.0, 0.0, 0.0], abs=0.02)
+    (message,) = [remark.message for remark in recording.remarks if remark.code == "treadmill"]
     assert "1.40 m/s (plate 1) and 1.00 m/s (plate 2), as stated" in message
 
 
@@ -137,8 +137,8 @@ def test_for_a_static_trial_the_belts_stand(tmp_path: Path) -> None:
     moving = split_belts(1.2, 1.2)
     still = {label: np.tile(track[50], (len(track), 1)) for label, track in moving.markers_m.items()}
     path = write_trc_mot(tmp_path / "static.zip", replace(moving, markers_m=still))
-    found = read_recording(path, plate_switches={1: PlateSwitches(belt_speed_m_s=1.2)})
-    codes = {remark.code for remark in found.remarks}
+    recording = read_recording(path, plate_switches={1: PlateSwitches(belt_speed_m_s=1.2)})
+    codes = {remark.code for remark in recording.remarks}
     assert "belt-stopped" in codes
     assert "treadmill" not in codes
 
@@ -154,13 +154,13 @@ def bare(path: Path, recording: Recording) -> Path:
 def test_a_treadmill_needs_no_plates(tmp_path: Path, left_m_s: float, right_m_s: float, *, stated: bool) -> None:
     path = bare(tmp_path / "walk.tsv", split_belts(left_m_s, right_m_s))
     speeds = {1: left_m_s, 2: right_m_s} if stated else {}
-    found = read_recording(path, plate_switches={i: PlateSwitches(belt_speed_m_s=v) for i, v in speeds.items()})
-    assert found.walking_direction == pytest.approx([1.0, 0.0, 0.0], abs=0.02)
-    assert stated_belts_m_s(found) == speeds
-    ground = {foot.side: foot.ground_m_s for foot in find_feet(found, LANDMARKS)}
+    recording = read_recording(path, plate_switches={i: PlateSwitches(belt_speed_m_s=v) for i, v in speeds.items()})
+    assert recording.walking_direction == pytest.approx([1.0, 0.0, 0.0], abs=0.02)
+    assert stated_belts_m_s(recording) == speeds
+    ground = {foot.side: foot.ground_m_s for foot in find_feet(recording, LANDMARKS)}
     assert ground["left"] == pytest.approx([-left_m_s, 0.0, 0.0], abs=0.03)
     assert ground["right"] == pytest.approx([-right_m_s, 0.0, 0.0], abs=0.03)
-    (message,) = [remark.message for remark in found.remarks if remark.code == "treadmill"]
+    (message,) = [remark.message for remark in recording.remarks if remark.code == "treadmill"]
     assert ("(belt 2), as stated" in message) == stated
 
 
@@ -184,5 +184,5 @@ def test_without_plates_only_feet_on_a_belt_are_on_a_treadmill(tmp_path: Path, m
             markers[label] = track[0] + (circle if foot else 0.0 * circle)
         if movement == "carried":
             markers[label] = track[0] + np.outer(1.2 * time_s, [1.0, 0.0, 0.0])
-    found = read_recording(bare(tmp_path / "trial.tsv", replace(floor, markers_m=markers)))
-    assert "treadmill" not in {remark.code for remark in found.remarks}
+    recording = read_recording(bare(tmp_path / "trial.tsv", replace(floor, markers_m=markers)))
+    assert "treadmill" not in {remark.code for remark in recording.remarks}

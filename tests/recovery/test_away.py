@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from support.faults.disks import mounted
+from support.faults.disks import mounted_folder
 from support.service.processes import Jobs, assert_sound, wait_until, worker
 
 
@@ -68,7 +68,7 @@ def test_storage_that_stays_away_ends_the_wait_and_a_cancelled_job_does_not_wait
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A file system with room for 64 files and folders."""
-    with mounted(tmp_path / "small", "size=2m,nr_inodes=64") as folder:
+    with mounted_folder(tmp_path / "small", "size=2m,nr_inodes=64") as folder:
         yield folder
 
 

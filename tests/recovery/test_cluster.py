@@ -18,7 +18,7 @@ import pytest
 from stridelab.service.storage.database import parse_url
 from support.faults.network import relay
 from support.service.database import TestDatabases
-from support.service.external_services import ADDRESS, BUCKET, OPTIONS, Collector, Span, collector, said
+from support.service.external_services import ADDRESS, BUCKET, OPTIONS, Collector, Span, collector, span_attributes
 from support.service.processes import assert_sound, environment, free_port, wait_until
 
 
@@ -176,8 +176,8 @@ def test_a_request_and_its_job_on_another_machine_are_one_trace(cluster: Cluster
     assert request.parent_span_id.hex() == above
     assert job.parent_span_id == request.span_id
     assert {by_name[name][1].parent_span_id for name in ("stage", "compute", "publish")} == {job.span_id}
-    assert said(job) == {"job_id": job_id, "kind": "estimate-com", "attempt": 1, "state": "succeeded"}
-    assert said(request).keys() == {"request_id", "http.response.status_code"}
+    assert span_attributes(job) == {"job_id": job_id, "kind": "estimate-com", "attempt": 1, "state": "succeeded"}
+    assert span_attributes(request).keys() == {"request_id", "http.response.status_code"}
 
 
 def test_a_store_that_is_away_is_waited_for_and_told(cluster: Cluster, recording: str) -> None:

@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy.exc import DBAPIError
 
 from stridelab.errors import StridelabError
-from support.faults.disks import mounted
+from support.faults.disks import mounted_folder
 from support.service.database import public_folder
 from support.service.processes import Service, assert_sound, wait_until
 
@@ -18,7 +18,7 @@ from support.service.processes import Service, assert_sound, wait_until
 @pytest.fixture
 def disk() -> Iterator[Path]:
     """A file system of 128 MB."""
-    with public_folder() as folder, mounted(folder / "disk", "size=128m,mode=755") as disk:
+    with public_folder() as folder, mounted_folder(folder / "disk", "size=128m,mode=755") as disk:
         yield disk
 
 

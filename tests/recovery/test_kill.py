@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from support.service.database import public_folder
-from support.service.processes import Service, assert_sound, ended, running_service, wait_until
+from support.service.processes import Service, assert_sound, running_service, wait_for_exit, wait_until
 from support.service.supervisor_entry import API, WORKER
 
 MEMBERS = {
@@ -79,7 +79,7 @@ def test_everything_killed_at_once_and_started_again(tmp_path: Path) -> None:
             with contextlib.suppress(ProcessLookupError):  # it went with the one that was killed before it
                 os.kill(process.pid, signal.SIGKILL)
         service.stop(signal.SIGKILL)
-        wait_until(lambda: all(ended(process) for process in members), 20, "everything ended")
+        wait_until(lambda: all(wait_for_exit(process) for process in members), 20, "everything ended")
 
         service.start()
         try:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from support.load.growth import LIGHT, Sample, Soak, growth
+from support.load.growth import LIGHT, Sample, Soak, fit_growth
 from support.load.load import ADMIN, users
 from support.service.processes import running_service
 
@@ -17,8 +17,8 @@ def test_nothing_grows_but_what_belongs_to_jobs() -> None:
 
 
 def test_growth_follows_the_trend_and_not_a_single_value() -> None:
-    assert growth([100.0 + 2.0 * n for n in range(11)]) == pytest.approx(20.0)
-    assert growth([100.0] * 5 + [500.0] + [100.0] * 5) == 0.0
+    assert fit_growth([100.0 + 2.0 * n for n in range(11)]) == pytest.approx(20.0)
+    assert fit_growth([100.0] * 5 + [500.0] + [100.0] * 5) == 0.0
 
 
 @pytest.mark.parametrize(

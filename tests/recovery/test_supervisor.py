@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from support.service.database import public_folder
-from support.service.processes import Service, ended, environment, wait_until
+from support.service.processes import Service, environment, wait_for_exit, wait_until
 
 
 def test_ctrl_c_ends_everything_and_the_next_start_finds_everything() -> None:
@@ -22,7 +22,7 @@ def test_ctrl_c_ends_everything_and_the_next_start_finds_everything() -> None:
         assert service.stop(signal.SIGINT) < 5.0
         assert service.process is not None
         assert service.process.returncode == 0
-        wait_until(lambda: all(ended(process) for process in members), 20, "everything ended")
+        wait_until(lambda: all(wait_for_exit(process) for process in members), 20, "everything ended")
 
         service.start()
         try:
@@ -33,7 +33,9 @@ def test_ctrl_c_ends_everything_and_the_next_start_finds_everything() -> None:
             assert len(members) >= 6  # supervisor, web server, worker, postmaster, children of both
         finally:
             service.stop(signal.SIGKILL)
-        wait_until(lambda: all(ended(process) for process in members), 20, "everything ended with the supervisor")
+        wait_until(
+            lambda: all(wait_for_exit(process) for process in members), 20, "everything ended with the supervisor"
+        )
 
 
 def refused(**settings: str) -> str:

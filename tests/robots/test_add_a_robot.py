@@ -24,9 +24,9 @@ PAGE = (ROOT / "docs" / "how-to" / "add-a-robot.md").read_text(encoding="utf-8")
 def romeo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
     """The card of the page, dropped beside the others."""
     shutil.copytree(models_dir() / "robots", tmp_path / "robots")
-    found = re.search(r"```toml\n(.*?)```", PAGE, re.DOTALL)
-    assert found
-    (tmp_path / "robots" / "romeo.toml").write_text(found.group(1), encoding="utf-8")
+    code_block = re.search(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    assert code_block
+    (tmp_path / "robots" / "romeo.toml").write_text(code_block.group(1), encoding="utf-8")
     monkeypatch.setattr(cards, "models_dir", lambda: tmp_path)
     assert "romeo" in robot_names()
     yield load_robot.__wrapped__("romeo")

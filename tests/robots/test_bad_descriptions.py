@@ -24,7 +24,7 @@ URDF = FILES.urdf.read_text(encoding="utf-8")
 URDF_LIMITS = {
     joint.attrib["name"]: {"velocity_rad_s": float(limit["velocity"]), "torque_nm": float(limit["effort"])}
     for joint in ET.fromstring(URDF).findall("joint")
-    for limit in (found.attrib for found in joint.findall("limit"))
+    for limit in (limit_element.attrib for limit_element in joint.findall("limit"))
 }
 
 
@@ -53,9 +53,9 @@ def without(pattern: str) -> str:
 
 
 def link(name: str) -> str:
-    found = re.search(rf'<link name="{name}">.*?</link>', URDF, re.DOTALL)
-    assert found
-    return found.group()
+    element = re.search(rf'<link name="{name}">.*?</link>', URDF, re.DOTALL)
+    assert element
+    return element.group()
 
 
 def in_link(name: str, pattern: str, replacement: str) -> str:
@@ -63,9 +63,9 @@ def in_link(name: str, pattern: str, replacement: str) -> str:
 
 
 def in_joint(name: str, pattern: str, replacement: str) -> str:
-    found = re.search(rf'<joint name="{name}".*?</joint>', URDF, re.DOTALL)
-    assert found
-    return URDF.replace(found.group(), re.sub(pattern, replacement, found.group()))
+    element = re.search(rf'<joint name="{name}".*?</joint>', URDF, re.DOTALL)
+    assert element
+    return URDF.replace(element.group(), re.sub(pattern, replacement, element.group()))
 
 
 def inertia(moment_kg_m2: float) -> str:
@@ -113,7 +113,7 @@ def fixed(parent: str, mass_kg: float, inertia: str, joint: str = "fixed") -> st
         (in_joint("LARM_JOINT3", 'velocity="[^"]*"', 'velocity="0"'), "joint LARM_JOINT3", "velocity limit is 0"),
     ],
 )
-def test_what_no_body_and_no_joint_can_be(shelf: Path, urdf: str, where: str, what: str) -> None:
+def test_impossible_inertias_and_limits_are_refused(shelf: Path, urdf: str, where: str, what: str) -> None:
     error = refusal(shelf, urdf=urdf)
     assert isinstance(error, InvalidInput)
     assert error.code == "robot-description-invalid"
@@ -140,7 +140,7 @@ def test_point_masses_and_frames_are_links_too(shelf: Path, more: str) -> None:
         in_link("LARM_LINK2", "<inertia .*?>", '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.0001"/>'),
     ],
 )
-def test_what_is_just_accepted_is_accepted_by_the_simulator_as_it_stands(shelf: Path, urdf: str) -> None:
+def test_barely_accepted_descriptions_are_accepted_by_the_simulator(shelf: Path, urdf: str) -> None:
     (shelf / "hrp2" / "hrp2.urdf").write_text(urdf)
     card = parse_card("hrp2", CARD.encode())
     robot = assemble_robot("hrp2", card, data_files(card))
@@ -152,7 +152,7 @@ def test_what_is_just_accepted_is_accepted_by_the_simulator_as_it_stands(shelf: 
             np.testing.assert_allclose(moments, stated.moments_kg_m2, rtol=1e-5, err_msg=stated.name)
 
 
-def test_an_inertia_of_no_body_can_be_accepted_by_name(shelf: Path) -> None:
+def test_an_impossible_inertia_can_be_accepted_by_name(shelf: Path) -> None:
     flat = in_link("LARM_LINK2", "<inertia .*?>", '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-2"/>')
     assert refusal(shelf, urdf=flat).code == "robot-description-invalid"
     accepting = parse_card("hrp2", f'accepted_inertias = ["LARM_LINK2"]\n{CARD}'.encode())
@@ -218,13 +218,13 @@ def test_ranges_of_the_card_replace_those_of_the_description(shelf: Path) -> Non
         ),
     ],
 )
-def test_cards_that_do_not_fit_the_description(shelf: Path, card: str, where: str, what: str) -> None:
+def test_cards_that_do_not_fit_the_description_are_refused(shelf: Path, card: str, where: str, what: str) -> None:
     error = refusal(shelf, card=card)
     assert isinstance(error, InvalidInput)
     assert error.code == "robot-card-invalid"
-    found = {fault.where: fault.message for fault in error.faults}
-    assert where in found
-    assert what in found[where]
+    faults = {fault.where: fault.message for fault in error.faults}
+    assert where in faults
+    assert what in faults[where]
 
 
 def test_limits_of_the_card_can_be_the_cause(shelf: Path) -> None:
@@ -241,7 +241,7 @@ def test_a_missing_mesh_is_named(shelf: Path) -> None:
     assert [fault.where for fault in error.faults] == ["package://hrp2/shin.stl"]
 
 
-def test_a_mesh_that_is_there_is_found(shelf: Path) -> None:
+def test_an_existing_mesh_is_loaded(shelf: Path) -> None:
     """Of the project's own robots ``package://`` is the folder of robots."""
     cube = re.sub(r"<box size=[^>]*>", '<mesh filename="package://hrp2/cube.obj"/>', URDF, count=1)
     corners = "\n".join(f"v {x} {y} {z}" for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1))
@@ -280,7 +280,7 @@ def test_a_description_that_is_not_there_is_named(shelf: Path) -> None:
     assert "HRP-2" in error.message
 
 
-def test_the_door_refuses_what_the_card_refuses(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_upload_refuses_what_the_card_refuses(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(loader, "card_bytes", lambda _name: CARD.replace('"BODY"', '"HULL"', 1).encode())
     with pytest.raises(InvalidInput, match="HULL"):
         loader.load_robot.__wrapped__("hrp2")

@@ -93,7 +93,7 @@ def test_every_bad_field_is_named_at_once() -> None:
 
 
 @pytest.mark.parametrize("text", [b"title = ", b"\xff\xfe", b""])
-def test_what_is_no_card_at_all(text: bytes) -> None:
+def test_a_file_that_is_no_card_is_refused(text: bytes) -> None:
     assert faults(text) is not None
 
 
@@ -118,7 +118,7 @@ def test_a_robot_without_feet_is_refused() -> None:
         ('torso = "torso_.*"', 'torso = "(torso|leg)_.*"', "groups"),
     ],
 )
-def test_what_the_description_does_not_know_is_named(old: str, new: str, where: str) -> None:
+def test_names_missing_in_the_description_are_listed(old: str, new: str, where: str) -> None:
     text = edited(old, new)
     card = parse_card("talos", text)
     with pytest.raises(InvalidInput) as caught:
@@ -153,14 +153,14 @@ def test_a_robot_whose_data_package_is_missing_is_unavailable(
     assert "TALOS" in caught.value.message
 
 
-def test_names_and_cards_are_had_without_a_rigid_body_library() -> None:
+def test_names_and_cards_need_no_rigid_body_library() -> None:
     program = (
         "import sys; from stridelab.robots.loader import robot_names; from stridelab.robots.card import robot_card;"
         "from stridelab.robots.data_files import data_files; data_files(robot_card(robot_names()[0]));"
         "print({'pinocchio', 'example_robot_data', 'trimesh'} & set(sys.modules))"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "set()"
 
 
 def test_every_shipped_card_is_valid() -> None:

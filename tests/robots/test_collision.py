@@ -62,7 +62,7 @@ def test_the_first_hit_and_all_pairs_agree(talos: Robot) -> None:
     assert 0.5 < np.mean(verdicts) < 0.8, "about two thirds of the uniform configurations collide"
 
 
-def test_hulls_judge_like_the_meshes_of_the_whole_robot(talos: Robot) -> None:
+def test_hulls_collide_where_the_meshes_of_the_whole_robot_do(talos: Robot) -> None:
     """Oracle: all 52 meshes as they are. What the hulls miss are parts that the card leaves out, and it is rare.
 
     The shapes of certificate and replay include these parts and miss nothing but what the narrow phase overlooks.
@@ -72,7 +72,7 @@ def test_hulls_judge_like_the_meshes_of_the_whole_robot(talos: Robot) -> None:
     meshes.addAllCollisionPairs()
     pin.removeCollisionPairs(full, meshes, str(data_files(robot_card("talos")).srdf), False)
     assert (meshes.ngeoms, len(meshes.collisionPairs)) == (52, 887)
-    kept = {part.name for part in talos.collision.geometryObjects}
+    part_names = {part.name for part in talos.collision.geometryObjects}
     names = [part.name for part in meshes.geometryObjects]
     data, buffers, check = full.createData(), meshes.createData(), SelfCollision.for_robot(talos)
     where = [full.joints[full.getJointId(joint)].idx_q for joint in talos.joint_names]
@@ -85,15 +85,15 @@ def test_hulls_judge_like_the_meshes_of_the_whole_robot(talos: Robot) -> None:
         q_full = urdf.full_configuration(talos, full)
         q_full[where] = q[7:]
         truth = pin.computeCollisions(full, data, meshes, buffers, q_full, False)
-        found = check.any_collision(q)
-        false_alarms += found and not truth
-        found_by_all = pin.computeCollisions(talos.model, full_data, full_hulls, full_buffers, q, False)
-        overlooked_by_all += truth and not found_by_all
-        false_by_all += found_by_all and not truth
-        if truth and not found:
+        collides = check.any_collision(q)
+        false_alarms += collides and not truth
+        hit_of_all_pairs = pin.computeCollisions(talos.model, full_data, full_hulls, full_buffers, q, False)
+        overlooked_by_all += truth and not hit_of_all_pairs
+        false_by_all += hit_of_all_pairs and not truth
+        if truth and not collides:
             touching = zip(meshes.collisionPairs, buffers.collisionResults, strict=True)
             pairs = [{names[pair.first], names[pair.second]} for pair, result in touching if result.isCollision()]
-            if any(pair <= kept for pair in pairs):
+            if any(pair <= part_names for pair in pairs):
                 overlooked += 1
             else:
                 left_out += 1

@@ -27,7 +27,7 @@ def drawn(talos: Robot) -> tuple[np.ndarray, int]:
     return np.array(list(islice(stream, 600))), stream.tried
 
 
-def test_they_stay_within_the_joint_limits(talos: Robot, drawn: tuple[np.ndarray, int]) -> None:
+def test_sampled_configurations_stay_within_the_joint_limits(talos: Robot, drawn: tuple[np.ndarray, int]) -> None:
     angles = drawn[0][:, 7:]
     lower, upper = talos.model.lowerPositionLimit[7:], talos.model.upperPositionLimit[7:]
     assert (angles >= lower).all()
@@ -40,7 +40,7 @@ def test_the_base_stays_in_the_reference_posture(talos: Robot, drawn: tuple[np.n
     assert (drawn[0][:, :7] == talos.q_reference[:7]).all()
 
 
-def test_they_are_free_of_self_collision(talos: Robot, drawn: tuple[np.ndarray, int]) -> None:
+def test_sampled_configurations_are_free_of_self_collision(talos: Robot, drawn: tuple[np.ndarray, int]) -> None:
     assert not any(SelfCollision.for_robot(talos).any_collision(q) for q in drawn[0][::10])
 
 
@@ -57,7 +57,7 @@ def test_a_joint_that_moves_nothing_into_anything_stays_uniform(talos: Robot, dr
     assert kstest(drawn[0][:, column], "uniform", args=(lower, upper - lower)).pvalue > 1e-3
 
 
-def test_the_seed_decides(talos: Robot, drawn: tuple[np.ndarray, int]) -> None:
+def test_the_seed_determines_the_configurations(talos: Robot, drawn: tuple[np.ndarray, int]) -> None:
     again = np.array(list(islice(uniform_configurations(talos, np.random.default_rng(1)), 20)))
     other = np.array(list(islice(uniform_configurations(talos, np.random.default_rng(2)), 20)))
     assert (again == drawn[0][:20]).all()
@@ -71,7 +71,7 @@ def test_each_configuration_is_an_array_of_its_own(talos: Robot) -> None:
     assert not (first == second).all()
 
 
-def test_a_robot_that_always_touches_itself_is_given_up(talos: Robot) -> None:
+def test_sampling_gives_up_on_a_robot_that_always_collides_with_itself(talos: Robot) -> None:
     """Two balls in one place, on the base and on the torso, which cannot move apart."""
     collision = pin.GeometryModel()
     for part in talos.collision.geometryObjects:

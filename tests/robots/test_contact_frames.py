@@ -28,6 +28,6 @@ def test_every_effector_has_its_contact_frame() -> None:
         assert np.allclose(here.rotation, expected.rotation)
 
 
-def test_placements_become_pinocchio_s() -> None:
+def test_placements_are_converted_to_pinocchio() -> None:
     place = Placement.from_wxyz([1.0, 2.0, 3.0], (0.5, 0.5, -0.5, 0.5))
     assert np.allclose(to_se3(place).act(np.array([0.1, 0.2, 0.3])), place.act(np.array([[0.1, 0.2, 0.3]]))[0])

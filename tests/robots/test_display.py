@@ -118,14 +118,14 @@ def test_decimated_surfaces_stay_near_the_originals(
     talos: Robot, meshes: tuple[LinkMesh, ...], link: str, p99_mm: float, worst_mm: float
 ) -> None:
     """From every vertex of the original to the shown surface and back; includes up to 2 mm of sampling."""
-    shown = next(mesh for mesh in meshes if mesh.name == link)
-    surface, mesh = trimesh.Trimesh(shown.vertices_m, shown.faces, process=False), original(talos, link)
+    decimated = next(mesh for mesh in meshes if mesh.name == link)
+    surface, mesh = trimesh.Trimesh(decimated.vertices_m, decimated.faces, process=False), original(talos, link)
     there_mm = 1e3 * cKDTree(sampled(surface)).query(mesh.vertices)[0]
-    back_mm = 1e3 * cKDTree(sampled(mesh)).query(shown.vertices_m)[0]
+    back_mm = 1e3 * cKDTree(sampled(mesh)).query(decimated.vertices_m)[0]
     assert np.percentile(there_mm, 99) < p99_mm
     assert there_mm.max() < worst_mm
     assert back_mm.max() < worst_mm
-    assert len(shown.faces) < len(mesh.faces)
+    assert len(decimated.faces) < len(mesh.faces)
 
 
 def test_the_whole_robot_is_light_enough_to_be_sent(meshes: tuple[LinkMesh, ...]) -> None:
@@ -171,13 +171,13 @@ def test_a_reader_of_glb_finds_the_same_nodes_shapes_and_colours(
     assert sorted(read_back.graph.nodes_geometry) == sorted(mesh.name for mesh in meshes)
     for mesh in meshes:
         T_world_node, geometry = read_back.graph[mesh.name]
-        found = read_back.geometry[geometry]
+        read_mesh = read_back.geometry[geometry]
         assert (T_world_node == np.eye(4)).all()
-        assert found.bounds[0] == pytest.approx(mesh.vertices_m.min(axis=0), abs=1e-6)
-        assert found.bounds[1] == pytest.approx(mesh.vertices_m.max(axis=0), abs=1e-6)
-        assert (found.faces == mesh.faces).all()
-        assert (found.visual.vertex_attributes["color"] == srgb_to_linear(mesh.colours)).all()
-        assert found.visual.material.metallicFactor == 0.0
+        assert read_mesh.bounds[0] == pytest.approx(mesh.vertices_m.min(axis=0), abs=1e-6)
+        assert read_mesh.bounds[1] == pytest.approx(mesh.vertices_m.max(axis=0), abs=1e-6)
+        assert (read_mesh.faces == mesh.faces).all()
+        assert (read_mesh.visual.vertex_attributes["color"] == srgb_to_linear(mesh.colours)).all()
+        assert read_mesh.visual.material.metallicFactor == 0.0
 
 
 def test_colours_of_a_screen_become_linear_light() -> None:
@@ -228,10 +228,10 @@ def test_decimation_flattens_a_plane_and_keeps_its_rim() -> None:
     quads = [(i * 11 + j, (i + 1) * 11 + j, (i + 1) * 11 + j + 1, i * 11 + j + 1) for i in range(10) for j in range(10)]
     faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
     vertices, triangles = decimate(grid, faces)
-    shown = trimesh.Trimesh(vertices, triangles, process=False)
+    decimated = trimesh.Trimesh(vertices, triangles, process=False)
     assert len(triangles) < len(faces) / 2
-    assert shown.area == pytest.approx(0.01, rel=1e-6)
-    assert shown.bounds == pytest.approx(np.array([[0.0, 0.0, 0.0], [0.1, 0.1, 0.0]]))
+    assert decimated.area == pytest.approx(0.01, rel=1e-6)
+    assert decimated.bounds == pytest.approx(np.array([[0.0, 0.0, 0.0], [0.1, 0.1, 0.0]]))
 
 
 @pytest.mark.parametrize(
@@ -253,7 +253,7 @@ def test_simple_shapes_have_their_size(shape: str, extent_m: tuple[float, float,
     assert (mesh.vertices_m.max(axis=0) + mesh.vertices_m.min(axis=0)) / 2 == pytest.approx([1.0, 2.0, 3.0])
 
 
-def test_a_shape_that_cannot_be_shown_is_said() -> None:
+def test_a_shape_that_cannot_be_shown_is_reported() -> None:
     import coal
 
     plane = pin.GeometryObject("floor", 1, pin.SE3.Identity(), coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0))

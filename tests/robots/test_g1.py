@@ -34,7 +34,7 @@ def test_mass_joints_and_limits_are_those_of_the_urdf(g1: Robot) -> None:
         assert g1.model.effortLimit[6 + i] == pytest.approx(float(limit.attrib["effort"]))
 
 
-def test_it_stands_balanced_on_its_collision_spheres(g1: Robot) -> None:
+def test_the_reference_posture_is_balanced_on_the_collision_spheres(g1: Robot) -> None:
     """The lowest points of the spheres under the ankles are on the ground, and hold the rectangle of the card."""
     data = g1.model.createData()
     pin.framesForwardKinematics(g1.model, data, g1.q_reference)
@@ -77,14 +77,14 @@ def test_the_hands_are_level_enough_to_rest_on_a_rail(g1: Robot) -> None:
         assert hand.rotation[2, 2] > 0.85
 
 
-def test_feet_hands_and_pelvis_are_checked_by_their_looks(g1: Robot) -> None:
+def test_feet_hands_and_pelvis_collide_by_their_visual_shapes(g1: Robot) -> None:
     """The description gives them no collision shape, or four balls of 5 mm."""
     links = {g1.model.frames[part.parentFrame].name for part in g1.collision.geometryObjects}
     assert {"left_ankle_roll_link", "right_ankle_roll_link", "left_rubber_hand", "right_rubber_hand", "pelvis"} <= links
     assert not SelfCollision.for_robot(g1).any_collision(g1.q_reference)
 
 
-def test_hulls_judge_like_the_meshes(g1: Robot) -> None:
+def test_hulls_collide_where_the_meshes_do(g1: Robot) -> None:
     """99.5 % over 1500 configurations."""
     card = robot_card("g1")
     raw = assemble_robot("g1", replace(card, collision=replace(card.collision, meshes=(".*",))), data_files(card))
@@ -94,7 +94,7 @@ def test_hulls_judge_like_the_meshes(g1: Robot) -> None:
     for _ in range(300):
         q[7:] = rng.uniform(g1.model.lowerPositionLimit[7:], g1.model.upperPositionLimit[7:])
         verdicts.append((meshes.any_collision(q), hulls.any_collision(q)))
-    truth, found = np.array(verdicts).T
+    truth, by_hulls = np.array(verdicts).T
     assert 0.7 < truth.mean() < 0.85
-    assert np.mean(truth & ~found) < 0.005
-    assert np.mean(found & ~truth) < 0.025
+    assert np.mean(truth & ~by_hulls) < 0.005
+    assert np.mean(by_hulls & ~truth) < 0.025

@@ -77,7 +77,7 @@ def test_masses_centre_of_mass_and_inertias_are_the_same(
         assert pin.crba(ours, mine, q) == pytest.approx(pin.crba(published, theirs, q), abs=1e-6)
 
 
-def test_it_touches_itself_about_where_its_meshes_do(published: pin.Model, configurations: np.ndarray) -> None:
+def test_self_collisions_agree_with_those_of_the_meshes(published: pin.Model, configurations: np.ndarray) -> None:
     """The published meshes as they are, of the same pairs of links: 89 % agreement over 4000 configurations."""
     robot = load_robot("hrp2")
     meshes = pin.buildGeomFromUrdf(
@@ -101,8 +101,8 @@ def test_it_touches_itself_about_where_its_meshes_do(published: pin.Model, confi
         verdicts.append(
             (pin.computeCollisions(published, data, meshes, buffers, theirs, True), check.any_collision(ours))
         )
-    truth, found = np.array(verdicts).T
+    truth, by_hulls = np.array(verdicts).T
     assert 0.55 < truth.mean() < 0.75
-    assert np.mean(truth & ~found) < 0.11, "missed"
-    assert np.mean(found & ~truth) < 0.07, "false alarms"
+    assert np.mean(truth & ~by_hulls) < 0.11, "missed"
+    assert np.mean(by_hulls & ~truth) < 0.07, "false alarms"
     assert not check.any_collision(rest)

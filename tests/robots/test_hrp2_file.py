@@ -1,4 +1,4 @@
-"""The URDF of HRP-2 that is kept here: made from its numbers, of primitive shapes."""
+"""The bundled URDF of HRP-2, which is generated from published numbers with primitive shapes."""
 
 import runpy
 import tomllib
@@ -16,7 +16,7 @@ from stridelab.robots.loader import load_robot
 from stridelab.robots.self_collision import SelfCollision
 
 
-def test_the_file_is_what_the_numbers_make() -> None:
+def test_the_file_is_generated_from_the_published_numbers() -> None:
     """scripts/make_hrp2.py was run after the last change of the numbers."""
     script = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "make_hrp2.py"))
     folder = models_dir() / "robots" / "hrp2"
@@ -36,7 +36,7 @@ def test_the_shapes_are_primitive_and_are_what_is_shown() -> None:
     }
 
 
-def test_it_stands_free_with_the_limits_of_its_card() -> None:
+def test_the_reference_posture_is_free_of_collision_and_within_the_limits_of_the_card() -> None:
     """Placeholders of the source where the card says nothing, our choice where it does."""
     robot = load_robot("hrp2")
     assert not SelfCollision.for_robot(robot).any_collision(robot.q_reference)

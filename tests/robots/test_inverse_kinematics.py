@@ -1,4 +1,4 @@
-"""A stance is where it was asked for, or says how far it stayed away."""
+"""Inverse kinematics of stances: the residual is zero within reach and reported beyond."""
 
 import numpy as np
 import pinocchio as pin
@@ -50,15 +50,15 @@ def inside_limits(robot: Robot, result: IkResult) -> bool:
     ids=["feet", "stair", "turned", "rail"],
 )
 def test_a_stance_within_reach_is_reached(talos: Robot, placements: dict[str, Placement], com_m: list[float]) -> None:
-    found = stand(talos, placements, np.array(com_m))
-    assert found.converged
-    assert np.allclose(pin.centerOfMass(talos.model, talos.model.createData(), found.q), com_m, atol=1e-6)
+    posture = stand(talos, placements, np.array(com_m))
+    assert posture.converged
+    assert np.allclose(pin.centerOfMass(talos.model, talos.model.createData(), posture.q), com_m, atol=1e-6)
     for name, target in placements.items():
-        here = placed(talos, found, name)
+        here = placed(talos, posture, name)
         assert np.allclose(here.translation, target.position_m, atol=1e-6)
         if talos.effectors[name].kind == "surface":
             assert np.allclose(here.rotation, target.rotation, atol=1e-6)
-    assert inside_limits(talos, found)
+    assert inside_limits(talos, posture)
 
 
 def test_the_body_turns_with_its_feet(talos: Robot) -> None:
@@ -66,7 +66,7 @@ def test_the_body_turns_with_its_feet(talos: Robot) -> None:
     assert np.allclose(turned.q[7:], straight.q[7:], atol=1e-5)
 
 
-def test_the_posture_stays_where_nothing_asks_otherwise(talos: Robot) -> None:
+def test_unconstrained_joints_stay_in_the_reference_posture(talos: Robot) -> None:
     com = pin.centerOfMass(talos.model, talos.model.createData(), talos.q_reference)
     data = talos.model.createData()
     pin.framesForwardKinematics(talos.model, data, talos.q_reference)
@@ -74,8 +74,8 @@ def test_the_posture_stays_where_nothing_asks_otherwise(talos: Robot) -> None:
     for name in FEET:
         here = data.oMf[talos.model.getFrameId(talos.effectors[name].frame)]
         feet[name] = Placement(here.translation.copy(), here.rotation.copy())
-    found = stand(talos, feet, com)
-    assert np.allclose(found.q, talos.q_reference, atol=1e-6)
+    posture = stand(talos, feet, com)
+    assert np.allclose(posture.q, talos.q_reference, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -86,28 +86,28 @@ def test_the_posture_stays_where_nothing_asks_otherwise(talos: Robot) -> None:
     ],
     ids=["too high", "out of the arm's reach"],
 )
-def test_a_stance_out_of_reach_says_so(
+def test_a_stance_out_of_reach_is_reported(
     talos: Robot, placements: dict[str, Placement], com_m: list[float], worst_m: float
 ) -> None:
-    found = stand(talos, placements, np.array(com_m))
-    assert not found.converged
-    assert found.error_m > worst_m / 2
-    assert inside_limits(talos, found)
+    posture = stand(talos, placements, np.array(com_m))
+    assert not posture.converged
+    assert posture.error_m > worst_m / 2
+    assert inside_limits(talos, posture)
     data = talos.model.createData()
-    errors = {name: placed(talos, found, name).translation - target.position_m for name, target in placements.items()}
-    errors["centre of mass"] = pin.centerOfMass(talos.model, data, found.q) - np.array(com_m)
+    errors = {name: placed(talos, posture, name).translation - target.position_m for name, target in placements.items()}
+    errors["centre of mass"] = pin.centerOfMass(talos.model, data, posture.q) - np.array(com_m)
     away = {name: float(np.linalg.norm(e)) for name, e in errors.items()}
-    assert found.error_m == pytest.approx(max(away.values()), abs=1e-9)
-    assert found.worst == max(away, key=lambda name: away[name])
+    assert posture.error_m == pytest.approx(max(away.values()), abs=1e-9)
+    assert posture.worst == max(away, key=lambda name: away[name])
 
 
-def test_the_start_can_be_given(talos: Robot) -> None:
+def test_the_initial_posture_can_be_given(talos: Robot) -> None:
     start = talos.q_reference.copy()
     arm = 7 + talos.joint_names.index("arm_left_4_joint")
     start[arm] = -1.5
-    found = stand(talos, FEET, np.array([0.0, 0.0, 0.86]), start)
-    assert found.converged
-    assert found.q[arm] == pytest.approx(-1.5, abs=0.05)
+    posture = stand(talos, FEET, np.array([0.0, 0.0, 0.86]), start)
+    assert posture.converged
+    assert posture.q[arm] == pytest.approx(-1.5, abs=0.05)
 
 
 def test_an_unknown_effector_is_refused(talos: Robot) -> None:

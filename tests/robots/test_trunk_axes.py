@@ -116,7 +116,7 @@ def test_postures_on_given_contacts_are_the_same(usual: Robot, turned: Robot) ->
     np.testing.assert_allclose(here[:, 7:], there[:, 7:], atol=2e-5)
 
 
-def test_it_walks_as_the_usual_one(usual: Robot, tmp_path: Path) -> None:
+def test_a_robot_with_other_trunk_axes_walks_as_the_usual_one(usual: Robot, tmp_path: Path) -> None:
     """The whole body keeps the trunk upright, and the simulator falls neither way."""
     turned = turned_hrp2(pin.rpy.rpyToMatrix(*TURNS["backwards"]), tmp_path / "turned")
     sequence = sequence_of(walk_of(usual, 1, 0.15, Timing(0.8, 0.7, 0.2)), effector_shapes("hrp2"))

@@ -72,8 +72,8 @@ def received(folder: Path) -> dict[str, Any]:
 
 def swept(_folder: Path) -> Any:
     scenario, vary = short_walk(), {"stride": (0.5, 0.6, 2)}
-    asked = SweepInput(scenario=scenario, vary=vary, solver="ipopt", node_rate_hz=5.0)
-    return SweepTask(scenario=scenario, input=asked)
+    job_input = SweepInput(scenario=scenario, vary=vary, solver="ipopt", node_rate_hz=5.0)
+    return SweepTask(scenario=scenario, input=job_input)
 
 
 def receding(_folder: Path) -> Any:
@@ -112,14 +112,14 @@ def commissioned(folder: Path) -> Any:
 
 def imitated(folder: Path) -> Any:
     task = estimate_task(TRIAL, folder)
-    asked = ImitateInput(recording_id="r", robot="talos", step_share=0.7, pace=0.5, wheel=False)
-    return ImitateTask.model_validate(task.model_dump() | {"input": asked})
+    job_input = ImitateInput(recording_id="r", robot="talos", step_share=0.7, pace=0.5, wheel=False)
+    return ImitateTask.model_validate(task.model_dump() | {"input": job_input})
 
 
 def reported(folder: Path) -> Any:
     members = measured(folder).members
-    asked = GaitReportInput(recording_ids=["r"], title="Confined")
-    return GaitReportTask(members=members, input=asked, created_on=date(2026, 5, 4))
+    job_input = GaitReportInput(recording_ids=["r"], title="Confined")
+    return GaitReportTask(members=members, input=job_input, created_on=date(2026, 5, 4))
 
 
 STAGED: dict[str, Callable[[Path], Any]] = {
@@ -150,7 +150,7 @@ echo film > "$path"
 
 
 @pytest.mark.parametrize("name", sorted(STAGED))
-def test_it_does_its_work_confined(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_kind_runs_confined(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     programs, folder = tmp_path / "programs", tmp_path / "work"
     programs.mkdir()
     folder.mkdir()
@@ -191,5 +191,5 @@ def test_it_does_its_work_confined(name: str, tmp_path: Path, monkeypatch: pytes
         assert (folder / read["tracks"]).stat().st_size > 0
 
 
-def test_every_kind_but_that_without_a_sandbox_is_looked_at() -> None:
+def test_every_sandboxed_kind_is_tested() -> None:
     assert set(STAGED) == {name for name, kind in KINDS.items() if kind.sandbox is not None}

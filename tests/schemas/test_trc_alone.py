@@ -74,8 +74,10 @@ def test_methods_with_force_name_geometry_and_where_forces_come_from(walk: Path,
 
 def test_the_wheel_is_fitted_to_every_step_of_the_geometry(walk: Path, tmp_path: Path) -> None:
     task = estimate_task(walk, tmp_path, method="geometry")
-    asked = FitCycloidTask.model_validate({**task.model_dump(), "input": {**task.input.model_dump(), "steps": "all"}})
-    assert fit_cycloid.run(asked, tmp_path, quiet).summary["steps"]
+    all_steps = FitCycloidTask.model_validate(
+        {**task.model_dump(), "input": {**task.input.model_dump(), "steps": "all"}}
+    )
+    assert fit_cycloid.run(all_steps, tmp_path, quiet).summary["steps"]
 
 
 def test_a_broken_upload_is_refused_by_its_own_name_and_line(walk: Path, tmp_path: Path) -> None:
@@ -89,7 +91,7 @@ def test_a_broken_upload_is_refused_by_its_own_name_and_line(walk: Path, tmp_pat
     assert refusal.value.faults[0].where == "walk 03.trc"
 
 
-def test_sentences_keep_their_words(walk: Path, tmp_path: Path) -> None:
+def test_the_refusal_of_two_trials_keeps_its_sentence(walk: Path, tmp_path: Path) -> None:
     import zipfile
 
     with zipfile.ZipFile(tmp_path / "trial", "w") as packed:

@@ -25,26 +25,26 @@ from stridelab.service.kinds.parse_upload import recording_facts as facts_of
 from support.command_line import SAMPLE, estimate_task, quiet
 from support.service.stored_rows import facts
 
-NOBODY = SubjectFields()
+NO_SUBJECT = SubjectFields()
 
 
 def offers(
     known: RecordingFacts, subject: SubjectFields | None = None, *, alone: bool = True
 ) -> dict[str, EstimateOffer]:
-    found = estimate_offers(known, known.subject if subject is None else subject, no_other_mass_source=alone)
-    assert [offer.method for offer in found] == list(METHODS)
-    for offer in found:
+    estimate_offered = estimate_offers(known, known.subject if subject is None else subject, no_other_mass_source=alone)
+    assert [offer.method for offer in estimate_offered] == list(METHODS)
+    for offer in estimate_offered:
         assert offer.possible == (offer.code is None) == (offer.reason is None)
-    return {offer.method: offer for offer in found}
+    return {offer.method: offer for offer in estimate_offered}
 
 
 def codes(
     known: RecordingFacts, subject: SubjectFields | None = None, *, alone: bool = True
 ) -> tuple[str | None, str | None]:
     """Codes of the methods with force, which are one, and of the geometry."""
-    found = offers(known, subject, alone=alone)
-    (force,) = {offer.code for method, offer in found.items() if method != "geometry"}
-    return force, found["geometry"].code
+    offered = offers(known, subject, alone=alone)
+    (force,) = {offer.code for method, offer in offered.items() if method != "geometry"}
+    return force, offered["geometry"].code
 
 
 def test_the_limits_are_those_of_the_estimators() -> None:
@@ -56,7 +56,7 @@ def test_the_limits_are_those_of_the_estimators() -> None:
 def test_a_stated_static_trial_may_name_the_labels_of_an_unknown_set() -> None:
     unknown = facts(marker_set=None)
     assert codes(unknown) == ("unknown-marker-set", "unknown-marker-set")
-    stated = estimate_offers(unknown, NOBODY, no_other_mass_source=False, static_stated=True)
+    stated = estimate_offers(unknown, NO_SUBJECT, no_other_mass_source=False, static_stated=True)
     assert {offer.code for offer in stated} == {None}
 
 
@@ -98,12 +98,12 @@ def renamed(recording: Recording) -> Recording:
     return replace(recording, markers_m={f"Q{i}": track for i, track in enumerate(recording.markers_m.values())})
 
 
-def nobody(recording: Recording) -> Recording:
+def without_subject(recording: Recording) -> Recording:
     return replace(recording, subject=Subject())
 
 
 def beside(recording: Recording) -> Recording:
-    """The plates lie ten metres away, and so do the feet's forces: nobody is seen standing on them."""
+    """The plates lie ten metres away, and so do the feet's forces: no foot is on them."""
     moved = []
     for plate in recording.plates:
         away = np.array([0.0, 10.0, 0.0])
@@ -115,7 +115,7 @@ def beside(recording: Recording) -> Recording:
 CASES: dict[str, tuple[Callable[[Recording], Recording], dict[int, dict[str, Any]]]] = {
     "whole": (lambda r: r, {}),
     "no plates": (bare, {}),
-    "no plates, nobody known": (lambda r: nobody(bare(r)), {}),
+    "no plates, no subject": (lambda r: without_subject(bare(r)), {}),
     "plates off": (lambda r: r, {1: {"use": False}, 2: {"use": False}}),
     "one plate off": (lambda r: r, {1: {"use": False}}),
     "unloaded": (unloaded, {}),
@@ -129,7 +129,7 @@ CASES: dict[str, tuple[Callable[[Recording], Recording], dict[int, dict[str, Any
     "0.38 s": (lambda r: cut(r, 200, 238), {}),
     "0.42 s": (lambda r: cut(r, 200, 242), {}),
     "short on the plates": (lambda r: cut(r, 100, 222), {}),
-    "no mass": (lambda r: nobody(cut(r, 195, 240)), {}),
+    "no mass": (lambda r: without_subject(cut(r, 195, 240)), {}),
 }
 
 UNSEEN = {"0.42 s"}
@@ -137,13 +137,13 @@ UNSEEN = {"0.42 s"}
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_what_is_said_beforehand_is_what_the_job_says(case: str, tmp_path: Path) -> None:
+def test_the_advance_check_agrees_with_the_job(case: str, tmp_path: Path) -> None:
     change, plates = CASES[case]
     recording = read_recording(SAMPLE / "recording.c3d")
     write_c3d(tmp_path / "trial.c3d", change(recording))
     switches = {index: PlateSwitch(**switch) for index, switch in plates.items()}
     known = facts_of(examine_trial(RecordingSource(file="trial.c3d", filename="trial.c3d", plates=switches), tmp_path))
-    found = offers(known)
+    offered = offers(known)
     for method in ("smoother", "complementary", "geometry"):
         folder = tmp_path / method
         task = estimate_task(tmp_path / "trial.c3d", folder, method=method)
@@ -153,7 +153,7 @@ def test_what_is_said_beforehand_is_what_the_job_says(case: str, tmp_path: Path)
             estimate_com.run(task, folder, quiet)
         except StridelabError as error:
             refusal = error
-        offer = found[method]
+        offer = offered[method]
         if refusal is None or case in UNSEEN:
             assert offer.possible, f"{method} gives an estimate"
         else:
@@ -212,4 +212,4 @@ def test_nothing_is_refused_of_recordings_that_give_an_estimate(gait: Path, tmp_
         task = estimate_task(path, folder, method="complementary")
         known = facts_of(examine_trial(task.recording, folder))
         estimate_com.run(task, folder, quiet)
-        assert codes(known, NOBODY if known.subject.mass_kg is None else None) == (None, None), path.name
+        assert codes(known, NO_SUBJECT if known.subject.mass_kg is None else None) == (None, None), path.name

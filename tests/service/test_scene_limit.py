@@ -12,7 +12,7 @@ from websockets.sync.client import ClientConnection, connect
 from support.browser.service_costs import Lab, viewer_lab
 from support.robots.scenario_bodies import one_step
 from support.service.database import TestDatabases
-from support.service.web_server import refusal
+from support.service.web_server import refusal_code
 
 PER_USER = 2
 
@@ -32,18 +32,18 @@ def scene_of(lab: Lab) -> str:
 
 def browser(lab: Lab, secret: str, scene: str) -> ClientConnection:
     """The websocket of a browser that has the scene open."""
-    found = connect(
+    websocket = connect(
         lab.served.base_url.replace("http", "ws") + scene,
         subprotocols=[websockets.Subprotocol(f"viser-v{viser.__version__}")],
         additional_headers={"Authorization": f"Bearer {secret}"},
         max_size=None,
         proxy=None,
     )
-    found.recv(120)
-    return found
+    websocket.recv(120)
+    return websocket
 
 
-def test_a_user_who_watches_as_many_scenes_as_allowed_is_told_to_close_one(lab: Lab) -> None:
+def test_a_user_at_the_limit_of_scenes_is_refused_with_advice_to_close_one(lab: Lab) -> None:
     ann, bob = (lab.token(name, "submit")["secret"] for name in ("ann", "bob"))
     scenes = [scene_of(lab) for _ in range(PER_USER + 1)]
 
@@ -54,7 +54,7 @@ def test_a_user_who_watches_as_many_scenes_as_allowed_is_told_to_close_one(lab: 
     with ExitStack() as open_browsers:
         first, *_ = [open_browsers.enter_context(browser(lab, ann, scene)) for scene in scenes[:PER_USER]]
         refused = opened(ann, scenes[-1])
-        assert refusal(refused) == (429, "scene-limit")
+        assert refusal_code(refused) == (429, "scene-limit")
         assert refused.headers["content-type"] == "application/problem+json"
         assert "Close one of those tabs" in refused.json()["detail"]
         with pytest.raises(websockets.ConnectionClosed) as closed:

@@ -109,9 +109,9 @@ def test_rows_find_their_files_by_path_or_last_part_and_static_trials_are_no_wal
     rows = read_subject_table(
         b"file,subject,static\n.\\day-1\\a.c3d,P01,standing.c3d\nday-2/a.c3d,P01,standing.c3d\nb.c3d,P02,\n"
     )
-    found = match_files(names, rows)
-    assert [(one.index, one.static_index) for one in found] == [(0, 3), (1, 3), (2, None), (4, None)]
-    assert [one.row.line if one.row else None for one in found] == [2, 3, 4, None]
+    matches = match_files(names, rows)
+    assert [(one.index, one.static_index) for one in matches] == [(0, 3), (1, 3), (2, None), (4, None)]
+    assert [one.row.line if one.row else None for one in matches] == [2, 3, 4, None]
 
 
 @pytest.mark.parametrize(

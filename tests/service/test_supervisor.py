@@ -74,8 +74,8 @@ def test_log_does_not_grow_for_ever(program: _SupervisedProgram, monkeypatch: py
     for size in range(102, 110):
         program.log.write_bytes(b"x" * size)
         program._trim_log()
-    kept = {path.name: path.stat().st_size for path in program.log.parent.glob("x.log.*")}
-    assert kept == {"x.log.old": 109, **{f"x.log.old.{k}": 110 - k for k in (2, 3, 4, 5)}}
+    log_sizes = {path.name: path.stat().st_size for path in program.log.parent.glob("x.log.*")}
+    assert log_sizes == {"x.log.old": 109, **{f"x.log.old.{k}": 110 - k for k in (2, 3, 4, 5)}}
 
 
 def test_open_address_is_refused_before_anything_is_made(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from support.service.external_services import collector
 from support.service.processes import environment, free_port
 
 SPANS = 2000
-"""Fewer than the 2048 that are kept while the collector is slow."""
+"""Fewer than the 2048 spans that are buffered while the collector is slow."""
 SCRIPT = """
 import sys
 from stridelab.service import telemetry
@@ -51,10 +51,10 @@ def test_an_address_that_is_none_is_refused(url: str) -> None:
 
 def run(url: str) -> float:
     began = time.monotonic()
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", SCRIPT, url, str(SPANS)], capture_output=True, text=True, env=environment()
     )
-    assert done.stdout == "done\n", done.stderr
+    assert process.stdout == "done\n", process.stderr
     return time.monotonic() - began
 
 

@@ -36,8 +36,8 @@ def test_carried_table_finds_the_true_centre_of_mass(walk_name: str, request: py
     match = identify(list(recording.markers_m))
     assert match.name == "isb-head"
     assert match.missing == ()
-    found = SegmentModel("carried").com(recording, match.landmarks, subject=recording.subject)
-    np.testing.assert_allclose(found.com_m, simulated.truth.com_m, atol=1e-9)
+    result = SegmentModel("carried").com(recording, match.landmarks, subject=recording.subject)
+    np.testing.assert_allclose(result.com_m, simulated.truth.com_m, atol=1e-9)
 
 
 @pytest.mark.parametrize("walk_name", ["steady_walk", "man_from_rest", "quiet_standing"])
@@ -62,7 +62,7 @@ def test_every_footprint_of_the_walkway_has_its_own_plate(steady_walk: Walk) -> 
         assert np.count_nonzero(edges) <= 2, "one contact per plate"
 
 
-def test_pipeline_finds_window_wrench_and_mass(steady_walk: Walk) -> None:
+def test_window_wrench_and_mass_are_those_of_the_simulation(steady_walk: Walk) -> None:
     simulated = record(steady_walk, MeasurementNoise(), 3)
     recording = simulated.recording
     landmarks = identify(list(recording.markers_m)).landmarks
@@ -109,8 +109,8 @@ def test_recording_survives_the_file(steady_walk: Walk, tmp_path: Path) -> None:
         simulated.recording.carried["segment_table"]
     )
     assert len(back.events) == len(simulated.recording.events)
-    found = SegmentModel().com(back, identify(list(back.markers_m)).landmarks, subject=back.subject)
-    assert np.abs(found.com_m - simulated.truth.com_m).max() < 2e-3
+    result = SegmentModel().com(back, identify(list(back.markers_m)).landmarks, subject=back.subject)
+    assert np.abs(result.com_m - simulated.truth.com_m).max() < 2e-3
 
 
 def test_noise_is_as_large_as_stated(steady_walk: Walk) -> None:
@@ -159,9 +159,9 @@ def test_wrong_masses_shift_the_geometric_centre_of_mass(steady_walk: Walk) -> N
     simulated = record(steady_walk, MeasurementNoise(0.0, 0.0, 0.0, 0.0, mass_model=0.2), 4)
     recording = simulated.recording
     landmarks = identify(list(recording.markers_m)).landmarks
-    found = SegmentModel("carried").com(recording, landmarks, subject=recording.subject)
-    bias = (found.com_m - simulated.truth.com_m).mean(axis=0)
-    varying = (found.com_m - simulated.truth.com_m).std(axis=0)
+    result = SegmentModel("carried").com(recording, landmarks, subject=recording.subject)
+    bias = (result.com_m - simulated.truth.com_m).mean(axis=0)
+    varying = (result.com_m - simulated.truth.com_m).std(axis=0)
     assert 1e-3 < np.linalg.norm(bias) < 0.1
     assert np.all(varying < 0.01)
 

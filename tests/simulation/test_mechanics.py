@@ -14,8 +14,8 @@ WALKS = ["steady_walk", "man_from_rest", "quiet_standing"]
 
 @pytest.fixture(params=WALKS)
 def walk(request: pytest.FixtureRequest) -> Walk:
-    found: Walk = request.getfixturevalue(request.param)
-    return found
+    simulated: Walk = request.getfixturevalue(request.param)
+    return simulated
 
 
 def test_rates_are_derivatives_to_a_millionth(walk: Walk) -> None:
@@ -29,9 +29,9 @@ def test_rates_are_derivatives_to_a_millionth(walk: Walk) -> None:
         ("momentum_nms", "momentum_rate_nm"),
     ):
         values = np.stack([getattr(motion, track) for motion in around])
-        found = (8 * (values[3] - values[1]) - (values[4] - values[0])) / (12 * h)
+        derivative = (8 * (values[3] - values[1]) - (values[4] - values[0])) / (12 * h)
         exact = getattr(around[2], rate)
-        np.testing.assert_allclose(found, exact, atol=1e-6 * max(float(np.abs(exact).max()), 0.1))
+        np.testing.assert_allclose(derivative, exact, atol=1e-6 * max(float(np.abs(exact).max()), 0.1))
 
 
 def test_impulse_of_the_contact_force_is_the_change_of_momentum(walk: Walk) -> None:
@@ -44,7 +44,7 @@ def test_impulse_of_the_contact_force_is_the_change_of_momentum(walk: Walk) -> N
     np.testing.assert_allclose(turning, about_origin[-1] - about_origin[0], atol=5e-3 * m)
 
 
-def test_wrench_is_what_newton_euler_finds_at_the_floating_base(walk: Walk) -> None:
+def test_the_wrench_is_that_of_newton_euler_at_the_floating_base(walk: Walk) -> None:
     """The force that joint 1 (the free base) must transmit is the contact wrench; no centroidal formula is involved."""
     model, data = walk.body.model, walk.body.model.createData()
     t = walk.truth
@@ -115,5 +115,5 @@ def test_zmp_is_the_weighted_mean_of_the_feet(steady_walk: Walk) -> None:
         np.zeros_like(steady_walk.force_n),
     )
     t = steady_walk.truth
-    found = zmp_of_motion(t.com_m, t.acceleration_m_s2, t.momentum_rate_nm, t.mass_kg)
-    np.testing.assert_allclose(found, mean[:, :2], atol=1e-9)
+    zmp_m = zmp_of_motion(t.com_m, t.acceleration_m_s2, t.momentum_rate_nm, t.mass_kg)
+    np.testing.assert_allclose(zmp_m, mean[:, :2], atol=1e-9)

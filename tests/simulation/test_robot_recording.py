@@ -17,8 +17,8 @@ MOTIONS = ["robot_walk", "brisk_walk", "robot_run"]
 
 @pytest.fixture(params=MOTIONS)
 def moved(request: pytest.FixtureRequest) -> RobotWalk:
-    found: RobotWalk = request.getfixturevalue(request.param)
-    return found
+    walk: RobotWalk = request.getfixturevalue(request.param)
+    return walk
 
 
 def plates_sum(simulated: SimulatedRecording) -> tuple[np.ndarray, np.ndarray]:
@@ -58,7 +58,7 @@ def test_walking_is_measured_from_end_to_end(robot_walk: RobotWalk) -> None:
     assert window.duration_s > 9.1
 
 
-def test_two_plates_measure_a_part(brisk_walk: RobotWalk) -> None:
+def test_two_plates_measure_a_part_of_the_walk(brisk_walk: RobotWalk) -> None:
     """All contact on two plates in a row for about a second; there the sum is the whole wrench."""
     simulated = record_robot(brisk_walk, NOISE_FREE, 0, lab="two_plates")
     recording = simulated.recording

@@ -32,7 +32,7 @@ def report() -> GridReport:
 def test_what_is_kept_is_read_back_and_not_computed_again(
     script: dict[str, Any], report: GridReport, tmp_path: Path
 ) -> None:
-    (tmp_path / "uniform.json").write_bytes(script["KEPT"].dump_json(report))
+    (tmp_path / "uniform.json").write_bytes(script["REPORTS"].dump_json(report))
     assert script["grid"]("uniform", tmp_path, 1) == report
 
 

@@ -20,7 +20,7 @@ from stridelab.centroidal.native.availability import NativeUnavailable, native_a
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.sequence import ContactPhase
 from stridelab.dynamics.spatial import Placement
-from support.oracles.feasibility import exists
+from support.oracles.feasibility import motion_exists
 from support.robots.sequences import bundled
 
 needs_native = pytest.mark.skipif(
@@ -31,19 +31,19 @@ needs_native = pytest.mark.skipif(
 def test_the_oracle_knows_free_fall() -> None:
     """Who begins in the air can land; nothing holds a body up in the air at the end."""
     problem = bundled("flat-walk")
-    assert exists(problem) == "feasible"
+    assert motion_exists(problem) == "feasible"
     only_flight = (ContactPhase(0.4, {}), problem.sequence.phases[0])
     airborne = replace(problem, sequence=replace(problem.sequence, phases=only_flight), com_end_m=problem.com_start_m)
-    assert exists(airborne) == "feasible"
+    assert motion_exists(airborne) == "feasible"
     end_in_flight = replace(airborne, sequence=replace(airborne.sequence, phases=only_flight[::-1]))
-    assert exists(end_in_flight) == "infeasible"
+    assert motion_exists(end_in_flight) == "infeasible"
 
 
 def test_the_oracle_knows_what_friction_allows() -> None:
     """Cones bound how soon a CoM can be elsewhere."""
     problem = bundled("long-stride")
-    assert exists(shorten_durations(problem, 2.0)) == "feasible"
-    assert exists(shorten_durations(problem, 20.0)) == "infeasible"
+    assert motion_exists(shorten_durations(problem, 2.0)) == "feasible"
+    assert motion_exists(shorten_durations(problem, 20.0)) == "infeasible"
 
 
 def test_twice_mirrored_is_as_before() -> None:
@@ -62,7 +62,9 @@ def test_twice_mirrored_is_as_before() -> None:
 @needs_native
 def test_cold_starts_end_as_the_oracle_says() -> None:
     kinds = {"drawn": random_problems(6), "hasty": islice(shortened_problems(24), 0, 24, 4), "moved": moved_problems(1)}
-    found = [compare_with_oracle(kind, name, problem, exists) for kind, of in kinds.items() for name, problem in of]
+    found = [
+        compare_with_oracle(kind, name, problem, motion_exists) for kind, of in kinds.items() for name, problem in of
+    ]
     assert [c for c in found if not c.agrees_with_oracle and c.kind != "hasty"] == []
     assert [c for c in found if c.exists == "unknown"] == []
     assert all(of["wrong"] == 0 for of in summary_by_kind(found).values())
@@ -70,7 +72,9 @@ def test_cold_starts_end_as_the_oracle_says() -> None:
 
 @needs_native
 def test_what_is_infeasible_is_proved() -> None:
-    found = compare_with_oracle("hasty", "20 times as fast", shorten_durations(bundled("long-stride"), 20.0), exists)
+    found = compare_with_oracle(
+        "hasty", "20 times as fast", shorten_durations(bundled("long-stride"), 20.0), motion_exists
+    )
     assert (found.exists, found.proved, found.converged) == ("infeasible", True, False)
     assert found.agrees_with_oracle
 

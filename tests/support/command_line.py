@@ -1,4 +1,4 @@
-"""What a command left behind, callbacks for progress, a staged folder for runs, and a client of a scripted service."""
+"""Results of commands, callbacks for progress, staged folders for runs, and a client with scripted answers."""
 
 import json
 import shutil
@@ -31,8 +31,8 @@ SAMPLE = models_dir() / "recordings" / "sample-walk"
 
 
 @dataclass
-class Told:
-    """Fractions never fall, end at 1, and every stage says what it does."""
+class RecordedProgress:
+    """Progress callback that records its calls and asserts that fractions never fall and messages are not empty."""
 
     fractions: list[float] = field(default_factory=list)
     messages: list[str] = field(default_factory=list)
@@ -50,14 +50,14 @@ def quiet(_fraction: float, _message: str) -> None:
 
 
 def estimate_task(
-    file: Path, folder: Path, *, subject: SubjectFields | None = None, **asked: object
+    file: Path, folder: Path, *, subject: SubjectFields | None = None, **options: object
 ) -> EstimateComTask:
     """Copy ``file`` into ``folder`` and ask for its centre of mass."""
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(file, folder / "trial")
     return EstimateComTask(
         recording=RecordingSource(file="trial", filename=file.name, subject=subject or SubjectFields()),
-        input=EstimateComInput.model_validate({"recording_id": "r", **asked}),
+        input=EstimateComInput.model_validate({"recording_id": "r", **options}),
     )
 
 

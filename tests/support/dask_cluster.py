@@ -41,7 +41,7 @@ class DaskCluster:
         return self.workers[-1]
 
     def kill_worker(self, worker: subprocess.Popen[bytes]) -> None:
-        """As a node that loses power: the nanny, the worker, and what it runs."""
+        """Kill nanny, worker and the worker's processes at once, like a node that loses power."""
         family = [psutil.Process(worker.pid), *psutil.Process(worker.pid).children(recursive=True)]
         for process in family:
             with contextlib.suppress(psutil.NoSuchProcess):
@@ -50,13 +50,13 @@ class DaskCluster:
 
     def pieces(self) -> list[psutil.Process]:
         """Processes that compute an item now: the children of the workers' fork servers."""
-        found = []
+        processes = []
         for worker in self.workers:
             with contextlib.suppress(psutil.NoSuchProcess):
                 for process in psutil.Process(worker.pid).children(recursive=True):
                     if "multiprocessing.forkserver" in " ".join(process.cmdline()):
-                        found += process.children()
-        return found
+                        processes += process.children()
+        return processes
 
     def count_transitions(self) -> int:
         """A number that grows with every task of the cluster."""

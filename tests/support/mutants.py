@@ -39,7 +39,7 @@ calls, fixtures = defaultdict[str, float](float), defaultdict[str, float](float)
 
 
 def pytest_sessionstart() -> None:
-    """Nothing is remembered from runs before the change."""
+    """Clear caches of runs before the change."""
     gc.unfreeze()  # tests/conftest.py has put what was imported out of sight
     for thing in gc.get_objects():
         if isinstance(thing, _lru_cache_wrapper):
@@ -55,11 +55,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         return
     seconds = json.loads(DURATIONS.read_text(encoding="utf-8"))
     items.sort(key=lambda item: seconds.get(item.nodeid, 0.0))
-    used, kept = 0.0, 0
-    while kept < len(items) and (kept == 0 or used + seconds.get(items[kept].nodeid, 0.0) <= WITHIN_S):
-        used, kept = used + seconds.get(items[kept].nodeid, 0.0), kept + 1
-    config.hook.pytest_deselected(items=items[kept:])
-    del items[kept:]
+    used, n_selected = 0.0, 0
+    while n_selected < len(items) and (
+        n_selected == 0 or used + seconds.get(items[n_selected].nodeid, 0.0) <= WITHIN_S
+    ):
+        used, n_selected = used + seconds.get(items[n_selected].nodeid, 0.0), n_selected + 1
+    config.hook.pytest_deselected(items=items[n_selected:])
+    del items[n_selected:]
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
@@ -73,7 +75,7 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Written once, by the run of all tests."""
     if not session.config.option.collectonly and not DURATIONS.exists():
-        seconds = {name: taken + fixtures[name.partition("::")[0]] for name, taken in calls.items()}
+        seconds = {name: seconds_taken + fixtures[name.partition("::")[0]] for name, seconds_taken in calls.items()}
         DURATIONS.write_text(json.dumps(seconds), encoding="utf-8")
         mutmut = importlib.import_module("mutmut.state")  # is in the environment of this run alone
         for reaching in mutmut.state().tests_by_mangled_function_name.values():
@@ -83,8 +85,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def _note_shared(items: list[pytest.Item]) -> None:
     users = defaultdict[tuple[str, str], set[str]](set)
     for item in items:
-        for name, found in item._fixtureinfo.name2fixturedefs.items():  # type: ignore[attr-defined]
-            if found[-1].scope != "function":
+        for name, definitions in item._fixtureinfo.name2fixturedefs.items():  # type: ignore[attr-defined]
+            if definitions[-1].scope != "function":
                 users[item.nodeid.partition("::")[0], name].add(item.nodeid)
     for tests in users.values():
         for test in tests:
@@ -119,15 +121,15 @@ def prepare(folder: Path, package: str) -> None:
 
 
 def mutmut(folder: Path, *arguments: str) -> str:
-    """Run it in ``folder``; returns what it says."""
-    done = subprocess.run(
+    """Run mutmut in ``folder``; returns its output."""
+    run = subprocess.run(
         [sys.executable, "-m", "mutmut", *arguments], cwd=folder, capture_output=True, text=True, check=False
     )
-    return done.stdout
+    return run.stdout
 
 
 def verdicts(folder: Path) -> dict[str, str]:
-    """What became of every mutant, by its name."""
+    """Outcome of every mutant by name."""
     return dict(re.findall(r"^ +(\S+): (.+)$", mutmut(folder, "results", "--all", "true"), re.MULTILINE))
 
 
@@ -140,7 +142,7 @@ def change(folder: Path, mutant: str) -> str:
     return f"{mutant}\n  {file}\n  - {' '.join(before)}\n  + {' '.join(after)}"
 
 
-def survey(package: str, asked: argparse.Namespace) -> str:
+def survey(package: str, arguments: argparse.Namespace) -> str:
     """Try the mutants of a package, or some of them; returns a line of Markdown and those that got through."""
     with tempfile.TemporaryDirectory(prefix="stridelab-mutants-") as place:
         folder = Path(place)
@@ -149,33 +151,33 @@ def survey(package: str, asked: argparse.Namespace) -> str:
         every = sorted(verdicts(folder))
         if not every:
             raise SystemExit(f"mutmut made no mutant of {package}")
-        tried = [name for name in every if name in asked.named] if asked.named else every
-        if asked.sample is not None:
-            tried = random.Random(asked.seed).sample(tried, min(asked.sample, len(tried)))
-        said = mutmut(folder, "run", "--max-children", str(asked.processes), *tried)
-        found = {name: verdict for name, verdict in verdicts(folder).items() if name in set(tried)}
-        counts = Counter(found.values())
+        tried = [name for name in every if name in arguments.named] if arguments.named else every
+        if arguments.sample is not None:
+            tried = random.Random(arguments.seed).sample(tried, min(arguments.sample, len(tried)))
+        report = mutmut(folder, "run", "--max-children", str(arguments.processes), *tried)
+        results = {name: verdict for name, verdict in verdicts(folder).items() if name in set(tried)}
+        counts = Counter(results.values())
         if counts["not checked"]:
-            raise SystemExit(f"{counts['not checked']} mutants of {package} were not tried:\n{said[-2000:]}")
-        missed = sorted(name for name, verdict in found.items() if verdict in {"survived", "no tests"})
-        noticed = len(found) - len(missed)
+            raise SystemExit(f"{counts['not checked']} mutants of {package} were not tried:\n{report[-2000:]}")
+        missed = sorted(name for name, verdict in results.items() if verdict in {"survived", "no tests"})
+        noticed = len(results) - len(missed)
         head = f"| {package} | {len(every)} | {len(tried)} | {noticed} | {100 * noticed / len(tried):.1f} % |"
         return "\n".join([head, "", *(change(folder, name) for name in missed)])
 
 
 def main() -> None:
     """Entry point."""
-    asked = argparse.ArgumentParser(prog="make mutants", description=__doc__)
-    asked.add_argument("packages", nargs="*", default=PACKAGES, help=f"of {', '.join(PACKAGES)} or any other")
-    asked.add_argument("--sample", type=int, help="so many mutants of each, drawn at random")
-    asked.add_argument("--seed", type=int, default=0)
-    asked.add_argument("--processes", type=int, default=os.cpu_count() or 1)
-    asked.add_argument("--named", nargs="+", default=(), help="these mutants only, as an earlier run named them")
-    asked.add_argument("--within", default="10", help="seconds of tests for each, the shortest first")
-    given = asked.parse_args()
-    os.environ["STRIDELAB_MUTANTS_WITHIN_S"] = given.within
-    for package in given.packages:
-        print(survey(package, given), flush=True)
+    parser = argparse.ArgumentParser(prog="make mutants", description=__doc__)
+    parser.add_argument("packages", nargs="*", default=PACKAGES, help=f"of {', '.join(PACKAGES)} or any other")
+    parser.add_argument("--sample", type=int, help="so many mutants of each, drawn at random")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--named", nargs="+", default=(), help="these mutants only, as an earlier run named them")
+    parser.add_argument("--within", default="10", help="seconds of tests for each, the shortest first")
+    arguments = parser.parse_args()
+    os.environ["STRIDELAB_MUTANTS_WITHIN_S"] = arguments.within
+    for package in arguments.packages:
+        print(survey(package, arguments), flush=True)
 
 
 if __name__ == "__main__":

@@ -25,13 +25,13 @@ def workers() -> list[psutil.Process]:
     Databases and services that other tests leave open for this session have command lines of their own.
     """
     this = psutil.Process()
-    found = []
+    processes = []
     for child in this.children():
         if child.cmdline() == this.cmdline():
-            found.append(child)
+            processes.append(child)
         elif "multiprocessing.forkserver" in " ".join(child.cmdline()):
-            found += child.children()
-    return found
+            processes += child.children()
+    return processes
 
 
 @contextmanager
@@ -120,20 +120,20 @@ def read_beside(item: Json) -> Json:
         other = Path(item["other"]).read_text(encoding="utf-8")
     except PermissionError:
         other = "refused"
-    found = {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*") if path.is_file()}
-    return {"files": found, "other": other}
+    contents = {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*") if path.is_file()}
+    return {"files": contents, "other": other}
 
 
 def connect_to(task: Json, _folder: Path, _progress: object) -> Json:
     """Which of the addresses accept a connection, and why others do not."""
-    found = {}
+    reachable = {}
     for host, port in task["addresses"]:
         try:
             socket.create_connection((host, port), timeout=5).close()
-            found[f"{host}:{port}"] = "connected"
+            reachable[f"{host}:{port}"] = "connected"
         except OSError as error:
-            found[f"{host}:{port}"] = type(error).__name__
-    return found
+            reachable[f"{host}:{port}"] = type(error).__name__
+    return reachable
 
 
 class Endless(dict[str, Any]):

@@ -26,12 +26,12 @@ class OftenEnough:
         self._defined: Counter[CodeType] = Counter()
 
     def next_test(self) -> None:
-        """All functions are new again."""
+        """Begin to count calls again for all functions."""
         self._test += 1
         self._defined.clear()
 
     def __call__(self, what: Any = None, *, typechecker: Any) -> Any:
-        """What ``checks`` makes of a function or a class, but without its checks at most of many calls."""
+        """Wrap a function or class by ``checks``, which then runs at some of many calls only."""
         if what is None:
             return functools.partial(self, typechecker=typechecker)
         if not inspect.isclass(what):

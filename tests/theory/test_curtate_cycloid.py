@@ -29,7 +29,7 @@ def test_without_an_offset_in_x_the_wheel_takes_its_radius_from_the_place_in_the
         )
         for turns in range(1, 8)
     ]
-    best, distance_m = min(as_printed, key=lambda found: float(np.sum(found[1] ** 2)))
+    best, distance_m = min(as_printed, key=lambda fitted: float(np.sum(fitted[1] ** 2)))
     assert best.R_m == pytest.approx(2.3 / (2 * np.pi * 4), rel=0.01)  # 0.0915: the fourth turn lies at 2.3 m
     assert abs(best.R_m - R) > 0.08 * R
     assert distance_m.mean() < 0.001  # and nothing in the residual warns

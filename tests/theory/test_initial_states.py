@@ -31,7 +31,7 @@ def rms_mm(low_hz: float, high_hz: float, window: Window, draws: int = DRAWS) ->
         k = wrench.complete
         inputs = filter_inputs(geometric.com_m[k], Wrench(wrench.force_n[k], wrench.moment_nm[k]), motion.mass_kg)
         whole = ComplementaryFilter(low_hz=low_hz, high_hz=high_hz).estimate(geometric, wrench, motion.mass_kg)
-        found = {
+        tracks = {
             "geometry": inputs.geometry_m,
             "forward, zero states": forward_pass(filters, inputs, ZERO),
             "forward, solved": forward_pass(filters, inputs, initial_state(filters, inputs)),
@@ -40,7 +40,7 @@ def rms_mm(low_hz: float, high_hz: float, window: Window, draws: int = DRAWS) ->
             "geometry beyond the window, solved": whole.com_m,
         }
         truth = motion.com.at(geometric.time_s)[k]
-        for name, c in found.items():
+        for name, c in tracks.items():
             errors.setdefault(name, []).append(c - truth)
     return {name: 1e3 * np.sqrt(np.mean(np.concatenate(e) ** 2, axis=0)) for name, e in errors.items()}
 

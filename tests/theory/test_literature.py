@@ -15,19 +15,19 @@ KEY = re.compile(r"[a-z]+(?:19|20)\d\d[a-z]*")
 
 def cited_in_code() -> set[str]:
     """String literals of the form of a key, in every module."""
-    found: set[str] = set()
+    keys: set[str] = set()
     for path in (ROOT / "backend" / "stridelab").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and KEY.fullmatch(node.value):
-                found.add(node.value)
-    return found
+                keys.add(node.value)
+    return keys
 
 
 def cited_in_models() -> set[str]:
-    found: set[str] = set()
+    keys: set[str] = set()
     for path in (ROOT / "models").rglob("*.toml"):
-        found.update(tomllib.loads(path.read_text(encoding="utf-8")).get("references", ()))
-    return found
+        keys.update(tomllib.loads(path.read_text(encoding="utf-8")).get("references", ()))
+    return keys
 
 
 def cited_in_docs() -> set[str]:
@@ -35,7 +35,7 @@ def cited_in_docs() -> set[str]:
     return set(re.findall(r"`([a-z]+(?:19|20)\d\d[a-z]*)`", pages))
 
 
-def test_what_is_cited_is_in_the_literature_and_nothing_else_is() -> None:
+def test_the_literature_has_exactly_the_cited_keys() -> None:
     cited = cited_in_code() | cited_in_models() | cited_in_docs()
     assert cited - ENTRIES.keys() == set()
     assert ENTRIES.keys() - cited == set()

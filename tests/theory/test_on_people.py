@@ -55,11 +55,11 @@ def walker(path: Path) -> Walker:
         subject=recording.subject,
         static=read_recording(statics[0]) if statics else None,
     )
-    seen = np.isfinite(com.com_m).all(axis=1)
-    c = low_pass(com.com_m[seen], recording.marker_rate_hz)
-    velocity, _ = smoothed_derivatives(com.com_m[seen], recording.marker_rate_hz)
+    visible = np.isfinite(com.com_m).all(axis=1)
+    c = low_pass(com.com_m[visible], recording.marker_rate_hz)
+    velocity, _ = smoothed_derivatives(com.com_m[visible], recording.marker_rate_hz)
     jerk = jerk_from_force(recording, np.array([ahead, np.cross([0.0, 0.0, 1.0], ahead), [0.0, 0.0, 1.0]]))
-    return Walker(com.time_s[seen], c @ ahead, velocity @ ahead, c[:, 2], recording.events, jerk)
+    return Walker(com.time_s[visible], c @ ahead, velocity @ ahead, c[:, 2], recording.events, jerk)
 
 
 def jerk_from_force(recording: Recording, axes: np.ndarray) -> np.ndarray:

@@ -23,9 +23,9 @@ def defined_in(module: Path) -> set[str]:
 
 @pytest.mark.parametrize("name", ["misprints.md", "pitfalls.md"])
 def test_every_error_names_tests_that_exist(name: str) -> None:
-    found = sections(DOCS / "theory" / name)
-    assert len(found) > 12
-    for heading, text in found.items():
+    page_sections = sections(DOCS / "theory" / name)
+    assert len(page_sections) > 12
+    for heading, text in page_sections.items():
         named = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", text)
         assert named, heading
         for module, test in named:

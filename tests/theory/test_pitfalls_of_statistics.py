@@ -39,7 +39,7 @@ def naive_and_repaired(seed: int, moment_bias_nm: float = 0.0) -> dict[str, tupl
     nu = body.moment(t) + noise_nm * random.standard_normal((len(t), 3))
     y = nu - np.cross(body.com.at(t) + b, f)
     swings = [wave(2 * np.pi * k * 0.625 * t) for k in range(1, 5) for wave in (np.cos, np.sin)]
-    found = {}
+    intervals = {}
     for name, in_matrix, rows in (
         ("naive", f, [0, 1, 2]),
         ("repaired", np.tile(90.0 * 9.81 * UP, (len(t), 1)), [0, 1]),
@@ -55,8 +55,8 @@ def naive_and_repaired(seed: int, moment_bias_nm: float = 0.0) -> dict[str, tupl
         R = noise_nm**2 + (0.83 * noise_n) ** 2 * (name == "repaired")
         covariance = np.linalg.inv(H.T @ H / R + np.diag(prior**-2))
         x = covariance @ H.T @ y[:, rows].ravel() / R
-        found[name] = 1e3 * (x[:3] - b), 1e3 * np.sqrt(np.diag(covariance)[:3])
-    return found
+        intervals[name] = 1e3 * (x[:3] - b), 1e3 * np.sqrt(np.diag(covariance)[:3])
+    return intervals
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -71,14 +71,14 @@ def test_noise_in_the_measurement_matrix_invents_a_height(seed: int):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_constant_moment_bias_is_told_apart_only_by_noise(seed: int):
-    found = naive_and_repaired(seed, moment_bias_nm=5.2)
-    error, sd = found["naive"]
+def test_a_constant_moment_bias_is_distinguished_only_by_noise(seed: int):
+    intervals = naive_and_repaired(seed, moment_bias_nm=5.2)
+    error, sd = intervals["naive"]
     assert error[0] > 80  # mm in x, two metres from the origin
     assert sd[0] < 7
-    error, sd = found["repaired"]
+    error, sd = intervals["repaired"]
     assert abs(error[0]) < 3
-    assert sd[0] == pytest.approx(5.8, abs=0.5)  # bias / m g: what cannot be told stays in the band
+    assert sd[0] == pytest.approx(5.8, abs=0.5)  # bias / m g: what cannot be estimated stays in the band
 
 
 def test_a_mean_over_no_whole_step_is_biased_by_the_angular_momentum():

@@ -1,4 +1,4 @@
-"""The contests: every curve wins on its own data, and nobody is helped by counting samples that are none."""
+"""Comparison of curves: each wins on its own data, and correlated samples give no curve an advantage."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from stridelab.walking.alternative_models import (
     compare_time_models,
 )
 from stridelab.walking.curtate_cycloid import Wheel
-from support.recordings.analytic_motions import PERIOD_S, walked
+from support.recordings.analytic_motions import PERIOD_S, rolled_wheel
 
 T = np.arange(62) / 100.0
 W = 2 * np.pi / PERIOD_S
@@ -62,7 +62,7 @@ def test_in_time_every_curve_wins_on_its_own_data():
     assert {name: ranked(compare_time_models(data))[0] for name, data in won.items()} == {name: name for name in won}
 
 
-def test_aic_counts_what_is_independent_and_every_parameter():
+def test_aic_counts_independent_samples_and_every_parameter():
     data = rolled(1)
     contests = {c.model: c for c in compare_path_models(data)}
     assert {name: c.parameters for name, c in contests.items()} == {
@@ -76,7 +76,7 @@ def test_aic_counts_what_is_independent_and_every_parameter():
     for c in contests.values():
         assert c.aic == pytest.approx(data.effective_samples * np.log(c.rms_m**2 + NO_ERROR_M2) + 2 * c.parameters)
     t = np.linspace(0.0, 0.61, 123)
-    twice = StepData(t, walked().wheel.position_m(W * t - 4.0), PERIOD_S, t > 0.42)
+    twice = StepData(t, rolled_wheel().wheel.position_m(W * t - 4.0), PERIOD_S, t > 0.42)
     assert twice.effective_samples == data.effective_samples  # sampling faster is no news
 
 

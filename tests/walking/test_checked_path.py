@@ -7,9 +7,9 @@ from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.walking.curtate_cycloid import Plane
 from stridelab.walking.path_fit import fit_path
 from stridelab.walking.timed_fit import fit_in_time
-from support.recordings.analytic_motions import PERIOD_S, walked
+from support.recordings.analytic_motions import PERIOD_S, rolled_wheel
 
-CASE = walked()
+CASE = rolled_wheel()
 FITS = [fit_path, fit_in_time]
 
 
@@ -48,7 +48,7 @@ def test_a_clock_that_stands_or_turns_back_is_refused(fit):
 
 @pytest.mark.parametrize("fit", FITS)
 @pytest.mark.parametrize("period_s", [0.0, -0.5, np.nan, np.inf, 10.0])
-def test_a_step_period_that_is_none_is_refused(fit, period_s):
+def test_an_invalid_step_period_is_refused(fit, period_s):
     with pytest.raises(InvalidInput) as caught:
         fit(CASE.time_s, CASE.path_m, period_s)
     assert caught.value.code == "period-out-of-range"

@@ -28,42 +28,42 @@ def strike_s(k: int) -> float:
 
 
 def of_stance(contacts: tuple[Contact, ...], k: int) -> Contact:
-    """The contact found for stance ``k``."""
+    """The detected contact of stance ``k``."""
     middle = strike_s(k) + STANCE_S / 2
-    (found,) = [c for c in contacts if c.side == ("left", "right")[k % 2] and c.start_s < middle < c.end_s]
-    return found
+    (contact,) = [c for c in contacts if c.side == ("left", "right")[k % 2] and c.start_s < middle < c.end_s]
+    return contact
 
 
 def test_plates_time_a_contact_where_there_is_one() -> None:
     contacts = find_contacts(walk([2, 3]), LANDMARKS)
     for k in (2, 3):
-        found = of_stance(contacts, k)
-        assert (found.strike_source, found.lift_off_source) == ("plates", "plates")
-        assert found.strike_s == pytest.approx(strike_s(k) + LOADED_S, abs=0.0011)
-        assert found.lift_off_s == pytest.approx(strike_s(k) + STANCE_S - LOADED_S, abs=0.0011)
+        contact = of_stance(contacts, k)
+        assert (contact.strike_source, contact.lift_off_source) == ("plates", "plates")
+        assert contact.strike_s == pytest.approx(strike_s(k) + LOADED_S, abs=0.0011)
+        assert contact.lift_off_s == pytest.approx(strike_s(k) + STANCE_S - LOADED_S, abs=0.0011)
 
 
 def test_markers_time_the_others_without_bias() -> None:
     contacts = find_contacts(walk([2, 3]), LANDMARKS, plates=False)
     late = []
     for k in range(2, 6):
-        found = of_stance(contacts, k)
-        assert found.strike_source == found.lift_off_source == "markers"
-        assert found.strike_s is not None
-        assert found.lift_off_s is not None
-        late += [found.strike_s - strike_s(k), found.lift_off_s - strike_s(k) - STANCE_S]
+        contact = of_stance(contacts, k)
+        assert contact.strike_source == contact.lift_off_source == "markers"
+        assert contact.strike_s is not None
+        assert contact.lift_off_s is not None
+        late += [contact.strike_s - strike_s(k), contact.lift_off_s - strike_s(k) - STANCE_S]
     assert np.abs(late).max() < MARKERS_S
     assert abs(np.mean(late)) < 0.01
 
 
-def test_sides_alternate_in_order_of_time_and_nothing_is_found_twice() -> None:
+def test_sides_alternate_in_order_of_time_and_no_contact_is_reported_twice() -> None:
     contacts = find_contacts(walk([2, 3]), LANDMARKS)
     inside = [c for c in contacts if c.strike_s is not None and c.lift_off_s is not None]
     assert [c.side for c in inside] == ["left", "right", "left", "right"]
     assert [c.strike_s for c in inside] == sorted(c.start_s for c in inside)
 
 
-def test_the_force_s_latency_moves_what_plates_say() -> None:
+def test_the_latency_of_the_force_moves_the_times_of_the_plates() -> None:
     plain, moved = (of_stance(find_contacts(walk([2, 3]), LANDMARKS, latency_s=s), 2) for s in (0.0, 0.018))
     assert plain.start_s - moved.start_s == pytest.approx(0.018)
     assert plain.end_s - moved.end_s == pytest.approx(0.018)
@@ -78,11 +78,11 @@ def test_markers_are_shifted_by_their_mean_difference_to_the_plates_of_the_recor
     shifted = find_contacts(late, LANDMARKS)
     for k in (4, 5):
         assert of_stance(plain, k).strike_s == pytest.approx(of_stance(alone, k).start_s + 0.02, abs=0.002)
-        found = of_stance(shifted, k)
-        assert found.strike_source == "markers"
-        assert abs(found.start_s - strike_s(k)) < 0.25 * abs(of_stance(plain, k).start_s - strike_s(k))
-        assert found.strike_error.common_s < 0.5 * MARKER_ERROR["strike"].common_s
-        assert found.strike_error.own_s == MARKER_ERROR["strike"].own_s
+        contact = of_stance(shifted, k)
+        assert contact.strike_source == "markers"
+        assert abs(contact.start_s - strike_s(k)) < 0.25 * abs(of_stance(plain, k).start_s - strike_s(k))
+        assert contact.strike_error.common_s < 0.5 * MARKER_ERROR["strike"].common_s
+        assert contact.strike_error.own_s == MARKER_ERROR["strike"].own_s
 
 
 def test_a_plate_under_half_of_a_contact_does_not_end_it() -> None:
@@ -92,12 +92,12 @@ def test_a_plate_under_half_of_a_contact_does_not_end_it() -> None:
     force = first.force_n.copy()
     force[round(1000 * (strike_s(2) + STANCE_S - 0.25)) :] = 0.0
     contacts = find_contacts(replace(recording, plates=(replace(first, force_n=force), recording.plates[1])), LANDMARKS)
-    found = of_stance(contacts, 2)
-    assert (found.strike_source, found.lift_off_source) == ("plates", "markers")
-    assert found.lift_off_s == pytest.approx(strike_s(2) + STANCE_S, abs=MARKERS_S)
+    contact = of_stance(contacts, 2)
+    assert (contact.strike_source, contact.lift_off_source) == ("plates", "markers")
+    assert contact.lift_off_s == pytest.approx(strike_s(2) + STANCE_S, abs=MARKERS_S)
 
 
-def test_plates_that_are_switched_off_are_not_asked() -> None:
+def test_plates_that_are_switched_off_time_no_contact() -> None:
     recording = walk([2, 3])
     off = tuple(replace(plate, use=False) for plate in recording.plates)
     assert all(c.strike_source == "markers" for c in find_contacts(replace(recording, plates=off), LANDMARKS))
@@ -156,19 +156,19 @@ def _wrench(recording: Recording, windows, latency_s: float):  # type: ignore[no
 
 def differences_s(walks: list[Timed], event: str) -> np.ndarray:
     """Markers minus plates at all events that both see."""
-    found = []
+    differences = []
     for one in walks:
         for contact in one.plates:
             if getattr(contact, f"{event}_source") != "plates":
                 continue
-            seen = [
+            times = [
                 getattr(c, f"{event}_s")
                 for c in one.markers
                 if c.side == contact.side and c.start_s < contact.end_s and c.end_s > contact.start_s
             ]
             at = getattr(contact, f"{event}_s")
-            found += [t - at for t in seen if t is not None]
-    return np.array(found)
+            differences += [t - at for t in times if t is not None]
+    return np.array(differences)
 
 
 @pytest.mark.parametrize(("event", "least"), [("strike", 30), ("lift_off", 34)])

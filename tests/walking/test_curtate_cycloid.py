@@ -71,7 +71,7 @@ def test_the_convex_part_is_short_on_the_thesis_branch_and_long_on_the_other():
 
 
 @pytest.mark.parametrize(("r_m", "inside"), [(0.0, False), (0.03, True), (0.1, False), (0.2, False)])
-def test_curtate_is_what_never_goes_backwards(r_m, inside):
+def test_a_wheel_is_curtate_if_it_never_goes_backwards(r_m, inside):
     wheel = Wheel(R_m=0.1, r_m=r_m, z0_m=0.9, x0_m=0.0)
     assert wheel.is_curtate is inside
     assert (wheel.tangent_m(np.linspace(0.0, 2 * np.pi, 9))[:, 0] > 0).all() == (r_m < 0.1)
@@ -79,7 +79,7 @@ def test_curtate_is_what_never_goes_backwards(r_m, inside):
 
 @settings(max_examples=60, deadline=None)
 @given(st.floats(-40.0, 40.0), st.floats(-0.2, 0.2).filter(lambda r: r != 0.0), st.sampled_from([1, -1]))
-def test_a_turn_gives_the_curve_another_name_only(middle, r, branch):
+def test_a_whole_turn_of_theta_does_not_change_the_curve(middle, r, branch):
     p = np.array([1.3, 0.1, r, 0.9])
     turn = turn_to_zero(middle, r)
     theta = middle + np.linspace(-3.0, 3.0, 13)

@@ -21,7 +21,7 @@ def plate(*, dead_band_n: float = 0.0, from_s: float = 0.0, to_s: float = 1.2, t
     return Plate(1, 2, corners([0.0, 0.0, 0.0]), force, 0 * force, np.zeros(3), threshold_n=threshold_n)
 
 
-def test_without_a_dead_band_the_threshold_counts() -> None:
+def test_without_a_dead_band_the_threshold_is_used() -> None:
     ((start_s, end_s),) = contact_intervals(plate(), RATE_HZ)
     assert start_s is not None
     assert end_s is not None
@@ -30,23 +30,23 @@ def test_without_a_dead_band_the_threshold_counts() -> None:
 
 
 @pytest.mark.parametrize("dead_band_n", [35.0, 53.0, 80.0])
-def test_behind_a_dead_band_the_line_finds_where_the_load_was_zero(dead_band_n: float) -> None:
+def test_behind_a_dead_band_the_time_of_zero_load_is_extrapolated(dead_band_n: float) -> None:
     ((start_s, end_s),) = contact_intervals(plate(dead_band_n=dead_band_n), RATE_HZ)
     assert start_s == pytest.approx(START_S, abs=1e-6)
     assert end_s == pytest.approx(END_S, abs=1e-6)
 
 
-def test_a_lower_threshold_of_the_user_tells_a_dead_band_sooner() -> None:
+def test_a_lower_threshold_detects_a_dead_band_sooner() -> None:
     ((start_s, _),) = contact_intervals(plate(dead_band_n=20.0, threshold_n=10.0), RATE_HZ)
     assert start_s == pytest.approx(START_S, abs=1e-6)
 
 
-def test_what_the_recording_cuts_off_is_not_known() -> None:
+def test_contacts_cut_off_by_the_recording_have_no_times() -> None:
     assert contact_intervals(plate(from_s=0.5), RATE_HZ)[0][0] is None
     assert contact_intervals(plate(to_s=0.7), RATE_HZ)[0][1] is None
 
 
-def test_the_line_never_goes_far() -> None:
+def test_the_extrapolation_is_limited() -> None:
     """A load that appears all at once and hardly changes: 20 ms before and 30 ms after at most."""
     force = np.zeros((1000, 3))
     force[300:800, 2] = 60.0 + 0.01 * np.arange(500)

@@ -23,15 +23,15 @@ AROUND_S = 0.3
 def whole_stances(path: Path) -> list[Stance]:
     """Plates of a file cut to one whole stance each, with their rate; before and after there is noise of 1 N."""
     recording, rng = read_recording(path), np.random.default_rng(0)
-    rate_hz, found = recording.force_rate_hz, []
+    rate_hz, stances = recording.force_rate_hz, []
     for plate in recording.plates:
         for start_s, end_s in loaded_intervals(plate, rate_hz):
             i, j = round(start_s * rate_hz), round(end_s * rate_hz)
             if i > 0 and j < len(plate.force_n) - 1 and end_s - start_s > 0.4:
                 before, after = rng.standard_normal((2, round(AROUND_S * rate_hz), 3))
                 force_n = np.concatenate([before, plate.force_n[i : j + 1], after])
-                found.append((replace(plate, force_n=force_n, moment_nm=np.zeros_like(force_n)), rate_hz))
-    return found
+                stances.append((replace(plate, force_n=force_n, moment_nm=np.zeros_like(force_n)), rate_hz))
+    return stances
 
 
 @pytest.fixture(scope="module")
@@ -66,11 +66,11 @@ def test_strikes_on_low_passed_plates_are_those_of_the_force_as_measured(
     for plate, rate_hz in stances:
         smooth = low_passed(plate, rate_hz, order, cut_hz, dead_band_n)
         lead_s = low_pass_lead_s(smooth, rate_hz)
-        (true_s, _), (found_s, _) = contact_intervals(plate, rate_hz)[0], contact_intervals(smooth, rate_hz)[0]
+        (true_s, _), (smooth_s, _) = contact_intervals(plate, rate_hz)[0], contact_intervals(smooth, rate_hz)[0]
         assert lead_s is not None
         assert true_s is not None
-        assert found_s is not None
-        off_ms.append(1e3 * (found_s - true_s))
+        assert smooth_s is not None
+        off_ms.append(1e3 * (smooth_s - true_s))
         early_ms.append(off_ms[-1] - 1e3 * lead_s)
     assert np.mean(early_ms) < -8.0, "a correction is needed"
     assert abs(np.mean(off_ms)) < 0.4 * abs(np.mean(early_ms))

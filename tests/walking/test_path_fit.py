@@ -11,7 +11,7 @@ from scipy.stats import t as student
 
 from stridelab.walking.curtate_cycloid import Wheel
 from stridelab.walking.path_fit import PathFit, fit_path
-from support.recordings.analytic_motions import HUMAN, PERIOD_S, central_differences, parameters, walked, walks
+from support.recordings.analytic_motions import HUMAN, PERIOD_S, central_differences, parameters, rolled_wheel, walks
 
 NOISE_M = 0.001
 FITS = 500
@@ -46,22 +46,22 @@ def dense(case_path: np.ndarray, start: PathFit, branch: int):
 
     w = start.wheel
     guess = np.concatenate([[w.x0_m, w.R_m * 1.05, w.r_m * 0.9, w.z0_m + 0.002], start.theta_rad + 0.05])
-    found = least_squares(residual, guess, xtol=1e-14, ftol=1e-14, gtol=1e-14, x_scale="jac")
-    assert len(found.fun) == 2 * n
-    return residual, found
+    solution = least_squares(residual, guess, xtol=1e-14, ftol=1e-14, gtol=1e-14, x_scale="jac")
+    assert len(solution.fun) == 2 * n
+    return residual, solution
 
 
 @pytest.mark.parametrize("branch", [1, -1])
 @pytest.mark.parametrize("disturbed_m", [0.0005, 0.003])
 def test_a_general_solver_finds_the_same_wheel_and_covariance(branch, disturbed_m):
-    case = walked(replace(HUMAN, branch=branch), unevenness=0.1)
+    case = rolled_wheel(replace(HUMAN, branch=branch), unevenness=0.1)
     s = np.linspace(0.0, 1.0, len(case.time_s))
     path = case.path_m + disturbed_m * np.column_stack([np.sin(9 * s), np.cos(14 * s)])
     fit = fit_path(case.time_s, path, case.period_s, branch)
-    residual, found = dense(path, fit, branch)
-    assert_allclose(parameters(fit.wheel), found.x[:4], rtol=2e-6)
-    assert_allclose(fit.theta_rad, found.x[4:], atol=2e-5)
-    assert np.sum(fit.error_m**2) <= 2 * found.cost * (1 + 1e-9)
+    residual, solution = dense(path, fit, branch)
+    assert_allclose(parameters(fit.wheel), solution.x[:4], rtol=2e-6)
+    assert_allclose(fit.theta_rad, solution.x[4:], atol=2e-5)
+    assert np.sum(fit.error_m**2) <= 2 * solution.cost * (1 + 1e-9)
     J = central_differences(residual, np.concatenate([parameters(fit.wheel), fit.theta_rad]))
     noise = np.sum(fit.error_m**2) / (len(path) - 4)
     assert_allclose(fit.covariance_m2, noise * np.linalg.inv(J.T @ J)[:4, :4], rtol=1e-4, atol=1e-12)
@@ -72,7 +72,7 @@ def test_a_general_solver_finds_the_same_wheel_and_covariance(branch, disturbed_
 def noisy(request) -> tuple[Wheel, list[PathFit]]:
     """Five hundred steps with 1 mm of white noise ahead and up."""
     rng = np.random.default_rng(5)
-    case = walked(replace(HUMAN, branch=request.param), unevenness=0.1)
+    case = rolled_wheel(replace(HUMAN, branch=request.param), unevenness=0.1)
     clean = case.path_m
     return case.wheel, [
         fit_path(case.time_s, clean + NOISE_M * rng.standard_normal(clean.shape), PERIOD_S, request.param)
@@ -89,7 +89,7 @@ def test_with_a_millimetre_of_noise_the_wheel_is_within_three_deviations(noisy):
     assert (np.abs(off.mean(axis=0)) < 0.2).all()  # and no bias to speak of
 
 
-def test_the_95_percent_intervals_cover_what_they_say(noisy):
+def test_the_95_percent_intervals_cover_95_percent(noisy):
     wheel, fits = noisy
     truth = parameters(wheel)[1:]
     wide = student.ppf(0.975, len(fits[0].theta_rad) - 4)
@@ -109,7 +109,7 @@ def test_where_the_hub_is_has_its_own_deviation_whatever_theta_is_called(noisy):
 
 
 def test_moving_and_mirroring_the_laboratory_moves_the_wheel_and_nothing_else():
-    case = walked(unevenness=0.1)
+    case = rolled_wheel(unevenness=0.1)
     rng = np.random.default_rng(0)
     path = case.path_m + NOISE_M * rng.standard_normal(case.path_m.shape)
     at_home = fit_path(case.time_s, path, case.period_s)
@@ -121,7 +121,7 @@ def test_moving_and_mirroring_the_laboratory_moves_the_wheel_and_nothing_else():
 
 
 def test_the_step_period_serves_the_first_guess_alone():
-    case = walked(unevenness=0.15)
+    case = rolled_wheel(unevenness=0.15)
     path = case.path_m + 0.001 * np.column_stack([np.sin(8 * case.theta_rad), np.cos(5 * case.theta_rad)])
     fits = [fit_path(case.time_s, path, share * case.period_s) for share in (0.8, 0.9, 1.0, 1.1, 1.25)]
     shapes = np.array([parameters(fit.wheel) for fit in fits])

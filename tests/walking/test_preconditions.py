@@ -50,7 +50,7 @@ def moved(recording: Recording, change) -> Recording:  # type: ignore[no-untyped
     return replace(recording, markers_m={label: change(track) for label, track in recording.markers_m.items()})
 
 
-def test_a_walk_is_a_walk() -> None:
+def test_a_simulated_walk_passes_all_preconditions() -> None:
     judge(walk([2, 3]))
     judge(walk([]))
 
@@ -68,7 +68,7 @@ def test_stairs_are_refused_with_their_heights() -> None:
     assert error.faults[0].where == "contacts"
 
 
-def test_real_stairs_turns_and_standing(gait: Path) -> None:
+def test_real_stairs_turns_and_standing_are_refused(gait: Path) -> None:
     stairs = refused(*real(gait / "pycgm-stairs/Movement_trial.c3d"))
     assert stairs.code == "stairs"
     assert "0.20 m apart" in stairs.message
@@ -102,7 +102,7 @@ def test_a_running_robot_is_refused_with_its_flights() -> None:
     assert len(error.faults[0].message.split(",")) == 13
 
 
-def test_somebody_who_stands_is_refused() -> None:
+def test_standing_is_refused() -> None:
     still = moved(walk([]), lambda track: np.repeat(track[:1], len(track), axis=0))
     error = refused(still)
     assert error.code == "standing"
@@ -115,9 +115,9 @@ def test_feet_without_markers_cannot_step() -> None:
 
 def not_enough(recording: Recording) -> NotEstimable:
     windows = measured_windows(recording, LANDMARKS)
-    seen = find_steps(recording, LANDMARKS, windows)
+    steps = find_steps(recording, LANDMARKS, windows)
     with pytest.raises(NotEstimable) as caught:
-        require_steps(recording, seen, [step for step in seen if step.measured], windows)
+        require_steps(recording, steps, [step for step in steps if step.measured], windows)
     return caught.value
 
 
@@ -135,12 +135,12 @@ def test_plates_apart_measure_no_step() -> None:
     assert "There are 5 whole steps" in error.message
 
 
-def test_a_recording_shorter_than_a_step() -> None:
+def test_a_recording_shorter_than_a_step_is_refused() -> None:
     assert not_enough(walk([2, 3], n_steps=2)).code == "no-whole-step"
 
 
 def test_measured_steps_are_enough() -> None:
     recording = walk([2, 3])
     windows = measured_windows(recording, LANDMARKS)
-    seen = find_steps(recording, LANDMARKS, windows)
-    require_steps(recording, seen, seen[:1], windows)
+    steps = find_steps(recording, LANDMARKS, windows)
+    require_steps(recording, steps, steps[:1], windows)

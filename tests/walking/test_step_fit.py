@@ -25,9 +25,9 @@ def estimate(wheel: Wheel = HUMAN, seconds: slice = slice(None)) -> ComEstimate:
     com = np.outer(path[:, 0], AHEAD)
     com[:, 2] = path[:, 1]
     nothing = np.zeros_like(com)
-    kept = com[seconds], nothing[seconds], nothing[seconds], nothing[seconds]
+    track = com[seconds], nothing[seconds], nothing[seconds], nothing[seconds]
     t = T[seconds]
-    return ComEstimate("given", t, *kept, window=Window(float(t[0]), float(t[-1])), references=())
+    return ComEstimate("given", t, *track, window=Window(float(t[0]), float(t[-1])), references=())
 
 
 def gait_step(start_s: float, length_m: float | None = 0.6) -> GaitStep:
@@ -76,7 +76,7 @@ def test_steps_beyond_the_estimate_are_left_out_and_without_any_it_is_an_error()
         assert caught.value.code == "no-whole-step"
 
 
-def test_what_a_person_walks_backwards_is_flagged():
+def test_a_walk_backwards_is_flagged():
     (fit,) = fit_steps(estimate(), [gait_step(0.1)], -AHEAD)
     assert fit.path.wheel.R_m < 0
     assert "backwards" in fit.flags

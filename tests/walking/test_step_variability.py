@@ -66,18 +66,18 @@ def with_wheel(fit: StepFit, **changed: float) -> StepFit:
 
 def test_scatter_is_the_deviation_between_steps() -> None:
     first, second = fit_steps(estimate(), STEPS, AHEAD)
-    found = step_scatter([with_wheel(first, R_m=0.09), with_wheel(second, R_m=0.10)], ())
-    assert found is not None
-    assert found.R_m == pytest.approx(0.01 / np.sqrt(2))
-    assert found.r_m == pytest.approx(0.0, abs=1e-9)
-    assert (found.n, found.between) == (2, "steps")
+    scatter = step_scatter([with_wheel(first, R_m=0.09), with_wheel(second, R_m=0.10)], ())
+    assert scatter is not None
+    assert scatter.R_m == pytest.approx(0.01 / np.sqrt(2))
+    assert scatter.r_m == pytest.approx(0.0, abs=1e-9)
+    assert (scatter.n, scatter.between) == (2, "steps")
 
 
 def test_one_step_is_held_against_what_overlaps_with_it() -> None:
     (first,) = fit_steps(estimate(), STEPS[:1], AHEAD)
     overlaps = strike_to_strike(estimate(), STEPS, (WHOLE,), AHEAD)
-    found = step_scatter([with_wheel(first, R_m=HUMAN.R_m + 0.01)], overlaps)
-    assert found is not None
-    assert found.R_m == pytest.approx(0.01 / np.sqrt(2), rel=1e-4)
-    assert found.between == "overlapping-steps"
+    scatter = step_scatter([with_wheel(first, R_m=HUMAN.R_m + 0.01)], overlaps)
+    assert scatter is not None
+    assert scatter.R_m == pytest.approx(0.01 / np.sqrt(2), rel=1e-4)
+    assert scatter.between == "overlapping-steps"
     assert step_scatter([first], ()) is None

@@ -22,7 +22,7 @@ def steps_of(recording: Recording):  # type: ignore[no-untyped-def]
     return find_steps(recording, LANDMARKS, measured_windows(recording, LANDMARKS))
 
 
-def test_every_whole_step_is_found_with_its_side() -> None:
+def test_every_whole_step_is_detected_with_its_side() -> None:
     steps = steps_of(walk([2, 3]))
     assert [s.side for s in steps] == ["left", "right", "left", "right", "left"]
     for k, step in enumerate(steps):

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
 from stridelab.walking.timed_fit import OMEGA_RANGE, TimedFit, fit_in_time
-from support.recordings.analytic_motions import HUMAN, PERIOD_S, central_differences, parameters, walked, walks
+from support.recordings.analytic_motions import HUMAN, PERIOD_S, central_differences, parameters, rolled_wheel, walks
 
 NOISE_M = 0.001
 
@@ -40,7 +40,7 @@ def test_an_exact_clock_comes_back_wherever_it_was_walked(case):
 @pytest.mark.parametrize("branch", [1, -1])
 @pytest.mark.parametrize("unevenness", [-0.15, 0.05, 0.15])
 def test_a_bounded_general_solver_finds_nothing_better(branch, unevenness):
-    case = walked(replace(HUMAN, branch=branch), unevenness=unevenness)
+    case = rolled_wheel(replace(HUMAN, branch=branch), unevenness=unevenness)
     t, path = case.time_s, case.path_m
     fit = fit_in_time(t, path, PERIOD_S, branch)
     turn = 2 * np.pi / PERIOD_S
@@ -50,14 +50,16 @@ def test_a_bounded_general_solver_finds_nothing_better(branch, unevenness):
     for theta0 in np.linspace(-np.pi, np.pi, 5):
         for omega in (0.8, 1.0, 1.25):
             start = np.array([path[0, 0] - 0.1 * theta0, 0.1, 0.01, path[:, 1].mean(), theta0, omega * turn])
-            found = least_squares(errors, start, args=(t, path, branch), bounds=(low, high), x_scale="jac", xtol=1e-12)
-            costs.append(2 * found.cost)
+            solution = least_squares(
+                errors, start, args=(t, path, branch), bounds=(low, high), x_scale="jac", xtol=1e-12
+            )
+            costs.append(2 * solution.cost)
     assert np.sum(fit.error_m**2) <= min(costs) * (1 + 1e-6)
 
 
 @pytest.mark.parametrize("branch", [1, -1])
 def test_its_covariance_is_that_of_the_finite_differences(branch):
-    case = walked(replace(HUMAN, branch=branch))
+    case = rolled_wheel(replace(HUMAN, branch=branch))
     path = case.path_m + NOISE_M * np.random.default_rng(1).standard_normal(case.path_m.shape)
     fit = fit_in_time(case.time_s, path, PERIOD_S, branch)
     J = central_differences(lambda u: errors(u, case.time_s, path, branch), six(fit))
@@ -75,7 +77,7 @@ def test_its_covariance_is_that_of_the_finite_differences(branch):
 @pytest.mark.parametrize("branch", [1, -1])
 def test_with_a_millimetre_of_noise_deviations_and_intervals_are_true(branch):
     rng = np.random.default_rng(9)
-    case = walked(replace(HUMAN, branch=branch))
+    case = rolled_wheel(replace(HUMAN, branch=branch))
     truth = parameters(case.wheel)
     off = []
     for _ in range(500):
@@ -89,7 +91,7 @@ def test_with_a_millimetre_of_noise_deviations_and_intervals_are_true(branch):
 
 
 def test_one_turn_per_step_makes_the_circumference_the_step_length():
-    case = walked(turns=1.0)
+    case = rolled_wheel(turns=1.0)
     path = case.path_m + 0.002 * np.column_stack([np.sin(2 * case.theta_rad), np.cos(3 * case.theta_rad)])
     fit = fit_in_time(case.time_s, path, PERIOD_S, one_turn_per_step=True)
     assert fit.omega_rad_s == 2 * np.pi / PERIOD_S
@@ -99,9 +101,9 @@ def test_one_turn_per_step_makes_the_circumference_the_step_length():
 
 
 @pytest.mark.parametrize(("share", "bound"), [(0.7, "omega-low"), (1.5, "omega-high")])
-def test_a_wheel_that_turns_too_slowly_or_too_fast_is_said_to(share, bound):
+def test_a_wheel_that_turns_too_slowly_or_too_fast_is_flagged(share, bound):
     """The same even wheel, called a step of another length."""
-    case = walked(turns=1.3)
+    case = rolled_wheel(turns=1.3)
     fit = fit_in_time(case.time_s, case.path_m, share * PERIOD_S)
     assert fit.bounds == (bound,)
     assert fit.omega_rad_s == pytest.approx(OMEGA_RANGE[bound == "omega-high"] * 2 * np.pi / (share * PERIOD_S))

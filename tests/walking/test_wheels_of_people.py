@@ -41,8 +41,8 @@ def fitted(walk: RecordedWalk) -> Fitted:
     return Fitted(walk, step, fit_step(walk.step, *walk.between(walk.step.strike_s, walk.next_strike_s)))
 
 
-def distance_mm(found: list[Fitted]) -> np.ndarray:
-    return np.array([1e3 * f.step.path.distance_m.mean() for f in found])
+def distance_mm(wheels: list[Fitted]) -> np.ndarray:
+    return np.array([1e3 * f.step.path.distance_m.mean() for f in wheels])
 
 
 @pytest.mark.parametrize(
@@ -50,13 +50,13 @@ def distance_mm(found: list[Fitted]) -> np.ndarray:
     [("C4", 0.79, 1.67, 2.0), ("C5", 1.43, 3.45, 4.0), ("children", 0.63, 0.94, 2.0)],
 )
 def test_as_a_path_the_wheel_is_within_millimetres(people, group, mean_mm, worst_mm, most_mm):
-    found = distance_mm(people[group])
-    assert len(found) == SUBJECTS[group]
-    assert found.mean() == pytest.approx(mean_mm, abs=0.05)
-    assert found.max() == pytest.approx(worst_mm, abs=0.15)
-    assert found.max() < most_mm
-    assert group == "C5" or found.mean() < 1.2
-    assert found.max() < 3.5  # "the mean reconstruction is less 3.5mm" (3.3.1) holds in every step
+    distances_mm = distance_mm(people[group])
+    assert len(distances_mm) == SUBJECTS[group]
+    assert distances_mm.mean() == pytest.approx(mean_mm, abs=0.05)
+    assert distances_mm.max() == pytest.approx(worst_mm, abs=0.15)
+    assert distances_mm.max() < most_mm
+    assert group == "C5" or distances_mm.mean() < 1.2
+    assert distances_mm.max() < 3.5  # "the mean reconstruction is less 3.5mm" (3.3.1) holds in every step
     assert all(f.step.path.converged and f.step.path.wheel.is_curtate for f in people[group])
 
 
@@ -80,10 +80,10 @@ def test_the_other_branch_fits_as_well_so_that_the_path_does_not_tell_them_apart
 
 def test_as_a_clock_it_runs_backwards(people):
     """Even turning: 7 mm off on the thesis' branch, always on the bound of omega; 4 mm on the other."""
-    for group, found in people.items():
-        assert all("timed-omega-low" in f.step.flags for f in found), group
-        forwards = np.array([f.step.timed.distance_m.mean() for f in found])
-        backwards = np.array([f.step.reversed_timed.distance_m.mean() for f in found])
+    for group, wheels in people.items():
+        assert all("timed-omega-low" in f.step.flags for f in wheels), group
+        forwards = np.array([f.step.timed.distance_m.mean() for f in wheels])
+        backwards = np.array([f.step.reversed_timed.distance_m.mean() for f in wheels])
         assert (forwards > backwards).all()
     off = [[1e3 * fit.distance_m.mean() for fit in (f.step.timed, f.step.reversed_timed)] for f in people["C4"]]
     assert np.mean(off, axis=0) == pytest.approx([7.2, 4.3], abs=0.2)
@@ -105,7 +105,7 @@ def test_two_harmonics_describe_the_path_better_and_the_even_wheel_is_never_best
     best = [min(fit.path_rivals, key=lambda c: c.aic).model for fit in both]
     assert best.count("two-harmonics") == 20
     assert len(best) == 22
-    everyone = [fit for found in people.values() for f in found for fit in (f.step, f.strike_to_strike)]
+    everyone = [fit for wheels in people.values() for f in wheels for fit in (f.step, f.strike_to_strike)]
     for fit in everyone:
         aic = {c.model: c.aic for c in fit.time_rivals}
         assert min(aic, key=lambda model: aic[model]) == "two-harmonics"
@@ -128,11 +128,11 @@ def test_two_harmonics_describe_the_path_better_and_the_even_wheel_is_never_best
 
 
 def test_held_out_blocks_say_the_same_as_aic(people):
-    held: dict[str, list[float]] = {c.model: [] for c in people["C4"][0].step.path_rivals}
+    errors_by_model: dict[str, list[float]] = {c.model: [] for c in people["C4"][0].step.path_rivals}
     for f in people["C4"]:
         for c in f.step.path_rivals:
-            held[c.model].append(1e3 * c.held_out_rms_m)
-    median = {model: float(np.median(values)) for model, values in held.items()}
+            errors_by_model[c.model].append(1e3 * c.held_out_rms_m)
+    median = {model: float(np.median(values)) for model, values in errors_by_model.items()}
     assert min(median, key=lambda model: median[model]) == "two-harmonics"
     assert median["wheel"] == pytest.approx(median["sinusoid"], abs=0.3)
 
@@ -146,9 +146,9 @@ def test_the_circumference_is_near_the_step_length_and_not_equal_to_it(people):
 def test_the_passages_of_the_hub_are_tens_of_milliseconds_off(people):
     """Over single, double and single support, where both passages are seen."""
     early, late = {}, {}
-    for group, found in people.items():
+    for group, wheels in people.items():
         first, second = [], []
-        for f in found:
+        for f in wheels:
             step = f.walk.step
             t, path = f.walk.between(step.lift_off_s, f.walk.next_strike_s)
             middle = (step.strike_s + step.next_lift_off_s) / 2
@@ -156,7 +156,7 @@ def test_the_passages_of_the_hub_are_tens_of_milliseconds_off(people):
             first.append(1e3 * (start - step.strike_s))
             second.append(1e3 * (end - step.next_lift_off_s))
         early[group], late[group] = np.mean(first), np.mean(second)
-        assert min(second) > 0 > max(first)  # nobody's double support is as long as the rule says
+        assert min(second) > 0 > max(first)  # no double support is as long as the rule gives
     assert early == {
         "C4": pytest.approx(-85, abs=4),
         "C5": pytest.approx(-61, abs=4),
@@ -170,12 +170,12 @@ def test_the_passages_of_the_hub_are_tens_of_milliseconds_off(people):
 
 
 def test_in_the_step_itself_the_second_passage_is_mostly_not_reached(people):
-    seen = [f.step.double_support_model_s for f in people["C4"]]
-    assert all(start is not None for start, _ in seen)
-    assert sum(end is not None for _, end in seen) == 2
+    passages = [f.step.double_support_model_s for f in people["C4"]]
+    assert all(start is not None for start, _ in passages)
+    assert sum(end is not None for _, end in passages) == 2
 
 
-def test_two_looks_at_one_walk_differ_by_ten_formal_deviations(people):
+def test_two_estimates_of_one_walk_differ_by_ten_formal_deviations(people):
     """White noise would explain half a millimetre of R; overlapping steps of one trial differ by ten."""
     apart = np.array(
         [
@@ -193,7 +193,7 @@ def test_two_looks_at_one_walk_differ_by_ten_formal_deviations(people):
     assert (apart.mean(axis=0) > 8 * formal).all()
 
 
-def test_residuals_of_a_step_are_smooth_which_is_why(people):
+def test_residuals_of_a_step_are_correlated(people):
     """Correlation from one sample (10 ms) to the next; white noise would have none."""
     lag_one = []
     for f in people["C4"]:
@@ -205,8 +205,8 @@ def test_residuals_of_a_step_are_smooth_which_is_why(people):
 
 def test_no_other_start_finds_a_closer_wheel(people):
     """The guess of the period moved by a fifth both ways: all starts arrive at the same wheel."""
-    for found in people.values():
-        for f in found:
+    for wheels in people.values():
+        for f in wheels:
             step = f.walk.step
             cost = float(np.sum(f.step.path.error_m**2))
             for share in (0.8, 1.25):

@@ -1,4 +1,4 @@
-"""What markers, segment table, plates and clocks make of a drawn motion.
+"""Simulated markers, segment table, plates and clocks of a drawn motion.
 
 Errors of the geometry: the table's mass fractions and centres of mass (their sum over the limbs follows the posture),
 an unseen load on the trunk, soft tissue that moves with the stride and after each contact, marker noise, possibly
@@ -111,8 +111,8 @@ def draw_recording(
         limb = {name: track - share * place for name, track in motion.limb_m.items()}
     else:
         limb = dict(motion.limb_m)
-    seen = _seen_limbs(rng, motion, limb, errors)
-    geometry = np.sum([fraction * track for fraction, track in seen.values()], axis=0)
+    limbs = _seen_limbs(rng, motion, limb, errors)
+    geometry = np.sum([fraction * track for fraction, track in limbs.values()], axis=0)
     late = float(rng.uniform(*errors.late_s))
     window = Window(0.0, float(time_s[-1]))
     if crossing:
@@ -125,7 +125,7 @@ def draw_recording(
         time_s=time_s,
         com_m=geometry[frames],
         table="drawn",
-        segments={name: SegmentTrack(fraction, track[frames]) for name, (fraction, track) in seen.items()},
+        segments={name: SegmentTrack(fraction, track[frames]) for name, (fraction, track) in limbs.items()},
         joint_centres_m={},
         sd_m=STATED_SD_M,
         ground_m_s=np.array([motion.ground_m_s, 0.0, 0.0]),
@@ -154,7 +154,7 @@ def _seen_limbs(
     """Believed mass fraction and seen centre of mass of every limb."""
     tissue = _tissue_of_limbs(rng, motion, errors)
     cut_hz = rng.choice([0.0, 6.0, 10.0])
-    seen, total = {}, 0.0
+    limbs, total = {}, 0.0
     pairs: dict[str, np.ndarray] = {}
     for name, (fraction, length, _) in LIMBS.items():
         twin = name[2:] if name[1] == "_" else name
@@ -169,9 +169,9 @@ def _seen_limbs(
         moved = moved + noise
         if cut_hz > 0.0:
             moved = signal.sosfiltfilt(signal.butter(2, cut_hz, fs=RATE_HZ, output="sos"), moved, axis=0, padlen=600)
-        seen[name] = (believed, moved)
+        limbs[name] = (believed, moved)
         total += believed
-    return {name: (believed / total, track) for name, (believed, track) in seen.items()}
+    return {name: (believed / total, track) for name, (believed, track) in limbs.items()}
 
 
 _SOFT: Final[Mapping[str, float]] = {"thigh": 1.0, "shank": 0.5, "trunk": 0.35, "pelvis": 0.5, "arm": 0.5}

@@ -38,10 +38,10 @@ def random_flights(number: int, seed: int) -> list[Drawn]:
             ahead_m, up_m, aside_m = (
                 draw.number(one) for one in (bounds.rail_ahead_m, bounds.rail_height_m, bounds.rail_aside_m)
             )
-            made = _beside_rail(stairs, HandRail(ahead_m, up_m, -aside_m), footing)
+            candidate = _beside_rail(stairs, HandRail(ahead_m, up_m, -aside_m), footing)
         else:
-            made = climb(stairs, BOTH if footing == "both" else ALTERNATE, footing)  # type: ignore[arg-type]
-        flights.append(Drawn(index, "talos", kind, made))
+            candidate = climb(stairs, BOTH if footing == "both" else ALTERNATE, footing)  # type: ignore[arg-type]
+        flights.append(Drawn(index, "talos", kind, candidate))
     return flights
 
 

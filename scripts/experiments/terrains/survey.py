@@ -46,6 +46,6 @@ def random_scenarios(number: int, seed: int) -> list[Drawn]:
     for index in range(number):
         robot, kind = robots[index % len(robots)], kinds[index // len(robots) % len(kinds)]
         draw = Draw(np.random.default_rng([seed, index]))
-        made = CLASSES[kind](draw, BOUNDS[robot])
-        drawn.append(Drawn(index, robot, kind, mirrored(made) if draw.coin() else made))
+        candidate = CLASSES[kind](draw, BOUNDS[robot])
+        drawn.append(Drawn(index, robot, kind, mirrored(candidate) if draw.coin() else candidate))
     return drawn

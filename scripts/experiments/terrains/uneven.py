@@ -126,11 +126,11 @@ def rail(draw: Draw, bounds: Bounds) -> Scenario:
         for name in ("right_foot", "left_foot"):
             steps.move_foot(name, pose_at(i))
     right_rail = hand_rail.rail_surface(0.0, flight.number * flight.depth_m, slope) | {"name": "right rail"}
-    made = steps.as_scenario("Rail", "", [right_rail])
-    left_rail = mirrored(made)["terrain"][0] | {"name": "left rail"}
+    with_rail = steps.as_scenario("Rail", "", [right_rail])
+    left_rail = mirrored(with_rail)["terrain"][0] | {"name": "left rail"}
     rails = [right_rail, left_rail] if both else [left_rail]
     text = f"{flight.number} stairs of {100 * flight.height_m:.0f} cm with {'both hands' if both else 'the left hand'}."
-    return made | {"terrain": [wide_ground(), *flight.ascending_boxes(walker), *rails], "description": text}
+    return with_rail | {"terrain": [wide_ground(), *flight.ascending_boxes(walker), *rails], "description": text}
 
 
 def _flight(draw: Draw, bounds: Bounds, height_m: float) -> Stairs:

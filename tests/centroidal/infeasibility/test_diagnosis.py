@@ -41,7 +41,7 @@ def test_a_good_plan_has_no_findings(problem: CentroidalProblem, plan: Centroida
     assert diagnosis.sentence == "The plan respects all limits."
 
 
-def test_a_phase_of_a_twentieth_of_a_second_is_told_how_much_too_short_it_is() -> None:
+def test_a_phase_of_a_twentieth_of_a_second_is_reported_with_its_missing_time() -> None:
     """Six centimetres need at least ``sqrt(2 d / (mu g))``, whatever the feet do."""
     standing = sequence(phase(0.05, foot("left", 0.0), foot("right", 0.0)))
     problem = replace(rest_to_rest(standing), com_end_m=np.array([0.06, 0.0, COM_HEIGHT_M]))
@@ -109,15 +109,15 @@ def test_a_foothold_out_of_reach_is_moved_nearer() -> None:
     walk = sequence(
         phase(0.8, left, right), phase(0.6, left), phase(0.6, left, far), phase(0.6, left), phase(0.8, left, right)
     )
-    found = nearest_feasible(rest_to_rest(walk), "placements")
-    assert found is not None
-    assert found.is_feasible
-    assert set(found.shifts_m) == {(2, "right_foot")}
-    assert found.shifts_m[2, "right_foot"][1] > 0.1
-    assert found.longer_s == pytest.approx(np.zeros(5))
-    moved = found.sequence.phases[2].contacts["right_foot"].placement.position_m
-    assert moved == pytest.approx(far.placement.position_m + found.shifts_m[2, "right_foot"])
-    assert over(rest_to_rest(walk), found.sequence).converged
+    repair = nearest_feasible(rest_to_rest(walk), "placements")
+    assert repair is not None
+    assert repair.is_feasible
+    assert set(repair.shifts_m) == {(2, "right_foot")}
+    assert repair.shifts_m[2, "right_foot"][1] > 0.1
+    assert repair.longer_s == pytest.approx(np.zeros(5))
+    moved = repair.sequence.phases[2].contacts["right_foot"].placement.position_m
+    assert moved == pytest.approx(far.placement.position_m + repair.shifts_m[2, "right_foot"])
+    assert over(rest_to_rest(walk), repair.sequence).converged
 
 
 def test_a_solver_that_stopped_early_is_stuck(problem: CentroidalProblem) -> None:
@@ -136,15 +136,15 @@ def test_a_foothold_stays_on_its_stone() -> None:
     stone = Box("stone", Placement.from_wxyz((0.2, -1.3, -0.05)), np.array([0.3, 0.22, 0.1]))
     alone = phase(0.6, left)
     walk = sequence(phase(0.8, left, right), alone, phase(0.6, left, far), alone, phase(0.8, left, right))
-    found = nearest_feasible(rest_to_rest(replace(walk, terrain=Terrain((stone,)))), "placements")
-    assert found is not None
-    assert not found.is_feasible
-    corners = found.sequence.phases[2].contacts["right_foot"].placement.position_m
+    repair = nearest_feasible(rest_to_rest(replace(walk, terrain=Terrain((stone,)))), "placements")
+    assert repair is not None
+    assert not repair.is_feasible
+    corners = repair.sequence.phases[2].contacts["right_foot"].placement.position_m
     assert np.abs(corners - far.placement.position_m).max() <= 0.08
 
 
-def test_a_cone_that_is_too_narrow_for_the_wrench_is_told_from_contacts_that_hold_nothing() -> None:
-    """With a hundredth of the thesis' outer cone no motion was found; by forces there is one."""
+def test_a_cone_too_narrow_for_the_wrench_is_distinguished_from_contacts_that_hold_nothing() -> None:
+    """With a hundredth of the thesis' outer cone there is no motion; by forces there is one."""
     problem = rest_to_rest(two_steps(0.3), control=ContactWrench("thesis", alpha=0.01))
     diagnosis = diagnose(problem, solve(problem, "ipopt", Limits(iterations=100)))
     assert diagnosis.verdict == "narrow"
@@ -160,7 +160,7 @@ def test_a_cone_that_is_too_narrow_for_the_wrench_is_told_from_contacts_that_hol
     assert problem.control.gauge(touches, upright)[0] < 1.0
 
 
-def test_a_search_without_time_says_so() -> None:
+def test_a_search_that_runs_out_of_time_is_reported() -> None:
     walk = two_steps(0.5)
     hasty = replace(walk, phases=tuple(replace(p, duration_s=0.2 * p.duration_s) for p in walk.phases))
     problem = rest_to_rest(hasty)

@@ -22,15 +22,15 @@ FACE = np.cos(np.pi / N_RAYS)
 
 
 def cone_margins_n(problem: CentroidalProblem) -> Mapping[Where, float]:
-    found = solve_elastic(problem, cones=1.0)
-    assert found is not None
-    return found.margins_n
+    relaxed = solve_elastic(problem, cones=1.0)
+    assert relaxed is not None
+    return relaxed.margins_n
 
 
 def end_miss(problem: CentroidalProblem) -> EndMiss:
-    found = solve_elastic(problem, end=1.0)
-    assert found is not None
-    return found.miss
+    relaxed = solve_elastic(problem, end=1.0)
+    assert relaxed is not None
+    return relaxed.miss
 
 
 def push(duration_s: float, distance_m: float, friction: float = 0.3) -> CentroidalProblem:
@@ -45,7 +45,7 @@ def on_slope(side: str, angle_rad: float, friction: float) -> Contact:
     return Contact(f"{side}_foot", place, "slope", friction)
 
 
-def test_a_problem_that_is_solved_needs_no_help(problem: CentroidalProblem) -> None:
+def test_a_feasible_problem_needs_no_relaxation(problem: CentroidalProblem) -> None:
     assert is_feasible(problem)
     assert set(cone_margins_n(problem).values()) == {0.0}
     miss = end_miss(problem)
@@ -86,12 +86,12 @@ def test_enough_friction_holds_the_slope() -> None:
 
 
 def test_the_contact_in_the_way_is_named() -> None:
-    """Both feet stand well, then the right one alone on a steep, slippery place; the body is hard, so nobody flies."""
+    """Both feet stand well, then the right one alone on a steep, slippery place; the body limits are hard."""
     left, right, steep = foot("left", 0.0), foot("right", 0.0), on_slope("right", 0.6, 0.1)
     walk = sequence(phase(1.0, left, right), phase(0.5, left), phase(3.0, steep), phase(1.0, left, right))
-    found = solve_elastic(rest_to_rest(walk), cones=1.0, body=HARD)
-    assert found is not None
-    assert [at for at, margin in found.margins_n.items() if margin < 0.0] == [(2, "right_foot")]
+    relaxed = solve_elastic(rest_to_rest(walk), cones=1.0, body=HARD)
+    assert relaxed is not None
+    assert [at for at, margin in relaxed.margins_n.items() if margin < 0.0] == [(2, "right_foot")]
     assert is_feasible(rest_to_rest(walk)), "with a jump of many metres it can be done"
 
 
@@ -100,20 +100,20 @@ def test_out_of_reach_is_named_with_its_metres() -> None:
     far_m = 2.6
     walk = sequence(phase(1.0, foot("left", 0.0)), phase(1.0, foot("left", 0.0), foot("right", far_m)))
     problem = rest_to_rest(walk)
-    found = solve_elastic(problem, body=1.0)
-    assert found is not None
+    relaxed = solve_elastic(problem, body=1.0)
+    assert relaxed is not None
     boxes = {name: reach_box(problem.proxies[name].mixture) for name in ("left_foot", "right_foot")}
     gap_m = far_m + boxes["right_foot"].low_m[0] - boxes["left_foot"].high_m[0]
     assert gap_m > 0.0
-    assert found.beyond_m[1, "left_foot"] + found.beyond_m[1, "right_foot"] >= gap_m - 1e-6
-    assert not found.is_feasible
+    assert relaxed.beyond_m[1, "left_foot"] + relaxed.beyond_m[1, "right_foot"] >= gap_m - 1e-6
+    assert not relaxed.is_feasible
     assert solve_elastic(problem, body=HARD) is None
     near = solve_elastic(rest_to_rest(two_steps()), body=HARD)
     assert near is not None
     assert near.is_feasible
 
 
-def test_on_a_hand_alone_nobody_stays_where_he_is() -> None:
+def test_on_a_hand_alone_the_robot_does_not_stay_in_place() -> None:
     """The CoM would have to get to the hand, half a metre away, and back; given time, it can (and turns over)."""
     start = np.array([0.0, 0.0, COM_HEIGHT_M])
 
@@ -126,7 +126,7 @@ def test_on_a_hand_alone_nobody_stays_where_he_is() -> None:
     assert is_feasible(alone(3.0))
 
 
-def test_with_nothing_to_stand_on_it_falls_by_the_law() -> None:
+def test_without_contacts_the_robot_falls_freely() -> None:
     T = 0.5
     problem = replace(rest_to_rest(two_steps()), sequence=sequence(phase(T)))
     assert not is_feasible(problem)
@@ -160,9 +160,9 @@ def test_a_motion_that_goes_on_and_can_be_stopped(problem: CentroidalProblem) ->
 def test_bounds_of_the_problem_are_limits_of_the_body() -> None:
     walk = rest_to_rest(two_steps())
     low = replace(walk, bounds=PathBounds(com_height_m=(0.3, 0.7)))
-    found = solve_elastic(low, body=1.0)
-    assert found is not None
-    assert found.beyond_m[0, "left_foot"] + found.beyond_m[0, "right_foot"] >= COM_HEIGHT_M - 0.7 - 1e-6
+    relaxed = solve_elastic(low, body=1.0)
+    assert relaxed is not None
+    assert relaxed.beyond_m[0, "left_foot"] + relaxed.beyond_m[0, "right_foot"] >= COM_HEIGHT_M - 0.7 - 1e-6
     weak = replace(walk, bounds=PathBounds(normal_force_max_n={"left_foot": 100.0}))
     bearing = solve_elastic(weak, body=1.0, end=1.0)
     assert bearing is not None

@@ -1,4 +1,4 @@
-"""The C++ solver against CasADi's on the same problems, and against what it must never do."""
+"""The C++ solver against CasADi's on the same problems, and its refusals."""
 
 from dataclasses import replace
 from typing import Any
@@ -23,9 +23,9 @@ from stridelab.centroidal.warm_start import warm_start_point
 from stridelab.errors import InvalidInput
 from support.robots.sequences import assert_same, bundled, foot, hand, phase, rest_to_rest, sequence, total, two_steps
 
-found = native_availability()
-if isinstance(found, NativeUnavailable):
-    pytest.skip(f"no native solver: {found.reason}", allow_module_level=True)
+availability = native_availability()
+if isinstance(availability, NativeUnavailable):
+    pytest.skip(f"no native solver: {availability.reason}", allow_module_level=True)
 
 CONES = CircularCones()
 
@@ -108,7 +108,7 @@ def test_a_hundred_metres_away_the_plan_is_the_same() -> None:
     assert there.com_m == pytest.approx(here.com_m + shift, abs=1e-7)
 
 
-def test_twice_the_same_bits(problem: CentroidalProblem) -> None:
+def test_repeated_solves_agree_to_the_last_bit(problem: CentroidalProblem) -> None:
     one, two = (solve(replace(problem, control=CONES), "native") for _ in range(2))
     assert np.array_equal(one.com_m, two.com_m)
     assert np.array_equal(one.forces_n["right_hand"], two.forces_n["right_hand"])
@@ -120,12 +120,12 @@ def test_flight_is_legal() -> None:
     assert_same(rest_to_rest(hop, control=CONES))
 
 
-def test_what_cannot_be_is_told_with_its_phase() -> None:
+def test_an_infeasible_problem_is_reported_with_its_phase() -> None:
     near = phase(0.05, foot("left", 0.0), foot("right", 0.0))
     far = phase(0.05, foot("left", 1.0), foot("right", 1.0))
     plan = solve(rest_to_rest(sequence(near, far), control=CONES), "auto")
     assert not plan.converged
-    assert plan.solver == "native"  # proved: nobody else is asked
+    assert plan.solver == "native"  # proved infeasible: no other solver is called
     assert "infeasible" in plan.status
     assert "phase 2" in plan.status
 
@@ -139,7 +139,9 @@ def captured_after(push_m_s: tuple[float, float, float], control: Control = CONE
 
 @pytest.mark.parametrize("push_m_s", [(2.5, 0.0, 0.0), (-1.8, -1.8, 0.0)], ids=str)
 @pytest.mark.parametrize("control", [CONES, ContactWrench()], ids=["forces", "wrench"])
-def test_a_push_that_cannot_be_captured_is_proved_to_be(push_m_s: tuple[float, float, float], control: Control) -> None:
+def test_a_push_that_cannot_be_captured_is_proved_infeasible(
+    push_m_s: tuple[float, float, float], control: Control
+) -> None:
     pushed = captured_after(push_m_s, control)
     assert pushed.terminal == "capturable"
     plan = solve(pushed, "native")
@@ -147,7 +149,7 @@ def test_a_push_that_cannot_be_captured_is_proved_to_be(push_m_s: tuple[float, f
     assert not is_feasible(replace(pushed, control=Pyramids()))
 
 
-def test_what_can_be_captured_is_not_said_to_be_impossible() -> None:
+def test_a_push_that_can_be_captured_is_not_called_infeasible() -> None:
     rng = np.random.default_rng(0)
     proved = agreed = 0
     for _ in range(20):
@@ -173,18 +175,18 @@ def test_what_can_be_captured_is_not_said_to_be_impossible() -> None:
     ],
     ids=str,
 )
-def test_what_it_lacks_is_refused_by_name_and_left_to_casadi(
+def test_unsupported_options_are_refused_by_name_and_left_to_casadi(
     problem: CentroidalProblem, settings: dict[str, Any], named: str
 ) -> None:
-    asked = replace(problem, **settings)
-    assert named in (unsupported_features(asked) or "")
+    changed = replace(problem, **settings)
+    assert named in (unsupported_features(changed) or "")
     with pytest.raises(InvalidInput) as refused:
-        solve(asked, "native")
+        solve(changed, "native")
     assert refused.value.code == "solver-lacks"
     assert named in refused.value.message
 
 
-def test_auto_leaves_to_casadi_what_it_lacks(problem: CentroidalProblem) -> None:
+def test_auto_uses_casadi_for_unsupported_options(problem: CentroidalProblem) -> None:
     assert solve(problem).solver == "ipopt"
     assert solve(replace(problem, control=CONES)).solver == "native"
 
@@ -211,7 +213,7 @@ def test_splines_of_intervals_of_different_lengths() -> None:
     assert_same(rest_to_rest(uneven, **SPLINES))
 
 
-def test_splines_that_cannot_be_are_told() -> None:
+def test_infeasible_splines_are_reported() -> None:
     near = phase(0.05, foot("left", 0.0), foot("right", 0.0))
     far = phase(0.05, foot("left", 1.0), foot("right", 1.0))
     plan = solve(rest_to_rest(sequence(near, far), **SPLINES), "native")
@@ -220,32 +222,32 @@ def test_splines_that_cannot_be_are_told() -> None:
 
 
 def test_splines_start_from_other_plans(problem: CentroidalProblem) -> None:
-    asked = replace(problem, **SPLINES)
-    cold = solve(asked, "native")
-    warm = solve(asked, "native", start=warm_start_point(cold, asked))
+    splines = replace(problem, **SPLINES)
+    cold = solve(splines, "native")
+    warm = solve(splines, "native", start=warm_start_point(cold, splines))
     assert warm.converged
     assert warm.iterations < cold.iterations
     steps = solve(replace(problem, control=CONES), "native")
-    assert solve(asked, "native", start=warm_start_point(steps, asked)).converged
-    stepped = replace(asked, shape="constant")
+    assert solve(splines, "native", start=warm_start_point(steps, splines)).converged
+    stepped = replace(splines, shape="constant")
     assert solve(stepped, "native", start=warm_start_point(cold, stepped)).converged
 
 
 def test_a_start_near_the_solution_is_worth_iterations(problem: CentroidalProblem) -> None:
-    asked = replace(problem, control=CONES)
-    cold = solve(asked, "native")
-    start = warm_start_point(cold, asked)
+    with_cones = replace(problem, control=CONES)
+    cold = solve(with_cones, "native")
+    start = warm_start_point(cold, with_cones)
     assert isinstance(start, NativePoint)
-    warm = solve(asked, "native", start=start)
+    warm = solve(with_cones, "native", start=start)
     assert warm.converged
     assert warm.iterations < cold.iterations
     assert total(warm) == pytest.approx(total(cold), rel=1e-6)
-    held = replace(asked, control=ContactWrench())
-    wrenches = solve(held, "native")
-    again = solve(held, "native", start=warm_start_point(wrenches, held))
+    with_wrench = replace(with_cones, control=ContactWrench())
+    wrenches = solve(with_wrench, "native")
+    again = solve(with_wrench, "native", start=warm_start_point(wrenches, with_wrench))
     assert again.converged
     assert again.iterations < wrenches.iterations
-    finer = replace(asked, node_rate_hz=20.0)
+    finer = replace(with_cones, node_rate_hz=20.0)
     assert solve(finer, "native", start=start).converged  # it does not fit, and counts for nothing
 
 
@@ -256,15 +258,15 @@ def test_a_horizon_recovers_from_a_push() -> None:
         shove = np.array([0.05, 0.03, 0.0]) if abs(time_s - 1.0) < 1e-9 else np.zeros(3)
         return replace(state, com_v_m_s=state.com_v_m_s + shove)
 
-    found = RecedingHorizon(problem=problem, horizon_s=1.6).run(push)
-    assert all(r.plan.solver == "native" and not r.carried_on for r in found.replans)
-    assert found.com_m[-1] == pytest.approx(problem.com_end_m, abs=1e-6)
+    availability = RecedingHorizon(problem=problem, horizon_s=1.6).run(push)
+    assert all(r.plan.solver == "native" and not r.carried_on for r in availability.replans)
+    assert availability.com_m[-1] == pytest.approx(problem.com_end_m, abs=1e-6)
 
 
-def test_iterations_are_told(problem: CentroidalProblem) -> None:
-    told: list[int] = []
-    plan = solve(replace(problem, control=CONES), "native", on_iteration=lambda at: told.append(at.number))
-    assert told == list(range(plan.iterations + 1))
+def test_iterations_are_reported(problem: CentroidalProblem) -> None:
+    iterations: list[int] = []
+    plan = solve(replace(problem, control=CONES), "native", on_iteration=lambda at: iterations.append(at.number))
+    assert iterations == list(range(plan.iterations + 1))
 
 
 @pytest.mark.parametrize(
@@ -282,22 +284,22 @@ def test_iterations_are_told(problem: CentroidalProblem) -> None:
         (16, lambda planes: np.zeros((2, 3)), "planes"),
     ],
 )
-def test_numbers_that_are_no_problem_raise(problem: CentroidalProblem, index: int, worse: Any, says: str) -> None:
-    assert not isinstance(found, NativeUnavailable)
+def test_invalid_numbers_raise(problem: CentroidalProblem, index: int, worse: Any, says: str) -> None:
+    assert not isinstance(availability, NativeUnavailable)
     arguments = native_input(replace(problem, control=CONES)).module_arguments()
     arguments[index] = np.ascontiguousarray(worse(arguments[index]))
     with pytest.raises(ValueError, match=says):
-        found.module.problem(*arguments)
+        availability.module.problem(*arguments)
 
 
 def test_a_mixture_that_is_singular_raises(problem: CentroidalProblem) -> None:
-    assert not isinstance(found, NativeUnavailable)
+    assert not isinstance(availability, NativeUnavailable)
     arguments = native_input(replace(problem, control=CONES)).module_arguments()
     mixtures: Any = arguments[3]
     constants, means, whitenings = mixtures[0]
     arguments[3] = [(constants, means, whitenings + np.inf), *mixtures[1:]]
     with pytest.raises(ValueError, match="whitenings"):
-        found.module.problem(*arguments)
+        availability.module.problem(*arguments)
 
 
 def test_a_hand_alone_holds_what_it_can() -> None:

@@ -27,9 +27,9 @@ def test_equals_numpy_to_ten_digits_wherever_the_contact_is(name: str) -> None:
     functions, rng = likelihood_functions(MIXTURES[name]), np.random.default_rng(1)
     for place in PLACES:
         c = near(name, place, rng)
-        found = float(functions.value(c, place.position_m, place.rotation.ravel(order="F")))
+        value = float(functions.value(c, place.position_m, place.rotation.ravel(order="F")))
         expected = -MIXTURES[name].log_density(place.inverse().act(c[None]))[0]
-        assert found == pytest.approx(expected, abs=1e-10, rel=1e-12)
+        assert value == pytest.approx(expected, abs=1e-10, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", MIXTURES)

@@ -1,4 +1,4 @@
-"""What a plan tells about how it was found, and solves that begin where others ended."""
+"""Optimality conditions and iterations that a plan reports, and warm starts."""
 
 from dataclasses import replace
 
@@ -31,12 +31,12 @@ def test_the_first_order_conditions_hold_at_the_solution(solution: Solution) -> 
     assert attempt.residuals.complementarity < 1e-7
 
 
-def test_and_not_beside_it(problem: CentroidalProblem, solution: Solution) -> None:
+def test_the_first_order_conditions_fail_beside_the_solution(problem: CentroidalProblem, solution: Solution) -> None:
     of = transcribe(problem)
     beside = replace(solution.point, w=solution.point.w + 1e-3)
-    found = kkt_residuals(of.compiled.nlp, of.p, of.box, beside)
-    assert found.feasibility > 1e-4
-    assert found.stationarity > 1e-3
+    residuals = kkt_residuals(of.compiled.nlp, of.p, of.box, beside)
+    assert residuals.feasibility > 1e-4
+    assert residuals.stationarity > 1e-3
     loose = replace(solution.point, lambda_w=solution.point.lambda_w + 1.0)
     assert kkt_residuals(of.compiled.nlp, of.p, of.box, loose).stationarity == pytest.approx(1.0, abs=1e-4)
 
@@ -49,28 +49,28 @@ def test_every_iteration_is_in_the_log_and_the_last_is_the_plan(plan: Centroidal
     assert log.dual[0] > log.dual[-1]
 
 
-def test_iterations_are_told_while_they_run(problem: CentroidalProblem) -> None:
-    told: list[Iterate] = []
-    plan = solve(problem, "ipopt", on_iteration=told.append)
+def test_iterations_are_reported_while_they_run(problem: CentroidalProblem) -> None:
+    iterates: list[Iterate] = []
+    plan = solve(problem, "ipopt", on_iteration=iterates.append)
     assert plan.solution is not None
     log = plan.solution.attempts[0].log
-    assert [at.number for at in told] == list(range(plan.iterations + 1))
-    assert [at.objective for at in told] == pytest.approx(log.objective.tolist())
-    assert told[0].infeasibility == pytest.approx(log.primal[0], rel=1e-9)
-    assert told[-1].infeasibility < 1e-10
+    assert [at.number for at in iterates] == list(range(plan.iterations + 1))
+    assert [at.objective for at in iterates] == pytest.approx(log.objective.tolist())
+    assert iterates[0].infeasibility == pytest.approx(log.primal[0], rel=1e-9)
+    assert iterates[-1].infeasibility < 1e-10
     again: list[Iterate] = []
     solve(problem, "ipopt", on_iteration=again.append)
-    assert again == told
+    assert again == iterates
 
 
-def test_fatrop_tells_too(problem: CentroidalProblem) -> None:
-    told: list[Iterate] = []
-    plan = solve(problem, "fatrop", on_iteration=told.append)
+def test_fatrop_reports_iterations_too(problem: CentroidalProblem) -> None:
+    iterates: list[Iterate] = []
+    plan = solve(problem, "fatrop", on_iteration=iterates.append)
     assert plan.converged
-    assert [at.number for at in told] == list(range(len(told)))
-    assert abs(len(told) - plan.iterations) <= 1
-    assert told[-1].objective == pytest.approx(sum(plan.cost_terms.values()), rel=1e-3)
-    assert told[-1].infeasibility < 1e-6 < told[0].infeasibility
+    assert [at.number for at in iterates] == list(range(len(iterates)))
+    assert abs(len(iterates) - plan.iterations) <= 1
+    assert iterates[-1].objective == pytest.approx(sum(plan.cost_terms.values()), rel=1e-3)
+    assert iterates[-1].infeasibility < 1e-6 < iterates[0].infeasibility
 
 
 def test_a_plan_is_checked_again_without_its_solver(problem: CentroidalProblem, plan: CentroidalPlan) -> None:
@@ -95,7 +95,7 @@ def test_a_warm_start_helps_a_neighbour(problem: CentroidalProblem, solution: So
     assert sum(warm.cost_terms.values()) == pytest.approx(sum(cold.cost_terms.values()), abs=1e-4)
 
 
-def test_a_start_of_another_structure_counts_for_nothing(problem: CentroidalProblem, solution: Solution) -> None:
+def test_a_start_of_another_structure_is_ignored(problem: CentroidalProblem, solution: Solution) -> None:
     finer = replace(problem, node_rate_hz=15.0)
     assert solve(finer, "ipopt", start=solution.point).iterations == solve(finer, "ipopt").iterations
 
@@ -103,7 +103,7 @@ def test_a_start_of_another_structure_counts_for_nothing(problem: CentroidalProb
 def test_a_solver_out_of_time_stops(problem: CentroidalProblem) -> None:
     plan = solve(problem, limits=Limits(cpu_s=1e-3))
     assert not plan.converged
-    assert plan.solver == "ipopt"  # and no other is asked
+    assert plan.solver == "ipopt"  # no other solver is called
     assert TIME_LIMIT_STATUS in plan.status
     assert plan.iterations < 10
 

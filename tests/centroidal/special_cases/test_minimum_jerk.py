@@ -1,4 +1,4 @@
-"""The minimum-jerk spline against its closed form, against a dense discretisation, and what it takes on trust."""
+"""The minimum-jerk spline against its closed form and a dense discretisation, and the conditions that it assumes."""
 
 import numpy as np
 import pytest
@@ -55,7 +55,7 @@ def test_no_motion_through_the_places_has_less_jerk() -> None:
     assert motion.cost <= best
 
 
-def test_what_is_taken_on_trust_can_be_looked_at() -> None:
+def test_the_assumed_force_cones_can_be_checked() -> None:
     """Slow enough, and over the supports, the cones hold; ten times as fast they do not."""
     problem = rest_to_rest(two_steps(0.2, friction=0.6))
     motion = through_supports(problem, COM_HEIGHT_M)
@@ -66,7 +66,7 @@ def test_what_is_taken_on_trust_can_be_looked_at() -> None:
     assert margins_n(problem, hasty, times / 10.0).min() < -100.0
 
 
-def test_what_makes_no_sense_is_refused() -> None:
+def test_invalid_values_are_refused() -> None:
     for times, places in ((TIMES[:1], PLACES[:1]), (TIMES[[0, 0]], PLACES[:2])):
         with pytest.raises(InvalidInput) as refusal:
             MinimumJerk.through_points(times, places)

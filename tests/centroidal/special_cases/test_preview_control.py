@@ -57,14 +57,14 @@ def test_the_law_is_the_optimum_of_its_cost() -> None:
 
 def test_zmp_follows_the_footsteps() -> None:
     """Kajita's figure: within the sole (10 cm x 6 cm) except just around a jump, and exactly where it stays."""
-    wanted = steps(3000)
-    cart = CONTROL.follow(wanted)
-    error = np.abs(cart.zmp_m - wanted)
-    jumping = np.abs(np.diff(wanted, axis=0, prepend=wanted[:1])).max(axis=1) > 0
+    reference_m = steps(3000)
+    cart = CONTROL.follow(reference_m)
+    error = np.abs(cart.zmp_m - reference_m)
+    jumping = np.abs(np.diff(reference_m, axis=0, prepend=reference_m[:1])).max(axis=1) > 0
     near = np.convolve(jumping, np.ones(61), "same") > 0
     assert error[~near].max() < 0.01
     assert np.median(error[~near]) < 2e-3
-    np.testing.assert_allclose(cart.com_m[-1], wanted[-1], atol=1e-6)
+    np.testing.assert_allclose(cart.com_m[-1], reference_m[-1], atol=1e-6)
     np.testing.assert_allclose(cart.velocity_m_s[-1], 0.0, atol=1e-6)
 
 
@@ -94,8 +94,8 @@ def test_smooth_references_give_the_bounded_pendulum() -> None:
 def test_steady_walking_repeats_every_stride() -> None:
     n = round(0.8 / 0.005)
     k = np.floor(np.arange(40 * n) / n)
-    wanted = np.column_stack([0.25 * k, 0.085 * (-1.0) ** k])
-    cart = CONTROL.follow(wanted)
+    reference_m = np.column_stack([0.25 * k, 0.085 * (-1.0) ** k])
+    cart = CONTROL.follow(reference_m)
 
     def stride(cart: CartTable, which: int) -> np.ndarray:
         part = slice(2 * which * n, 2 * (which + 1) * n)

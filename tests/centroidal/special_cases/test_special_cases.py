@@ -86,8 +86,8 @@ def test_preview_control_moves_as_the_general_problem_allows_at_a_price(
         knots += [(starts[i], contact.placement.position_m), (ends[i], contact.placement.position_m)]
     knots += [(starts[-1] + 0.4, level.com_end_m), (ends[-1], level.com_end_m)]
     at_s, at = np.array([time for time, _ in knots]), np.array([place for _, place in knots])
-    wanted = np.column_stack([np.interp(t, at_s, at[:, axis]) for axis in range(2)])
-    cart = PreviewControl(height_m=COM_HEIGHT_M, dt_s=dt).follow(wanted)
+    reference_m = np.column_stack([np.interp(t, at_s, at[:, axis]) for axis in range(2)])
+    cart = PreviewControl(height_m=COM_HEIGHT_M, dt_s=dt).follow(reference_m)
     margins = []
     for k in range(0, len(t), 20):
         touches = level.contact_patches(level.sequence.phase_at(float(t[k])), np.zeros(3))

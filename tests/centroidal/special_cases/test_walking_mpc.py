@@ -1,4 +1,4 @@
-"""The quadratic programme of the zero-moment point: as least squares, with steps to choose, and what it refuses."""
+"""The quadratic program of the zero-moment point: as least squares, with free steps, and refused inputs."""
 
 from dataclasses import replace
 
@@ -48,13 +48,13 @@ def test_without_limits_that_bind_it_is_least_squares() -> None:
     plan = programme.solve(state, Walk([WIDE] * n, velocity_m_s=(0.3, -0.1)))
 
     def residual(u: np.ndarray) -> np.ndarray:
-        x, found = state.copy(), []
+        x, residuals = state.copy(), []
         for k in range(n):
             c, v, a = x
             x = np.array([c + dt * v + dt**2 / 2 * a + dt**3 / 6 * u[k], v + dt * a + dt**2 / 2 * u[k], a + dt * u[k]])
             zmp = x[0] - HEIGHT_M / GRAVITY_M_S2 * x[2]
-            found += [1e-3**0.5 * u[k], 0.2**0.5 * x[2], 0.5**0.5 * (x[1] - [0.3, -0.1]), zmp]
-        return np.sqrt(dt) * np.concatenate(found)
+            residuals += [1e-3**0.5 * u[k], 0.2**0.5 * x[2], 0.5**0.5 * (x[1] - [0.3, -0.1]), zmp]
+        return np.sqrt(dt) * np.concatenate(residuals)
 
     base = residual(np.zeros((n, 2)))
     J = np.array([residual(np.eye(2 * n)[i].reshape(n, 2)) - base for i in range(2 * n)]).T

@@ -56,8 +56,8 @@ def test_frames_of_qtm_are_those_it_sends(walk_mm: dict[str, np.ndarray]) -> Non
     assert (live.rate_hz, live.up_axis) == (100.0, "-y")
     assert [frame.t_s for frame in frames] == pytest.approx(np.arange(60) / 100.0)
     assert frames[7].markers[0] is None
-    shown = np.array([frame.markers[1:] for frame in frames], dtype=float)
-    assert shown == pytest.approx(np.stack(list(walk_mm.values()), axis=1)[:, 1:], abs=1e-3)
+    positions_mm = np.array([frame.markers[1:] for frame in frames], dtype=float)
+    assert positions_mm == pytest.approx(np.stack(list(walk_mm.values()), axis=1)[:, 1:], abs=1e-3)
 
 
 def test_a_walk_in_qtm_reaches_the_service(service: Served, walk_mm: dict[str, np.ndarray]) -> None:
@@ -73,7 +73,7 @@ def test_a_walk_in_qtm_reaches_the_service(service: Served, walk_mm: dict[str, n
     assert without < count, "some frames have a centre of mass"
 
 
-def test_the_command_stops_after_the_frames_asked_for(
+def test_the_command_stops_after_the_requested_frames(
     service: Served, walk_mm: dict[str, np.ndarray], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The server runs in a thread of its own, as the command has its own event loop."""
@@ -96,9 +96,9 @@ def test_the_command_stops_after_the_frames_asked_for(
     finally:
         stop.set()
         thread.join()
-    shown = capsys.readouterr().out
-    assert f"{len(walk_mm)} markers at 100 Hz" in shown
-    assert "20 frames" in shown
+    output = capsys.readouterr().out
+    assert f"{len(walk_mm)} markers at 100 Hz" in output
+    assert "20 frames" in output
 
 
 @pytest.mark.parametrize("address", ["walk.c3d", "http://lab:8000", "qualisys://", "vicon://lab:port"])
@@ -139,7 +139,7 @@ class FakeDataStream:
 
     def __init__(self, markers_mm: dict[str, np.ndarray], subjects: int = 1) -> None:
         self.markers_mm, self.subjects = markers_mm, subjects
-        self.frame, self.asked, self.connected, self.enabled = -1, 0, False, False
+        self.frame, self.n_requests, self.connected, self.enabled = -1, 0, False, False
 
     def connect(self, ip: str) -> str:
         self.connected = ip == "127.0.0.1:801"
@@ -156,8 +156,8 @@ class FakeDataStream:
         return SUCCESS
 
     def get_frame(self) -> str:
-        self.asked += 1
-        if self.asked % 2:
+        self.n_requests += 1
+        if self.n_requests % 2:
             return NO_FRAME
         self.frame += 1
         if self.frame == len(next(iter(self.markers_mm.values()))):

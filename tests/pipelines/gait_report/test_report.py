@@ -43,7 +43,7 @@ from stridelab.schemas.tasks import (
     SimulateRecordingTask,
 )
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
-from support.command_line import SAMPLE, Told, quiet
+from support.command_line import SAMPLE, RecordedProgress, quiet
 from support.fakes import results
 
 TRIAL = SAMPLE / "recording.c3d"
@@ -84,7 +84,7 @@ def full(walk: Path, tmp_path_factory: pytest.TempPathFactory) -> GaitReport:
     before = [member(folder), member(folder, broken)]
     given = [member(folder, walk, filename=HOSTILE), member(folder, broken)]
     task = task_of(*given, title=HOSTILE, reference=people, before=before, lab_name="Lab <b>")
-    return gait_report(task, folder, Told())
+    return gait_report(task, folder, RecordedProgress())
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from stridelab.errors import NotEstimable
 from stridelab.pipelines.replays.push_basin import PushResult, _require_upright, draw_pushes, push_basin
 from stridelab.schemas.receding import PushBasinInput, PushBasinSummary, PushBasinTask
 from stridelab.service.kinds.push_basin.run import run
-from support.command_line import Told, quiet
+from support.command_line import RecordedProgress, quiet
 from support.robots.plans import short_walk
 
 
@@ -35,7 +35,7 @@ def test_pushes_are_uniform_over_time_and_direction_and_follow_the_seed() -> Non
 
 def test_every_push_is_replayed_counted_and_tabulated(tmp_path: Path) -> None:
     """Weak pushes are survived, strong ones are not, and nothing is proved on 4 m of ground."""
-    told = Told()
+    told = RecordedProgress()
     weak = push_basin(task(speed_m_s=0.03, n=2, seed=1), quiet, processes=1)
     assert (weak.summary.survived, weak.summary.arrived, weak.summary.completed) == (2, 2, 2)
     outcome = run(task(speed_m_s=1.5, n=2, seed=1), tmp_path, told)

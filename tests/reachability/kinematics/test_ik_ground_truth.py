@@ -1,4 +1,4 @@
-"""The truth on fixed contacts: postures hold them, and what is searched for is found where it is known to be."""
+"""Ground truth on fixed contacts: postures hold them, and the search reaches known feasible positions."""
 
 import numpy as np
 import pinocchio as pin
@@ -58,14 +58,16 @@ def test_the_same_seed_gives_the_same_draws(standing: StanceTruth) -> None:
 
 
 @pytest.mark.parametrize("contacts", [STAIR, RAIL], ids=["stair", "rail"])
-def test_what_postures_reach_is_feasible(talos: Robot, standing: StanceTruth, contacts: dict[str, Placement]) -> None:
+def test_com_positions_reached_by_postures_are_feasible(
+    talos: Robot, standing: StanceTruth, contacts: dict[str, Placement]
+) -> None:
     """The CoM of drawn postures: feasible by construction. High above and far aside: not."""
     c = standing.sample_com(contacts, 60, seed=5)
     many = ContactBatch.from_placements(talos, [contacts]).select(np.zeros(60, dtype=int))
-    found, shares = standing.search_feasible(many, c, rounds=12, seed=0)
-    assert found.mean() >= 0.95
+    feasible, shares = standing.search_feasible(many, c, rounds=12, seed=0)
+    assert feasible.mean() >= 0.95
     assert (np.diff(shares) >= 0.0).all()
-    assert shares[-1] == found.mean()
+    assert shares[-1] == feasible.mean()
     for away in ((0.0, 0.0, 0.6), (0.0, 1.0, 0.0)):
         assert not standing.search_feasible(many, c + np.array(away), rounds=2, seed=0)[0].any()
 
@@ -79,7 +81,9 @@ def test_the_support_reaches_beyond_all_draws(talos: Robot, standing: StanceTrut
     assert (high[0] - low[0] < 1.4).all()
 
 
-def test_contacts_out_of_reach(talos: Robot, standing: StanceTruth, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_contacts_out_of_reach_have_no_posture(
+    talos: Robot, standing: StanceTruth, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("stridelab.reachability.kinematics.ik_ground_truth.MAX_BATCHES", 2)
     apart = {"left_foot": FLAT["left_foot"], "right_foot": Placement.from_wxyz((0.0, -3.0, 0.0))}
     with pytest.raises(NotEstimable, match="0 of 5"):

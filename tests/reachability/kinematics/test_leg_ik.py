@@ -29,21 +29,21 @@ def test_a_limb_is_placed_as_by_the_whole_robot(talos: Robot, effector: str) -> 
         assert spans[a] == pytest.approx(span, abs=1e-13)
 
 
-def test_a_leg_goes_back_to_where_it_came_from(talos: Robot) -> None:
+def test_leg_angles_are_recovered_from_the_foot_pose(talos: Robot) -> None:
     model, frames = with_contact_frames(talos)
     chain = LegChain.from_frame(model, frames["left_foot"])
     angles = chain.draw_angles(2000, np.random.default_rng(1))
     p, R = chain.contact_frame_pose(angles)
-    found, reached = chain.solve_angles(p, R, np.tile(talos.q_reference[list(chain.indices_in_q)], (2000, 1)))
+    solved, reached = chain.solve_angles(p, R, np.tile(talos.q_reference[list(chain.indices_in_q)], (2000, 1)))
     assert reached.mean() > 0.9
-    p_found, R_found = chain.contact_frame_pose(found[reached])
-    assert np.abs(p_found - p[reached]).max() < 1e-6
-    assert np.abs(R_found - R[reached]).max() < 2e-6
-    assert (found >= chain.lower_rad).all()
-    assert (found <= chain.upper_rad).all()
+    p_reached, R_reached = chain.contact_frame_pose(solved[reached])
+    assert np.abs(p_reached - p[reached]).max() < 1e-6
+    assert np.abs(R_reached - R[reached]).max() < 2e-6
+    assert (solved >= chain.lower_rad).all()
+    assert (solved <= chain.upper_rad).all()
 
 
-def test_out_of_reach_is_said(talos: Robot) -> None:
+def test_a_target_out_of_reach_is_reported(talos: Robot) -> None:
     model, frames = with_contact_frames(talos)
     chain = LegChain.from_frame(model, frames["left_foot"])
     start = talos.q_reference[list(chain.indices_in_q)][None]

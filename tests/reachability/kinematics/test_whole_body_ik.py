@@ -50,7 +50,7 @@ def test_jacobian_of_the_com_by_differences(robot: Robot) -> None:
         np.testing.assert_allclose(J[:, :, v], (ahead - behind) / 2e-6, atol=1e-8)
 
 
-def test_what_some_posture_does_is_found_again(robot: Robot) -> None:
+def test_the_targets_of_a_posture_are_reached_again(robot: Robot) -> None:
     """Soles, a hand and the CoM of known postures, from postures near them; within limits, to the tolerance."""
     tree = BodyTree.from_robot(robot)
     lower, upper = tree.lower.copy(), tree.upper.copy()
@@ -64,11 +64,11 @@ def test_what_some_posture_does_is_found_again(robot: Robot) -> None:
     targets["right_hand"] = Target(tree.contact_frame_pose("right_hand", at)[0])
     c, _ = tree.com_and_jacobian(at)
     limits = np.tile(lower, (n, 1)), np.tile(upper, (n, 1))
-    found, solved = tree.solve(targets, np.tile(np.eye(3), (n, 1, 1)), c, reference, limits, reference)
+    postures, solved = tree.solve(targets, np.tile(np.eye(3), (n, 1, 1)), c, reference, limits, reference)
     assert solved.mean() > 0.7
-    assert (found >= lower).all()
-    assert (found <= upper).all()
-    at = tree.forward_kinematics(found)
+    assert (postures >= lower).all()
+    assert (postures <= upper).all()
+    at = tree.forward_kinematics(postures)
     np.testing.assert_allclose(tree.com_and_jacobian(at)[0][solved], c[solved], atol=1e-6)
     for name, target in targets.items():
         p, R = tree.contact_frame_pose(name, at)
@@ -77,7 +77,7 @@ def test_what_some_posture_does_is_found_again(robot: Robot) -> None:
             np.testing.assert_allclose(R[solved], target.R[solved], atol=2e-6)
 
 
-def test_what_is_out_of_reach_is_not_found(robot: Robot) -> None:
+def test_targets_out_of_reach_are_not_reached(robot: Robot) -> None:
     tree = BodyTree.from_robot(robot)
     x = tree.to_coordinates(robot.q_reference[None])
     at = tree.forward_kinematics(x)

@@ -83,9 +83,9 @@ def test_the_mirror_test_can_fail(fresh: ComCloud) -> None:
 
 
 def test_progress_counts_postures_block_by_block(talos: Robot) -> None:
-    told: list[tuple[float, str]] = []
-    sample_com(talos, ["left_foot"], BLOCK + 100, seed=0, progress=lambda f, m: told.append((f, m)))
-    assert told == [(BLOCK / (BLOCK + 100), f"{BLOCK} of {BLOCK + 100} postures"), (1.0, "600 of 600 postures")]
+    progress: list[tuple[float, str]] = []
+    sample_com(talos, ["left_foot"], BLOCK + 100, seed=0, progress=lambda f, m: progress.append((f, m)))
+    assert progress == [(BLOCK / (BLOCK + 100), f"{BLOCK} of {BLOCK + 100} postures"), (1.0, "600 of 600 postures")]
 
 
 def test_every_block_has_a_child_of_the_seed_of_its_own(talos: Robot, fresh: ComCloud) -> None:
@@ -109,7 +109,7 @@ def test_two_processes_draw_what_one_draws(talos: Robot, measure: str) -> None:
     assert (one.tried, one.pair_distance_max_m) == (two.tried, two.pair_distance_max_m)
 
 
-def test_what_another_process_cannot_do_is_said_here(talos: Robot) -> None:
+def test_an_error_of_another_process_is_raised(talos: Robot) -> None:
     hopper = replace(talos, effectors={k: e for k, e in talos.effectors.items() if k != "right_foot"})
     with pytest.raises(NotEstimable) as refusal:
         sample_com(hopper, ["left_foot"], 2 * BLOCK, 0, "conditioned", processes=2)
@@ -140,7 +140,7 @@ def test_the_hand_of_a_standing_robot_sees_the_com_in_the_heading_of_the_trunk(t
             np.testing.assert_allclose(cloud.com_m[name][a], expected, atol=1e-12)
 
 
-def test_a_stream_is_gone_with_its_last_reference(talos: Robot) -> None:
+def test_a_stream_is_freed_with_its_last_reference(talos: Robot) -> None:
     """The buffers of the collision check are large: those of a block must not wait for the garbage collector."""
     gc.disable()
     try:

@@ -34,17 +34,17 @@ TRUTH = Mixture(
 
 
 def test_em_finds_a_known_mixture() -> None:
-    found, converged = expectation_maximisation(TRUTH.sample(20_000, np.random.default_rng(0)), 3, seed=0)
-    order = np.argsort(-found.weights)
+    mixture, converged = expectation_maximisation(TRUTH.sample(20_000, np.random.default_rng(0)), 3, seed=0)
+    order = np.argsort(-mixture.weights)
     assert converged
-    np.testing.assert_allclose(found.weights[order], TRUTH.weights, atol=0.02)
-    np.testing.assert_allclose(found.means_m[order], TRUTH.means_m, atol=0.01)
-    np.testing.assert_allclose(found.covariances_m2[order], TRUTH.covariances_m2, atol=0.002)
-    (kl,) = kl_divergences(TRUTH, [found], 5000, np.random.default_rng(1))
+    np.testing.assert_allclose(mixture.weights[order], TRUTH.weights, atol=0.02)
+    np.testing.assert_allclose(mixture.means_m[order], TRUTH.means_m, atol=0.01)
+    np.testing.assert_allclose(mixture.covariances_m2[order], TRUTH.covariances_m2, atol=0.002)
+    (kl,) = kl_divergences(TRUTH, [mixture], 5000, np.random.default_rng(1))
     assert kl.kl_nats < 0.005
 
 
-def test_em_that_runs_out_of_steps_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_em_that_runs_out_of_iterations_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stridelab.reachability.learning.fit.STEPS_MAX", 1)
     _, converged = expectation_maximisation(TRUTH.sample(500, np.random.default_rng(0)), 5, seed=0)
     assert not converged
@@ -58,12 +58,12 @@ def foot(fresh: ComCloud) -> EffectorCard:
 def test_the_numbers_of_a_card_are_those_of_the_samples(fresh: ComCloud, foot: EffectorCard) -> None:
     x, card = fresh.com_m["left_foot"], foot
     mixture = card.to_mixture()
-    seen, held_out = x[: -len(x) // HELD_OUT_RECIPROCAL], x[-len(x) // HELD_OUT_RECIPROCAL :]
+    training, held_out = x[: -len(x) // HELD_OUT_RECIPROCAL], x[-len(x) // HELD_OUT_RECIPROCAL :]
     assert card.held_out_log_likelihood == pytest.approx(mixture.log_density(held_out).mean())
     assert card.held_out_log_likelihood_sd == pytest.approx(mixture.log_density(held_out).std() / 20, rel=0.01)
-    again, _ = expectation_maximisation(seen, card.components, seed=1)
+    again, _ = expectation_maximisation(training, card.components, seed=1)
     assert (again.means_m == mixture.means_m).all(), "EM saw nothing of what is held out"
-    other, _ = expectation_maximisation(seen, card.components, seed=2)
+    other, _ = expectation_maximisation(training, card.components, seed=2)
     assert (other.means_m != mixture.means_m).all(), "the seed is used"
     assert [trial.components for trial in card.sizes] == list(range(1, 21)) == list(SIZES)
     assert card.sizes[card.components - 1].kl_nats == card.kl_nats
@@ -110,9 +110,9 @@ def test_the_smallest_size_within_one_standard_error_of_the_best(
 
 
 def test_a_robot_is_learned_from_its_postures(talos: Robot) -> None:
-    told: list[float] = []
+    fractions: list[float] = []
     names = ["right_hand", "left_foot"]
-    learned = learn_densities(talos, DAY, names, 700, seed=5, progress=lambda f, _: told.append(f), processes=1)
+    learned = learn_densities(talos, DAY, names, 700, seed=5, progress=lambda f, _: fractions.append(f), processes=1)
     card = learned.card
     assert (card.robot, card.robot_sha256, card.seed) == ("talos", talos.sha256, 5)
     assert (card.samples, card.fitted, card.tried) == (700, 560, learned.cloud.tried)
@@ -122,8 +122,8 @@ def test_a_robot_is_learned_from_its_postures(talos: Robot) -> None:
     assert card.effectors["right_hand"].thesis_components == 14
     assert [pair.effectors for pair in card.pairs] == [("right_hand", "left_foot")]
     assert card.versions["scikit-learn"]
-    assert told == sorted(told)
-    assert 0.0 <= told[0] <= told[-1] <= 1.0
+    assert fractions == sorted(fractions)
+    assert 0.0 <= fractions[0] <= fractions[-1] <= 1.0
     again = learn_densities(talos, DAY, names, 700, seed=5, processes=2)
     assert again.card == card, "the seed decides, not how many processes there are"
     assert all((again.cloud.com_m[name] == learned.cloud.com_m[name]).all() for name in names)
@@ -140,7 +140,7 @@ def test_the_default_is_all_effectors(talos: Robot) -> None:
     assert [effector.frame for effector in card.effectors.values()] == ["contact", "contact", "heading", "heading"]
 
 
-def test_what_cannot_be_learned_is_refused(talos: Robot) -> None:
+def test_invalid_learning_requests_are_refused(talos: Robot) -> None:
     with pytest.raises(InvalidInput) as too_few:
         learn_densities(talos, DAY, ["left_foot"], 99)
     assert too_few.value.code == "too-few-samples"

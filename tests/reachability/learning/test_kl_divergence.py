@@ -24,17 +24,17 @@ def exact(p: Mixture, q: Mixture) -> float:
 
 @pytest.mark.parametrize(("p", "q"), [(P, Q), (Q, P)])
 def test_the_divergence_of_two_gaussians_is_the_exact_one(p: Mixture, q: Mixture) -> None:
-    (found,) = kl_divergences(p, [q], 20_000, np.random.default_rng(0))
-    assert abs(found.kl_nats - exact(p, q)) < 4 * found.kl_sd_nats
-    assert found.kl_sd_nats < 0.03 * exact(p, q)
+    (divergence,) = kl_divergences(p, [q], 20_000, np.random.default_rng(0))
+    assert abs(divergence.kl_nats - exact(p, q)) < 4 * divergence.kl_sd_nats
+    assert divergence.kl_sd_nats < 0.03 * exact(p, q)
 
 
 def test_the_standard_error_is_that_of_repeated_estimates() -> None:
-    found = [kl_divergences(P, [Q], 200, np.random.default_rng(seed))[0] for seed in range(400)]
-    spread = np.std([one.kl_nats for one in found], ddof=1)
-    assert np.mean([one.kl_sd_nats for one in found]) == pytest.approx(spread, rel=0.15)
-    bias = np.mean([one.kl_nats for one in found]) - exact(P, Q)
-    assert abs(bias) < 4 * spread / np.sqrt(len(found))
+    divergences = [kl_divergences(P, [Q], 200, np.random.default_rng(seed))[0] for seed in range(400)]
+    spread = np.std([one.kl_nats for one in divergences], ddof=1)
+    assert np.mean([one.kl_sd_nats for one in divergences]) == pytest.approx(spread, rel=0.15)
+    bias = np.mean([one.kl_nats for one in divergences]) - exact(P, Q)
+    assert abs(bias) < 4 * spread / np.sqrt(len(divergences))
 
 
 def test_a_density_does_not_differ_from_itself() -> None:
@@ -46,7 +46,7 @@ def test_a_density_does_not_differ_from_itself() -> None:
     assert kl_divergences(P, [], 100, np.random.default_rng(1)) == []
 
 
-def test_a_difference_is_surer_than_what_is_compared() -> None:
+def test_a_difference_has_a_smaller_error_than_its_terms() -> None:
     """By repetition: the standard error of the excess is that of the differences, not of either divergence."""
     near = gaussian([0.01, 0.1, 0.7], Q.covariances_m2[0])
     pairs = [kl_divergences(P, [Q, near], 200, np.random.default_rng(seed)) for seed in range(400)]

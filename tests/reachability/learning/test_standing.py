@@ -34,29 +34,29 @@ def turned_deg(T: pin.SE3) -> float:
 
 
 @pytest.fixture(scope="module", params=["talos", "g1"])
-def kept(request: pytest.FixtureRequest) -> tuple[Robot, StandingConfigurations, list[np.ndarray]]:
+def stances(request: pytest.FixtureRequest) -> tuple[Robot, StandingConfigurations, list[np.ndarray]]:
     robot = load_robot(request.param)
     stream = StandingConfigurations(robot, np.random.default_rng(1))
     return robot, stream, list(islice(stream, 120))
 
 
-def test_the_soles_are_flat_and_a_step_apart(kept: tuple[Robot, StandingConfigurations, list[np.ndarray]]) -> None:
-    robot, stream, postures = kept
+def test_the_soles_are_flat_and_a_step_apart(stances: tuple[Robot, StandingConfigurations, list[np.ndarray]]) -> None:
+    robot, stream, postures = stances
     E, length_m = Stance(), stream.leg_length_m
     for q in postures:
         left, right, _ = soles_and_base(robot, q)
         assert np.abs(left.homogeneous - np.eye(4)).max() < 1e-5
         assert np.abs(right.rotation[:, 2] - [0.0, 0.0, 1.0]).max() < 1e-5
-        for seen, side in ((left.actInv(right), -1.0), (right.actInv(left), 1.0)):
-            x, y, z = seen.translation / length_m
+        for relative, side in ((left.actInv(right), -1.0), (right.actInv(left), 1.0)):
+            x, y, z = relative.translation / length_m
             assert abs(x) <= E.ahead + 1e-5
             assert abs(z) <= E.above + 1e-5
             assert E.aside[0] - 1e-5 <= side * y <= E.aside[1] + 1e-5
-            assert abs(turned_deg(seen)) <= E.toes_deg + 1e-3
+            assert abs(turned_deg(relative)) <= E.toes_deg + 1e-3
 
 
-def test_the_base_is_upright_and_looks_ahead(kept: tuple[Robot, StandingConfigurations, list[np.ndarray]]) -> None:
-    robot, _, postures = kept
+def test_the_base_is_upright_and_looks_ahead(stances: tuple[Robot, StandingConfigurations, list[np.ndarray]]) -> None:
+    robot, _, postures = stances
     for q in postures:
         _, right, base = soles_and_base(robot, q)
         assert np.degrees(np.arccos(base.rotation[2, 2])) <= Stance().upright_deg
@@ -64,9 +64,9 @@ def test_the_base_is_upright_and_looks_ahead(kept: tuple[Robot, StandingConfigur
 
 
 def test_the_knees_are_bent_and_nothing_touches(
-    kept: tuple[Robot, StandingConfigurations, list[np.ndarray]],
+    stances: tuple[Robot, StandingConfigurations, list[np.ndarray]],
 ) -> None:
-    robot, stream, postures = kept
+    robot, stream, postures = stances
     lower, upper = robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:]
     for q in postures:
         assert not SelfCollision.for_robot(robot).any_collision(q)
@@ -79,8 +79,8 @@ def test_the_knees_are_bent_and_nothing_touches(
     assert stream.tried > len(postures)
 
 
-def test_a_step_ahead_throws_postures_away(talos: Robot) -> None:
-    """The same draws, so that what is kept with the highest step is kept without one too."""
+def test_postures_over_a_step_ahead_are_rejected(talos: Robot) -> None:
+    """The same draws, so that a stance accepted with the highest step is accepted without one too."""
     tried = {}
     for step in (0.0, 0.4):
         stream = StandingConfigurations(talos, np.random.default_rng(5), replace(Stance(), step=step))
@@ -109,7 +109,7 @@ def test_what_is_drawn_is_uniform_where_nothing_hinders(talos: Robot) -> None:
     assert kstest(free, "uniform", (0.75, 0.15)).pvalue > 1e-3
 
 
-def test_no_uniform_posture_stands(talos: Robot) -> None:
+def test_no_uniformly_drawn_posture_stands(talos: Robot) -> None:
     """Soles that lie flat are no event of random joints: that is why the legs are solved for."""
     for q in islice(uniform_configurations(talos, np.random.default_rng(4)), 200):
         left, right, _ = soles_and_base(talos, q)
@@ -130,7 +130,7 @@ def test_soles_on_one_leg_do_not_stand(talos: Robot) -> None:
     assert refusal.value.code == "measure-unavailable"
 
 
-def test_a_stance_that_cannot_be_is_given_up(talos: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_impossible_stance_is_given_up(talos: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(standing_sampler, "MAX_EMPTY_BATCHES", 2)
     stream = StandingConfigurations(talos, np.random.default_rng(0), Stance(aside=(3.0, 4.0)))
     with pytest.raises(NotEstimable) as refusal:

@@ -82,7 +82,7 @@ def test_more_contacts_leave_less_room_and_the_mode_is_the_top() -> None:
         assert contacts.log_density(contacts.mode_m()[None])[0] >= contacts.log_density(draws).max()
 
 
-def test_what_is_left_out_is_light() -> None:
+def test_omitted_components_have_little_weight() -> None:
     contacts = some(4)
     all_of_them = np.prod([len(factor.weights) for factor in contacts.factors])
     assert len(contacts.product.weights) < 0.5 * all_of_them

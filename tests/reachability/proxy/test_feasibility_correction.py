@@ -44,12 +44,12 @@ def test_pairs_fill_the_grown_box(pairs: dict[bool, LabelledPairs]) -> None:
         assert (np.diff(drawn.shares) >= 0.0).all()
 
 
-def test_as_many_feasible_ones_as_asked(pairs: dict[bool, LabelledPairs]) -> None:
+def test_the_requested_share_is_feasible(pairs: dict[bool, LabelledPairs]) -> None:
     drawn = pairs[False]
-    kept = balance_labels(drawn, 150, 0.4, np.random.default_rng(0))
-    assert len(kept.com_m) == 150
-    assert kept.feasible.sum() == 60
-    assert {tuple(c) for c in kept.com_m} <= {tuple(c) for c in drawn.com_m}
+    balanced = balance_labels(drawn, 150, 0.4, np.random.default_rng(0))
+    assert len(balanced.com_m) == 150
+    assert balanced.feasible.sum() == 60
+    assert {tuple(c) for c in balanced.com_m} <= {tuple(c) for c in drawn.com_m}
 
 
 def test_the_correction_separates_and_survives_the_disk(
@@ -69,7 +69,7 @@ def test_the_correction_separates_and_survives_the_disk(
     assert np.median(score[unseen.feasible]) > np.median(score[~unseen.feasible]) + 1.0
 
 
-def test_what_a_file_lacks_is_named(talos: Robot, pairs: dict[bool, LabelledPairs], tmp_path: Path) -> None:
+def test_missing_fields_of_a_file_are_named(talos: Robot, pairs: dict[bool, LabelledPairs], tmp_path: Path) -> None:
     card = FeasibilityCard("talos", talos.sha256, 0, 40, 800, learn_feasibility(pairs[False], pairs[True], seed=0))
     path = tmp_path / "spoilt.json"
     save_feasibility(path, replace(card, seed=0))

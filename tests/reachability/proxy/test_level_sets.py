@@ -23,23 +23,23 @@ def sets(gaussian: Mixture) -> tuple[LevelSet, ...]:
 def test_level_sets_of_a_gaussian_are_the_known_ellipsoids(gaussian: Mixture, sets: tuple[LevelSet, ...]) -> None:
     """``(c - mu)^T S^-1 (c - mu) = q``, of which the mass inside is that of chi squared with three degrees."""
     S = gaussian.covariances_m2[0]
-    for found in sets:
-        radius = np.sqrt(chi2.ppf(found.mass, 3))
-        d = found.vertices_m - gaussian.means_m[0]
+    for level_set in sets:
+        radius = np.sqrt(chi2.ppf(level_set.mass, 3))
+        d = level_set.vertices_m - gaussian.means_m[0]
         radii = np.sqrt(np.einsum("ia,ab,ib->i", d, np.linalg.inv(S), d))
         assert radii == pytest.approx(radius, rel=0.05)
-        assert found.volume_m3 == pytest.approx(4 / 3 * np.pi * radius**3 * np.sqrt(np.linalg.det(S)), rel=0.04)
+        assert level_set.volume_m3 == pytest.approx(4 / 3 * np.pi * radius**3 * np.sqrt(np.linalg.det(S)), rel=0.04)
 
 
 def test_surfaces_are_closed_and_small(sets: tuple[LevelSet, ...]) -> None:
-    for found in sets:
-        edges = np.sort(found.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    for level_set in sets:
+        edges = np.sort(level_set.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
         _, times = np.unique(edges, axis=0, return_counts=True)
         assert set(times) == {2}
-        assert len(found.triangles) < 2500
-        a, b, c = (found.vertices_m[found.triangles[:, i]] for i in range(3))
+        assert len(level_set.triangles) < 2500
+        a, b, c = (level_set.vertices_m[level_set.triangles[:, i]] for i in range(3))
         enclosed = np.einsum("ij,ij->", a, np.cross(b, c)) / 6  # positive where triangles turn outwards
-        assert enclosed == pytest.approx(found.volume_m3, rel=0.06)
+        assert enclosed == pytest.approx(level_set.volume_m3, rel=0.06)
 
 
 def test_each_holds_its_share_of_other_draws() -> None:
@@ -48,23 +48,23 @@ def test_each_holds_its_share_of_other_draws() -> None:
     mixture = Mixture(np.array([0.5, 0.3, 0.2]), mu, np.tile(np.diag([0.1, 0.08, 0.05]) ** 2, (3, 1, 1)))
     draws_m = mixture.sample(20_000, np.random.default_rng(7))
     log_p = mixture.log_density(draws_m)
-    found = level_sets(mixture)
-    assert [each.mass for each in found] == [0.5, 0.8, 0.95]
-    for each in found:
+    surfaces = level_sets(mixture)
+    assert [each.mass for each in surfaces] == [0.5, 0.8, 0.95]
+    for each in surfaces:
         assert (log_p >= each.log_density).mean() == pytest.approx(each.mass, abs=0.012)
-    assert sorted(each.volume_m3 for each in found) == [each.volume_m3 for each in found]
+    assert sorted(each.volume_m3 for each in surfaces) == [each.volume_m3 for each in surfaces]
 
 
 def test_two_clusters_apart_are_two_pieces() -> None:
     mu = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     mixture = Mixture(np.array([0.5, 0.5]), mu, np.tile(0.05**2 * np.eye(3), (2, 1, 1)))
-    (found,) = level_sets(mixture, (0.8,))
+    (level_set,) = level_sets(mixture, (0.8,))
     ball = 4 / 3 * np.pi * (0.05 * np.sqrt(chi2.ppf(0.8, 3))) ** 3
-    assert found.volume_m3 == pytest.approx(2 * ball, rel=0.04)
+    assert level_set.volume_m3 == pytest.approx(2 * ball, rel=0.04)
 
 
 @pytest.mark.parametrize("mass", [0.0, 1.0, -0.1, float("nan")])
-def test_a_share_that_is_none(gaussian: Mixture, mass: float) -> None:
+def test_an_invalid_share_is_refused(gaussian: Mixture, mass: float) -> None:
     with pytest.raises(InvalidInput) as refused:
         level_sets(gaussian, (0.5, mass))
     assert refused.value.code == "mass-out-of-range"

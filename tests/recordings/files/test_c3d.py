@@ -58,7 +58,7 @@ def test_without_plates_the_screen_hint_decides(tmp_path: Path) -> None:
     assert recording.plates == ()
 
 
-def test_prefixes_unlabelled_and_duplicates(tmp_path: Path) -> None:
+def test_prefixes_unlabelled_points_and_duplicates_are_handled(tmp_path: Path) -> None:
     tracks = list(body().values())
     gappy = tracks[1].copy()
     gappy[5:50] = np.nan
@@ -78,14 +78,14 @@ def test_more_points_than_one_list_of_labels_holds(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.markers_m["P299"], points["P299"] / 1000.0, atol=1e-6)
 
 
-def test_angles_among_the_points(tmp_path: Path) -> None:
+def test_angles_among_the_points_are_no_markers(tmp_path: Path) -> None:
     points = body() | {"LHipAngles": np.full((N, 3), 30.0), "LFETBA": np.full((N, 3), 12.0)}
     extra = {("POINT", "ANGLES"): ["LHipAngles", "LFETBA"]}
     recording = read_recording(write_file(tmp_path / "a.c3d", points, parameters=extra))
     assert set(recording.markers_m) == set(body())
 
 
-def test_gaps_as_nan_and_as_zeros(tmp_path: Path) -> None:
+def test_gaps_may_be_nan_or_zeros(tmp_path: Path) -> None:
     points = body()
     points["M0"][10:15] = np.nan
     points["M1"][10:15] = 0.0
@@ -176,7 +176,7 @@ def test_one_frame_without_analog_is_a_static_trial(tmp_path: Path) -> None:
     assert recording.walking_direction is None
 
 
-def test_parameters_as_columns(tmp_path: Path) -> None:
+def test_parameters_may_be_stored_as_columns(tmp_path: Path) -> None:
     """Rehazenter shapes FORCE_PLATFORM's lists as columns."""
     extra = {("FORCE_PLATFORM", "TYPE"): np.array([[2], [2]]), ("FORCE_PLATFORM", "USED"): np.array([[2]])}
     path = write_file(tmp_path / "a.c3d", body(), plates=[standing(), standing()], parameters=extra)

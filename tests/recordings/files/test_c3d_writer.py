@@ -15,9 +15,9 @@ from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Event, Plate, Recording, Subject
 from support.recordings.c3d_files import (
     PlateChannels,
-    as_integers,
     parameter_at,
     read_plain,
+    with_integer_samples,
     with_parameter,
     write_file,
 )
@@ -39,7 +39,7 @@ def full() -> Recording:
     )
 
 
-def test_a_recording_comes_back(tmp_path: Path) -> None:
+def test_a_written_recording_is_read_back_unchanged(tmp_path: Path) -> None:
     recording = full()
     com = np.column_stack([recording.time_s, 0 * recording.time_s, 1.0 + 0 * recording.time_s])
     write_c3d(tmp_path / "out.c3d", recording, extra_points={"CentreOfMass": com})
@@ -83,7 +83,7 @@ def test_a_force_rate_that_is_no_multiple_is_raised_to_one(tmp_path: Path) -> No
     assert len(back.plates[0].force_n) == 10 * recording.n_frames
 
 
-def test_no_plates_no_subject_no_events(tmp_path: Path) -> None:
+def test_a_recording_without_plates_subject_and_events_is_written(tmp_path: Path) -> None:
     recording = replace(walk([2]), plates=())
     write_c3d(tmp_path / "out.c3d", recording)
     back = read_recording(tmp_path / "out.c3d")
@@ -121,7 +121,7 @@ def upload(folder: Path) -> Path:
     return write_file(folder / "upload.c3d", points, plates=plates, parameters=extra, first_frame=120)
 
 
-def test_points_are_added_in_the_files_own_axes_and_all_else_is_kept(tmp_path: Path) -> None:
+def test_points_are_added_in_the_axes_of_the_file_and_all_else_is_unchanged(tmp_path: Path) -> None:
     source, target = upload(tmp_path), tmp_path / "com.c3d"
     com = np.column_stack([np.linspace(0, 1, 40), np.full(40, 0.2), np.full(40, 0.9)])
     com[3] = np.nan
@@ -148,22 +148,24 @@ def test_points_are_added_in_the_files_own_axes_and_all_else_is_kept(tmp_path: P
 
 
 @pytest.mark.parametrize("as_integer_file", [False, True])
-def test_header_and_parameters_agree_and_nothing_is_lost(as_integer_file: bool, tmp_path: Path) -> None:
+def test_header_and_parameters_agree_and_no_data_are_lost(as_integer_file: bool, tmp_path: Path) -> None:
     """Read by a reader of the tests' own; a program that compares the two statements of a scale opens the file."""
     source, target = upload(tmp_path), tmp_path / "com.c3d"
     content = bytearray(source.read_bytes())
     for at in (12, parameter_at(bytes(content), "POINT", "SCALE") + 2):
         struct.pack_into("<f", content, at, -0.01)
     before = read_plain(source)
-    source.write_bytes(as_integers(bytes(content), 0.1) if as_integer_file else bytes(content))
+    source.write_bytes(with_integer_samples(bytes(content), 0.1) if as_integer_file else bytes(content))
     add_points_to_c3d(source, target, {"CentreOfMass": np.full((40, 3), 0.9)}, "+y")
     after = read_plain(target)
     assert after.scale == after.numbers("POINT", "SCALE")[0] == np.float32(-0.1 if as_integer_file else -0.01)
     assert after.n_points == after.numbers("POINT", "USED")[0] % 65536 == before.n_points + 1
     assert after.data_block == after.numbers("POINT", "DATA_START")[0]
-    seen = np.isfinite(before.points).all(axis=2)
+    visible = np.isfinite(before.points).all(axis=2)
     within = 0.051 if as_integer_file else 0.0
-    np.testing.assert_allclose(after.points[:, :260, :3][seen], before.points[:, :, :3][seen], atol=within, rtol=0)
+    np.testing.assert_allclose(
+        after.points[:, :260, :3][visible], before.points[:, :, :3][visible], atol=within, rtol=0
+    )
     np.testing.assert_array_equal(after.analogs, before.analogs)
     changed = {("POINT", name) for name in ("USED", "SCALE", "DATA_START", "LABELS2", "DESCRIPTIONS2")}
     for key in set(before.parameters) - changed:

@@ -13,7 +13,7 @@ import pytest
 
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.reader import read_recording
-from support.recordings.c3d_files import BLOCK, MACHINES, as_integers, as_written_by, parameter_at, small_trial
+from support.recordings.c3d_files import BLOCK, MACHINES, as_written_by, parameter_at, small_trial, with_integer_samples
 
 MEMORY_MIB = 1024
 FRAMES = 30
@@ -133,7 +133,7 @@ def whole_files(folder: Path) -> dict[str, bytes]:
     write_c3d(folder / "whole.c3d", read_recording(small_trial(folder / "small.c3d", seconds=FRAMES / 100.0)))
     floats = (folder / "whole.c3d").read_bytes()
     return {
-        form: as_written_by(form.split()[0], floats if form.endswith("floats") else as_integers(floats, 0.1))
+        form: as_written_by(form.split()[0], floats if form.endswith("floats") else with_integer_samples(floats, 0.1))
         for form in FORMATS
     }
 
@@ -173,8 +173,8 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
         [sys.executable, "-c", READER, str(folder)], env=environment, capture_output=True, text=True, check=False
     )
     assert run.returncode == 0, run.stderr[-2000:]
-    found, peak_mib = json.loads(run.stdout)
-    return {**found, "peak MiB": peak_mib}
+    outcome_by_file, peak_mib = json.loads(run.stdout)
+    return {**outcome_by_file, "peak MiB": peak_mib}
 
 
 REFUSED: dict[str, tuple[str, ...]] = {
@@ -221,7 +221,7 @@ REFUSED: dict[str, tuple[str, ...]] = {
 CODES = {damage: code for code, damages in REFUSED.items() for damage in damages}
 
 
-def test_at_least_sixty_damages() -> None:
+def test_at_least_sixty_kinds_of_damage_are_tested() -> None:
     assert len(DAMAGES) >= 60
     assert set(CODES) < set(DAMAGES)
 
@@ -243,7 +243,7 @@ def test_a_damaged_file_is_read_right_or_refused_by_name(damage: str, outcomes: 
 
 
 @pytest.mark.parametrize("form", FORMATS)
-def test_parameters_in_another_place_are_not_made_up(form: str, outcomes: dict[str, object]) -> None:
+def test_misplaced_parameters_are_not_invented(form: str, outcomes: dict[str, object]) -> None:
     """The block that is stated lies in the frames of a file of floats, and behind one of integers."""
     expected = "c3d-parameters-broken" if form.endswith("floats") else "truncated-file"
     assert outcomes[f"{form}: parameters far away"] == expected

@@ -18,7 +18,7 @@ from stridelab.recordings.files.metadata import event_kind, event_side, read_eve
         ("Initial contact", "", "foot_strike", None),
     ],
 )
-def test_events_are_understood_in_every_dialect(label: str, context: str, kind: str, side: str | None) -> None:
+def test_events_of_every_vendor_are_read(label: str, context: str, kind: str, side: str | None) -> None:
     assert event_kind(label) == kind
     assert event_side(label, context) == side
 

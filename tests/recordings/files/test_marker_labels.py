@@ -21,13 +21,13 @@ def test_unlabelled_points_are_left_out() -> None:
     assert [remark.code for remark in choice.remarks] == ["unlabelled-points"]
 
 
-def test_of_two_columns_with_one_name_the_better_seen_is_kept() -> None:
+def test_of_two_columns_with_one_name_the_more_complete_one_is_used() -> None:
     choice = select_labels(["LASI", "LASI", "RASI"], [3, 9, 9], [], [])
     assert choice.column == {"LASI": 1, "RASI": 2}
     assert [remark.code for remark in choice.remarks] == ["duplicate-labels"]
 
 
-def test_of_two_subjects_the_better_seen_is_kept_and_none_is_named() -> None:
+def test_of_two_subjects_the_more_complete_one_is_used_and_none_is_named() -> None:
     labels = ["Anna:LASI", "Anna:RASI", "Berta:LASI", "Berta:RASI", "ball"]
     choice = select_labels(labels, [1, 1, 9, 9, 9], [], [])
     assert choice.column == {"LASI": 2, "RASI": 3, "ball": 4}
@@ -37,7 +37,7 @@ def test_of_two_subjects_the_better_seen_is_kept_and_none_is_named() -> None:
     assert "Berta" not in remark.message
 
 
-def test_two_prefixes_of_one_person_are_both_kept() -> None:
+def test_markers_of_both_prefixes_of_one_person_are_used() -> None:
     """Body and cluster of one subject share no marker name."""
     assert set(pick(["body:LASI", "cluster:T1"])) == {"LASI", "T1"}
 
@@ -64,7 +64,7 @@ def test_outputs_of_models_are_positions_but_no_markers() -> None:
     assert "LASI" in choice.column
 
 
-def test_four_letters_make_a_frame_only_together() -> None:
+def test_four_labels_are_a_segment_frame_only_together() -> None:
     assert model_frames(["LTOE", "LTOO", "LTOA", "LTOL", "LTOP"]) == {"LTOO", "LTOA", "LTOL", "LTOP"}
     assert model_frames(["PELO", "PELA"]) == frozenset()
 

@@ -27,7 +27,7 @@ POINTS = {"LASI": np.ones((20, 3)), "RASI": np.full((20, 3), 2.0)}
         (("TRIAL", "TIME"), [15, 13, 57], ""),
     ],
 )
-def test_the_day_that_a_file_states(tmp_path: Path, place: tuple[str, str], value: Any, day: str) -> None:
+def test_the_recording_day_is_read_from_the_file(tmp_path: Path, place: tuple[str, str], value: Any, day: str) -> None:
     path = write_file(tmp_path / "walk.c3d", POINTS, parameters={place: value})
     assert read_recording(path).recorded_on == day
 

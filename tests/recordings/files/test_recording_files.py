@@ -41,8 +41,8 @@ def test_a_folder_gives_its_recordings_and_no_trial_twice(tmp_path: Path) -> Non
     for name in [*names, "a/notes.txt"]:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(name)
-    found = [path.relative_to(tmp_path).as_posix() for path in recordings_in(tmp_path)]
-    assert found == ["a/b/Walk3.zip", "a/b/walk1.trc", "a/walk1.c3d", "a/walk2.trc"]
+    paths = [path.relative_to(tmp_path).as_posix() for path in recordings_in(tmp_path)]
+    assert paths == ["a/b/Walk3.zip", "a/b/walk1.trc", "a/walk1.c3d", "a/walk2.trc"]
 
 
 @pytest.mark.parametrize(

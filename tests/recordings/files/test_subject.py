@@ -15,7 +15,7 @@ def test_processing_group_is_in_millimetres() -> None:
     assert read_subject({"BodyMass": 67.0, "HEIGHT": 182.0})[0] == Subject(1.82, 67.0)
 
 
-def test_fillers_are_dropped_and_said() -> None:
+def test_placeholder_values_are_dropped_with_a_remark() -> None:
     subject, remarks = read_subject({"age": 99.0, "mass": 0.0, "height": -1.0})
     assert subject == Subject()
     assert [remark.code for remark in remarks] == ["filler-in-subject"] * 3

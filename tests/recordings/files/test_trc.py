@@ -55,7 +55,7 @@ def codes(path: Path) -> dict[str, str]:
 
 @pytest.mark.parametrize("before", [b"", b"\xef\xbb\xbf"])
 @pytest.mark.parametrize("ends", ["\n", "\r\n"])
-def test_a_trc_alone_is_what_its_zip_is(before: bytes, ends: str, tmp_path: Path) -> None:
+def test_a_trc_alone_gives_the_same_recording_as_its_zip(before: bytes, ends: str, tmp_path: Path) -> None:
     path = written(tmp_path, before + trc().replace("\n", ends).encode())
     with zipfile.ZipFile(tmp_path / "walk.zip", "w") as packed:
         packed.writestr("walk.trc", trc())
@@ -70,7 +70,7 @@ def test_a_trc_alone_is_what_its_zip_is(before: bytes, ends: str, tmp_path: Path
     assert "The zip holds markers only" in codes(tmp_path / "walk.zip")["no-force-file"]
 
 
-def test_content_decides_not_the_name(tmp_path: Path) -> None:
+def test_the_content_decides_the_format_and_not_the_name(tmp_path: Path) -> None:
     other = tmp_path / "walk.c3d"
     other.write_text(trc())
     assert read_recording(other).n_frames == N
@@ -188,14 +188,14 @@ def test_virtual_markers_without_columns_are_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize("every", [1, 7])
 @pytest.mark.parametrize("stated", ["5", "9"])
 def test_points_without_a_name_at_the_ends_of_lines_are_left_out(every: int, stated: str, tmp_path: Path) -> None:
-    """Writers append points that nobody named; the line X1 Y1 Z1 ... numbers the named ones."""
+    """Some writers append unnamed points; the line X1 Y1 Z1 ... numbers the named ones."""
     lines = changed(trc(), 3, "\t5\t", f"\t{stated}\t").splitlines()
     lines[4] = "\t\t" + "\t".join(f"{axis}{i + 1}" for i in range(5) for axis in "XYZ")
     lines[6:] = [line + ("\t\t\t\t1.5\t2.5\t3.5\t" if i % every == 0 else "\t") for i, line in enumerate(lines[6:])]
     recording = read_recording(written(tmp_path, "\n".join(lines)))
-    found = {remark.code: remark.message for remark in recording.remarks}
-    assert "up to 2 points" in found["unlabelled-points"]
-    assert ("trc-header-differs" in found) == (stated == "9")
+    messages = {remark.code: remark.message for remark in recording.remarks}
+    assert "up to 2 points" in messages["unlabelled-points"]
+    assert ("trc-header-differs" in messages) == (stated == "9")
     for label, track in read_recording(written(tmp_path, trc())).markers_m.items():
         np.testing.assert_array_equal(recording.markers_m[label], track)
 
@@ -219,15 +219,15 @@ def test_the_last_marker_may_be_missing_with_its_tabs(tmp_path: Path) -> None:
     """Writers cut blanks at the end of a line: three cells or two are gone, and the marker is not seen."""
     text = changed(trc(), 9, "\t24.000\t50.000\t100.000", "")
     text = changed(text, 10, "\t36.000\t50.000\t100.000", "\t\t")
-    seen = np.isfinite(read_recording(written(tmp_path, text)).markers_m["R.Heel"][:, 0])
+    visible = np.isfinite(read_recording(written(tmp_path, text)).markers_m["R.Heel"][:, 0])
     assert "gaps-filled" in codes(tmp_path / "walk.trc")
-    assert seen.all()
+    assert visible.all()
     longer = "".join(line[: line.rindex("\t50.000")] if "\t50.000" in line else line for line in text.splitlines(True))
     with pytest.raises(UnreadableFile):
         read_recording(written(tmp_path, longer))
 
 
-def test_an_empty_file_and_one_without_frames(tmp_path: Path) -> None:
+def test_an_empty_file_and_one_without_frames_are_refused(tmp_path: Path) -> None:
     for text, code in (("", "empty-file"), ("\n".join(trc().splitlines()[:5]) + "\n", "no-frames")):
         with pytest.raises(UnreadableFile) as refusal:
             read_recording(written(tmp_path, text))
@@ -248,7 +248,7 @@ def test_errors_call_the_file_what_its_user_calls_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stated", [60, 30])
-def test_another_number_of_frames_is_said(stated: int, tmp_path: Path) -> None:
+def test_a_wrong_number_of_frames_is_remarked(stated: int, tmp_path: Path) -> None:
     path = written(tmp_path, changed(trc(), 3, f"\t{N}\t", f"\t{stated}\t"))
     assert read_recording(path).n_frames == N
     assert f"states {stated} frames and {N} follow" in codes(path)["trc-frame-count"]

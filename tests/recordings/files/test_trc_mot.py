@@ -139,7 +139,7 @@ def test_dialects_give_the_wrench_at_the_world_origin(dialect: str, prefix: str,
 
 
 @pytest.mark.parametrize(("first", "second"), [("_r", "_l"), ("1", "2")])
-def test_two_contacts_are_told_apart(first: str, second: str) -> None:
+def test_two_contacts_are_distinguished(first: str, second: str) -> None:
     two = np.hstack([values(), 2 * values()])
     _, contacts = parse_mot(mot(names("", first) + names("", second), two, HEADERS["nRows"]), "a.mot")
     first, second = first.strip("_"), second.strip("_")
@@ -176,7 +176,7 @@ def test_light_contact_uses_the_nearest_meaningful_centre_of_pressure(tmp_path: 
     assert np.abs(plate.moment_nm[late]).max() < 5.0
 
 
-def test_metres_and_a_wrong_unit(tmp_path: Path) -> None:
+def test_metres_are_recognised_under_a_wrong_unit(tmp_path: Path) -> None:
     force = mot(names("", ""), values(), HEADERS["nRows"])
     metres = read(tmp_path, {"a.trc": trc(body(), unit="m"), "a.mot": force})
     np.testing.assert_allclose(metres.markers_m["R.Heel"], z_up(body()[:, 4]), atol=1e-5)

@@ -13,7 +13,7 @@ from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.recordings.files import opensim_zip
 from stridelab.recordings.files.trc_mot import parse_mot
 from stridelab.recordings.reader import read_recording
-from support.recordings.c3d_files import PlateChannels, as_dec, write_file
+from support.recordings.c3d_files import PlateChannels, with_dec_floats, write_file
 
 TRC = """PathFileType\t4\t(X/Y/Z)\ta.trc
 DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits
@@ -67,18 +67,18 @@ def test_other_kinds_of_file_are_refused(content: bytes, tmp_path: Path) -> None
     assert refused_bytes(tmp_path, content).code in {"unknown-format", "not-c3d"}
 
 
-def test_content_decides_not_the_name(tmp_path: Path) -> None:
+def test_the_content_decides_the_format_and_not_the_name(tmp_path: Path) -> None:
     (tmp_path / "trial.txt").write_bytes(good(tmp_path))
     assert read_recording(tmp_path / "trial.txt").n_frames == 20
 
 
 @pytest.mark.parametrize("keep", [2, 300, 512, 513, 700, 1024])
-def test_truncated_in_header_or_parameters(keep: int, tmp_path: Path) -> None:
+def test_a_file_truncated_in_header_or_parameters_is_refused(keep: int, tmp_path: Path) -> None:
     assert refused_bytes(tmp_path, good(tmp_path)[:keep]).code in {"truncated-file", "c3d-parameters-broken"}
 
 
 @pytest.mark.parametrize("share", [0.5, 0.9])
-def test_truncated_in_the_frames(share: float, tmp_path: Path) -> None:
+def test_a_file_truncated_in_the_frames_is_refused(share: float, tmp_path: Path) -> None:
     """Cut inside the data section (it starts at the block named in the header)."""
     content = good(tmp_path)
     start = (struct.unpack_from("<H", content, 16)[0] - 1) * 512
@@ -97,14 +97,14 @@ def test_absurd_counts_are_refused(offset: int, value: int, tmp_path: Path) -> N
     assert refused_bytes(tmp_path, bytes(content)).code in {"absurd-c3d-header", "truncated-file"}
 
 
-def test_frames_that_run_backwards(tmp_path: Path) -> None:
+def test_frames_that_run_backwards_are_refused(tmp_path: Path) -> None:
     content = bytearray(good(tmp_path))
     struct.pack_into("<2H", content, 6, 50, 10)
     assert refused_bytes(tmp_path, bytes(content)).code == "absurd-c3d-header"
 
 
 @pytest.mark.parametrize("name", ["DATA_START", "FRAMES", "USED", "RATE", "GEN_SCALE", "CORNERS", "ORIGIN"])
-def test_a_parameter_that_must_be_a_number_and_is_text(name: str, tmp_path: Path) -> None:
+def test_a_text_in_place_of_a_number_is_refused(name: str, tmp_path: Path) -> None:
     """ezc3d takes the first of its numbers without a look, and ends the process."""
     content = bytearray(good(tmp_path))
     kind = content.index(name.encode(), 512) + len(name) + 2
@@ -116,7 +116,7 @@ def test_a_parameter_that_must_be_a_number_and_is_text(name: str, tmp_path: Path
 
 
 @pytest.mark.parametrize("name", ["UNITS", "LABELS", "DESCRIPTIONS"])
-def test_a_text_without_a_length(name: str, tmp_path: Path) -> None:
+def test_a_text_without_a_length_is_refused(name: str, tmp_path: Path) -> None:
     """ezc3d ends the process on text that has no dimension."""
     content = bytearray(good(tmp_path))
     kind = content.index(name.encode(), 512) + len(name) + 2
@@ -128,7 +128,7 @@ def test_a_text_without_a_length(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [1e9, float("inf"), float("nan")])
-def test_an_analog_rate_that_no_recorder_has(rate_hz: float, tmp_path: Path) -> None:
+def test_an_impossible_analog_rate_is_refused(rate_hz: float, tmp_path: Path) -> None:
     """ezc3d would read 10^7 samples per frame, most of them behind the end of the file."""
     content = bytearray(good(tmp_path))
     analog = content.index(b"ANALOG", 512)
@@ -141,7 +141,7 @@ def test_an_analog_rate_that_no_recorder_has(rate_hz: float, tmp_path: Path) -> 
 def test_the_rate_of_a_dec_machine_is_read_with_its_own_floats(tmp_path: Path) -> None:
     """As one of Intel's, the float of its 1000 Hz would be 2.5e-41 Hz."""
     content = good(tmp_path)
-    (tmp_path / "dec.c3d").write_bytes(as_dec(content))
+    (tmp_path / "dec.c3d").write_bytes(with_dec_floats(content))
     read, intel = read_recording(tmp_path / "dec.c3d"), read_recording(tmp_path / "good.c3d")
     assert read.plates[0].force_n.shape == intel.plates[0].force_n.shape
     for label, track in intel.markers_m.items():
@@ -150,12 +150,12 @@ def test_the_rate_of_a_dec_machine_is_read_with_its_own_floats(tmp_path: Path) -
     absurd = bytearray(content)
     analog = absurd.index(b"ANALOG", 512)
     struct.pack_into("<f", absurd, absurd.index(b"RATE", analog) + len("RATE") + 4, 1e9)
-    error = refused_bytes(tmp_path, as_dec(bytes(absurd)))
+    error = refused_bytes(tmp_path, with_dec_floats(bytes(absurd)))
     assert error.code == "c3d-parameters-broken"
     assert "ANALOG:RATE is 1e+09 Hz" in error.faults[0].message
 
 
-def test_a_parameter_section_of_no_parameters(tmp_path: Path) -> None:
+def test_an_empty_parameter_section_is_refused(tmp_path: Path) -> None:
     content = bytearray(good(tmp_path))
     content[514] = content[516] = 0
     error = refused_bytes(tmp_path, bytes(content))
@@ -163,7 +163,7 @@ def test_a_parameter_section_of_no_parameters(tmp_path: Path) -> None:
     assert "0 blocks" in error.faults[0].message
 
 
-def test_parameter_chain_that_leaves_the_section(tmp_path: Path) -> None:
+def test_a_parameter_chain_that_leaves_the_section_is_refused(tmp_path: Path) -> None:
     content = bytearray(good(tmp_path))
     name_length = abs(struct.unpack_from("b", content, 516)[0])
     struct.pack_into("<H", content, 518 + name_length, 60000)
@@ -215,12 +215,12 @@ def test_zeros_everywhere_are_no_marker_at_any_time(tmp_path: Path) -> None:
     assert refusal(path).code == "all-missing"
 
 
-def test_no_markers_but_angles(tmp_path: Path) -> None:
+def test_a_file_with_angles_and_no_markers_is_refused(tmp_path: Path) -> None:
     path = write_file(tmp_path / "a.c3d", {"LHipAngles": np.ones((10, 3)), "*12": np.ones((10, 3))})
     assert refusal(path).code == "no-markers"
 
 
-def test_unknown_label_in_a_marker_map(tmp_path: Path) -> None:
+def test_an_unknown_label_in_a_marker_map_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.c3d").write_bytes(good(tmp_path))
     with pytest.raises(InvalidInput) as refused:
         read_recording(tmp_path / "a.c3d", marker_map={"l_heel": "M0", "r_heel": "nobody"})
@@ -239,7 +239,7 @@ def test_a_zip_with_two_trials_is_refused_with_their_names(tmp_path: Path) -> No
     assert {fault.where for fault in error.faults} == {"a.trc", "b.trc", "a.mot"}
 
 
-def test_zip_with_too_many_files(tmp_path: Path) -> None:
+def test_a_zip_with_too_many_files_is_refused(tmp_path: Path) -> None:
     assert refused_zip(tmp_path, {f"{i}.txt": "" for i in range(100)}).code == "zip-too-many-files"
 
 
@@ -249,7 +249,7 @@ def test_a_zip_bomb_is_refused(tmp_path: Path) -> None:
     assert refused_zip(tmp_path, {"a.trc": bomb}).code == "zip-bomb"
 
 
-def test_many_members_that_are_a_bomb_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_members_that_are_a_zip_bomb_together_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(opensim_zip, "MAX_TOTAL_BYTES", 10_000)
     assert refused_zip(tmp_path, {f"{i}.txt": " " * 4000 for i in range(5)}).code == "zip-bomb"
 
@@ -263,7 +263,7 @@ def test_a_damaged_zip_is_refused(tmp_path: Path) -> None:
     assert refused_bytes(tmp_path, bytes(content), "flipped.zip").code in {"zip-damaged", "trc-broken"}
 
 
-def test_litter_in_a_zip_is_no_second_trial(tmp_path: Path) -> None:
+def test_system_files_in_a_zip_are_no_second_trial(tmp_path: Path) -> None:
     path = tmp_path / "trial.zip"
     with zipfile.ZipFile(path, "w") as packed:
         packed.writestr("x/a.trc", TRC)
@@ -353,7 +353,7 @@ def test_a_damaged_zip_is_described_in_words(method: int | None, flags: int | No
     assert refused.value.faults[0].message.startswith(cause)
 
 
-def test_times_that_do_not_overlap_are_said_on_both_sides(tmp_path: Path) -> None:
+def test_times_that_do_not_overlap_are_refused_with_both_ranges(tmp_path: Path) -> None:
     later = MOT.replace("\n0\t0\t7", "\n50\t0\t7").replace("\n0.01\t", "\n50.01\t")
     refused = refused_zip(tmp_path, {"a.trc": TRC, "a.mot": later})
     assert "0 to 0.01 s" in refused.message

@@ -135,7 +135,7 @@ def test_a_licence_before_the_declaration_and_a_bare_ampersand_are_read() -> Non
     assert read_body_model(text, "licensed.osim").mass_kg == pytest.approx(70.0)
 
 
-def test_gravity_says_which_way_is_up() -> None:
+def test_the_gravity_of_the_model_gives_the_vertical() -> None:
     text = model_text(human_links()).replace("0 -9.80665 0", "0 0 -9.81")
     assert read_body_model(text, "z.osim").up.tolist() == [0, 0, 1]
 

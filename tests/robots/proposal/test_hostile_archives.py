@@ -120,7 +120,7 @@ def test_an_archive_that_grows_is_cut_off(tmp_path: Path, monkeypatch: pytest.Mo
     assert max(path.stat().st_size for path in tmp_path.rglob("*") if path.is_file()) < 300_000
 
 
-def test_an_archive_of_many_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_archive_of_too_many_files_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(archives, "MAX_ENTRIES", 20)
     (tmp_path / "upload").write_bytes(archive({f"{i}.stl": b"" for i in range(21)}))
     with pytest.raises(StridelabError) as refusal:
@@ -128,7 +128,7 @@ def test_an_archive_of_many_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert refusal.value.code == "zip-too-many-files"
 
 
-def test_meshes_of_the_same_end_are_told_apart_by_their_folders(tmp_path: Path) -> None:
+def test_meshes_of_the_same_file_name_are_distinguished_by_their_folders(tmp_path: Path) -> None:
     urdf = MESHED.replace("package://x/meshes/foot.stl", "file:///home/someone/x/left/foot.stl")
     files = {"robot.urdf": urdf, "left/foot.stl": box_stl((0.1, 0.05, 0.02)), "right/foot.stl": b"broken"}
     (tmp_path / "upload").write_bytes(archive(files))

@@ -231,7 +231,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_cannot_be_converted_is_refused_by_name(case: str, tmp_path: Path) -> None:
+def test_unsupported_elements_are_refused_by_name(case: str, tmp_path: Path) -> None:
     text, code = REFUSED[case]
     (tmp_path / "upload").write_bytes(archive({"robot.xml": text}))
     with pytest.raises(StridelabError) as refused:

@@ -44,7 +44,7 @@ def test_soles_are_the_rectangles_of_the_feet(usual: Proposal) -> None:
         assert foot.ankle == (f"{side}_ankle_pitch", f"{side}_ankle_roll")
 
 
-def test_it_rests_upright_on_level_soles_with_bent_knees(usual: Proposal) -> None:
+def test_the_reference_posture_is_upright_on_level_soles_with_bent_knees(usual: Proposal) -> None:
     robot = usual.robot
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.q_reference)
@@ -88,7 +88,7 @@ def test_missing_limits_are_estimated_and_listed(tmp_path: Path) -> None:
     assert 1.0 < model.velocityLimit[6 + knee] < 20.0
 
 
-def test_any_axes_of_the_root_link(tmp_path: Path, usual: Proposal) -> None:
+def test_the_root_link_may_have_any_axes(tmp_path: Path, usual: Proposal) -> None:
     turned = proposal_of(Humanoid(R_root=TURNED), tmp_path).robot
     com = [pin.centerOfMass(r.model, r.model.createData(), r.q_reference) for r in (usual.robot, turned)]
     assert com[1] == pytest.approx(com[0], abs=0.01)
@@ -101,7 +101,7 @@ def test_toes_are_locked_and_the_sole_is_the_foot(tmp_path: Path) -> None:
     assert proposal.card.effectors["left_foot"].frame == "left_ankle_roll_link"
 
 
-def test_names_of_other_alphabets(tmp_path: Path) -> None:
+def test_names_may_be_in_other_alphabets(tmp_path: Path) -> None:
     proposal = proposal_of(Humanoid(sides=("лев ая", "прав.ая")), tmp_path)
     assert proposal.robot.group["прав.ая_knee"] == "leg"
     assert "left and right" in proposal.assumed
@@ -137,7 +137,7 @@ def test_feet_across_are_remarked_on(tmp_path: Path) -> None:
     ],
     ids=["point feet", "wheels", "four legs", "millimetres", "a giant", "3 g"],
 )
-def test_what_is_no_humanoid_is_refused_with_the_reason(
+def test_a_robot_that_is_no_humanoid_is_refused_with_the_reason(
     humanoid: Humanoid, code: str, words: str, tmp_path: Path
 ) -> None:
     with pytest.raises(InvalidInput, match=words) as refusal:

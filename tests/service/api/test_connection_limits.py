@@ -1,4 +1,4 @@
-"""Slow and crowding clients are closed out; whoever asks properly is answered meanwhile."""
+"""Slow and excessive clients are disconnected; proper requests are answered meanwhile."""
 
 import asyncio
 import contextlib
@@ -77,22 +77,24 @@ def limits(**changes: Any) -> ConnectionLimiter:
 def rest_of(client: socket.socket, timeout_s: float = 10.0) -> bytes:
     """All that the server says until it closes."""
     client.settimeout(timeout_s)
-    said = b""
+    received = b""
     with contextlib.suppress(ConnectionResetError):
         while chunk := client.recv(1 << 16):
-            said += chunk
-    return said
+            received += chunk
+    return received
 
 
-@pytest.mark.parametrize(("sent", "answer"), [(b"", b""), (HALF_HEAD, b"HTTP/1.1 408 "), (HALF_BODY, b"HTTP/1.1 408 ")])
-def test_half_a_request_is_not_waited_for(sent: bytes, answer: bytes) -> None:
+@pytest.mark.parametrize(
+    ("content", "answer"), [(b"", b""), (HALF_HEAD, b"HTTP/1.1 408 "), (HALF_BODY, b"HTTP/1.1 408 ")]
+)
+def test_an_incomplete_request_is_closed_after_its_time_limit(content: bytes, answer: bytes) -> None:
     with server(limits()) as address, socket.create_connection(address) as client:
         began = time.monotonic()
-        client.sendall(sent)
-        said = rest_of(client)
+        client.sendall(content)
+        received = rest_of(client)
         assert time.monotonic() - began >= 0.4
-    assert said.startswith(answer)
-    assert (b'"code":"request-timeout"' in said) == bool(sent)
+    assert received.startswith(answer)
+    assert (b'"code":"request-timeout"' in received) == bool(content)
 
 
 def closed_while_dripping(client: socket.socket) -> bool:
@@ -122,7 +124,7 @@ def test_a_body_that_comes_steadily_is_read_to_its_end() -> None:
         assert rest_of(client).endswith(b"2000")
 
 
-def test_an_answer_that_takes_its_time_is_waited_for() -> None:
+def test_a_slow_answer_is_not_cut_off() -> None:
     with server(limits()) as (host, port):
         assert httpx.get(f"http://{host}:{port}/long", trust_env=False).text == "0"
 
@@ -140,15 +142,15 @@ def test_a_client_that_takes_nothing_of_its_answer_is_closed(monkeypatch: pytest
 def is_answered(client: socket.socket) -> bool:
     """Whether a request is, on a connection that stays open."""
     client.sendall(b"GET / HTTP/1.1\r\nHost: here\r\n\r\n")
-    said = b""
-    while not said.endswith(b"\r\n\r\n0"):
+    received = b""
+    while not received.endswith(b"\r\n\r\n0"):
         chunk = client.recv(1 << 16)
-        assert chunk, said
-        said += chunk
-    return said.startswith(b"HTTP/1.1 200")
+        assert chunk, received
+        received += chunk
+    return received.startswith(b"HTTP/1.1 200")
 
 
-def test_an_idle_connection_is_kept_for_its_time_only() -> None:
+def test_an_idle_connection_is_closed_after_its_time() -> None:
     with server(limits(), timeout_keep_alive=1) as address, socket.create_connection(address) as client:
         for _ in range(2):
             assert is_answered(client)
@@ -164,14 +166,14 @@ def answered(address: tuple[str, int]) -> bool:
         return rest_of(client).startswith(b"HTTP/1.1 200")
 
 
-@pytest.mark.parametrize("sent", [b"", HALF_HEAD, HALF_BODY])
+@pytest.mark.parametrize("content", [b"", HALF_HEAD, HALF_BODY])
 @pytest.mark.parametrize("limit", [{"connections": 10}, {"per_address": 10}])
-def test_at_a_limit_a_newcomer_takes_the_place_of_one_that_keeps_it_waiting(sent: bytes, limit: dict[str, int]) -> None:
+def test_at_the_limit_a_new_connection_replaces_a_stalled_one(content: bytes, limit: dict[str, int]) -> None:
     with server(limits(**limit, head_s=60.0, body_s=60.0)) as address, contextlib.ExitStack() as stack:
         strangers = [stack.enter_context(socket.create_connection(address)) for _ in range(25)]
         for stranger in strangers:
             with contextlib.suppress(ConnectionError):
-                stranger.sendall(sent)
+                stranger.sendall(content)
         time.sleep(0.3)
         assert all(answered(address) for _ in range(5))
         assert rest_of(strangers[0]) == b""
@@ -185,9 +187,9 @@ def test_requests_that_are_being_answered_are_not_closed_for_others() -> None:
             client.sendall(busy)
         time.sleep(0.3)
         with socket.create_connection(address) as newcomer:
-            said = rest_of(newcomer)
-        assert said.startswith(b"HTTP/1.1 503 ")
-        assert b'"code":"too-many-connections"' in said
+            received = rest_of(newcomer)
+        assert received.startswith(b"HTTP/1.1 503 ")
+        assert b'"code":"too-many-connections"' in received
         assert all(rest_of(client).startswith(b"HTTP/1.1 200") for client in clients)
         assert answered(address)
 
@@ -201,9 +203,9 @@ def test_a_proxy_stands_for_many_clients() -> None:
         time.sleep(0.3)
         for client in clients:
             assert is_answered(client)
-    made = ConnectionLimiter.from_settings(Settings(), 1024, "10.0.0.0/8,192.0.2.7")
-    assert [made.is_proxy(host) for host in ("10.1.2.3", "192.0.2.7", "192.0.2.8", "")] == [True, True, False, False]
-    assert made.connections == 1024 - module.RESERVED_FILES - module.ROUNDS_TO_CLOSE * module.BACKLOG
+    limiter = ConnectionLimiter.from_settings(Settings(), 1024, "10.0.0.0/8,192.0.2.7")
+    assert [limiter.is_proxy(host) for host in ("10.1.2.3", "192.0.2.7", "192.0.2.8", "")] == [True, True, False, False]
+    assert limiter.connections == 1024 - module.RESERVED_FILES - module.ROUNDS_TO_CLOSE * module.BACKLOG
     assert ConnectionLimiter.from_settings(Settings(), 65536, None).connections == Settings().connection_limit
 
 
@@ -215,9 +217,11 @@ def test_the_limit_of_open_files_is_raised() -> None:
     def lower() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (256, before[1]))
 
-    said = subprocess.run([sys.executable, "-c", code], preexec_fn=lower, capture_output=True, text=True, check=True)
-    wanted = module.MAX_OPEN_FILES if before[1] == resource.RLIM_INFINITY else min(before[1], module.MAX_OPEN_FILES)
-    assert said.stdout.split() == [str(wanted)] * 2
+    run = subprocess.run([sys.executable, "-c", code], preexec_fn=lower, capture_output=True, text=True, check=True)
+    expected_limit = (
+        module.MAX_OPEN_FILES if before[1] == resource.RLIM_INFINITY else min(before[1], module.MAX_OPEN_FILES)
+    )
+    assert run.stdout.split() == [str(expected_limit)] * 2
 
 
 @contextlib.contextmanager
@@ -264,19 +268,21 @@ def is_healthy(port: int) -> bool:
 
 
 @pytest.mark.parametrize(
-    "sent",
+    "content",
     [HALF_HEAD, HALF_BODY.replace(b"POST /", b"POST /login").replace(b"here\r\n", b"here\r\n" + b"Content-Type: "
      b"application/x-www-form-urlencoded\r\n")],
     ids=["half a head", "half a body"],
 )  # fmt: skip
-def test_health_is_answered_whatever_strangers_hold_open(small: tuple[str, int, Path], sent: bytes) -> None:
+def test_health_is_answered_while_other_clients_hold_connections_open(
+    small: tuple[str, int, Path], content: bytes
+) -> None:
     host, port, log = small
     with many_files(), contextlib.ExitStack() as stack:
 
         def hold(_: int) -> None:
             stranger = stack.enter_context(socket.create_connection((host, port), timeout=20))
             with contextlib.suppress(ConnectionError):
-                stranger.sendall(sent)
+                stranger.sendall(content)
 
         with ThreadPoolExecutor(CROWDS) as crowds:  # several at once: the server accepts many before it closes one
             list(crowds.map(hold, range(STRANGERS)))

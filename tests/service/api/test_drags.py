@@ -40,7 +40,7 @@ def stored_by(lab: Lab, secret: str) -> dict[str, Any]:
 
 
 def drag(lab: Lab, secret: str, scenario: dict[str, Any], by_m: float) -> str:
-    """Drag a mark along x as viser's client does, and return what the page is told about it."""
+    """Drag a mark along x as viser's client does, and return the message to the page."""
     x, y, z = scenario["phases"][0]["contacts"][MARK - 1]["position_m"]
     address = f"/view/scene/scenario/{scenario['id']}/-"
     camera = _messages.ViewerCameraMessage(
@@ -117,7 +117,7 @@ def test_an_admins_drag_changes_what_others_own(lab: Lab, owner: dict[str, Any])
     assert lab.audited(theirs["id"]) == [("scenario-replaced", "admin")]
 
 
-def test_a_key_opens_one_scenario_only_and_dies_with_its_token(lab: Lab, owner: dict[str, Any]) -> None:
+def test_a_key_opens_one_scenario_only_and_is_revoked_with_its_token(lab: Lab, owner: dict[str, Any]) -> None:
     mine, another = (stored_by(lab, owner["secret"])["id"] for _ in range(2))
     leaver = lab.token("leaver", "submit")
     keys = SigningKeys.from_token(ADMIN)

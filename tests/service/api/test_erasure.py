@@ -5,8 +5,8 @@ import pytest
 
 from stridelab.service.api.jobs import delete
 from stridelab.service.kinds.registry import KINDS
-from support.service.stored_rows import add_recording, start_job, succeed
-from support.service.web_server import Served, refusal
+from support.service.stored_rows import add_recording, publish_result, start_job
+from support.service.web_server import Served, refusal_code
 
 JOBS = "/api/v1/jobs"
 
@@ -22,7 +22,7 @@ def test_a_deleted_recording_is_deleted_from_studies_or_they_are_named(
         for ids in ([one, other], [other])
     ]
     for study in studies:
-        service.run(succeed(service.parts, service.run(start_job(service.parts, study))))
+        service.run(publish_result(service.parts, service.run(start_job(service.parts, study))))
     answer = http.delete(f"/api/v1/recordings/{one}", params={"with_studies": str(with_studies).lower()})
     assert answer.status_code == 204
     assert answer.headers.get("Stridelab-Kept-In") == (None if with_studies else studies[0])
@@ -37,9 +37,9 @@ def test_reports_beside_a_deleted_recording_are_named_and_deleted(
     reported, beside = (service.run(add_recording(service.parts)) for _ in range(2))
     body = {"recording_ids": [reported], field: [beside], "title": "Jane Doe"}
     report = service.run(service.parts.store.submit("gait-report", body)).job_id
-    service.run(succeed(service.parts, service.run(start_job(service.parts, report))))
-    kept = service.run(delete.studies_of(service.parts, [beside]))
-    assert kept == [report]
+    service.run(publish_result(service.parts, service.run(start_job(service.parts, report))))
+    studies = service.run(delete.studies_of(service.parts, [beside]))
+    assert studies == [report]
     answer = http.delete(f"/api/v1/recordings/{beside}", params={"with_studies": "true"})
     assert (answer.status_code, answer.headers.get("Stridelab-Kept-In")) == (204, None)
     assert http.get(f"{JOBS}/{report}").status_code == 404
@@ -48,7 +48,7 @@ def test_reports_beside_a_deleted_recording_are_named_and_deleted(
 @pytest.mark.parametrize("kind", ["com-bench", "gait-measures", "gait-report", "study-population"])
 def test_unknown_recordings_are_refused_before_a_job_waits(http: httpx.Client, kind: str) -> None:
     answer = http.post(f"{JOBS}/{kind}", json={"recording_ids": ["0" * 31]})
-    assert refusal(answer) == (404, "recording-not-found")
+    assert refusal_code(answer) == (404, "recording-not-found")
 
 
 def test_every_list_of_recordings_is_searched_when_one_is_deleted() -> None:

@@ -1,4 +1,4 @@
-"""``gait-report`` over HTTP: a session becomes its recordings, and people of the reference group are found."""
+"""``gait-report`` over HTTP: a session becomes its recordings, and people of the reference group are identified."""
 
 import base64
 from dataclasses import replace
@@ -24,7 +24,7 @@ from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise
 from support.command_line import quiet
 from support.service.stored_rows import add_recording, facts
-from support.service.web_server import Served, places, refusal
+from support.service.web_server import Served, fault_places, refusal_code
 
 JOBS = "/api/v1/jobs"
 
@@ -57,16 +57,16 @@ def test_a_session_without_walks_of_the_sender_is_not_found(
 ) -> None:
     add(service, session_id="of-another", owner="somebody else")
     answer = http.post(f"{JOBS}/gait-report", json={"session_id": session_id})
-    assert refusal(answer) == (404, "session-not-found")
-    assert places(answer) == ["session_id"]
+    assert refusal_code(answer) == (404, "session-not-found")
+    assert fault_places(answer) == ["session_id"]
 
 
 @pytest.mark.parametrize("field", ["reference_recording_ids", "before_recording_ids"])
 def test_a_recording_of_the_session_is_in_no_other_group(service: Served, http: httpx.Client, field: str) -> None:
     other, walk = add(service), add(service, session_id=f"twice-{field[:6]}")
     answer = http.post(f"{JOBS}/gait-report", json={"session_id": f"twice-{field[:6]}", field: [other, walk]})
-    assert refusal(answer) == (422, "recording-twice")
-    assert places(answer) == [f"{field}.1"]
+    assert refusal_code(answer) == (422, "recording-twice")
+    assert fault_places(answer) == [f"{field}.1"]
 
 
 @pytest.mark.parametrize(
@@ -81,26 +81,26 @@ def test_a_recording_of_the_session_is_in_no_other_group(service: Served, http: 
     ],
 )
 def test_a_request_that_names_no_recordings_or_two_ways_is_refused(http: httpx.Client, body: dict[str, object]) -> None:
-    assert refusal(http.post(f"{JOBS}/gait-report", json=body)) == (422, "invalid-request")
+    assert refusal_code(http.post(f"{JOBS}/gait-report", json=body)) == (422, "invalid-request")
 
 
 def test_unknown_recordings_are_named_by_their_field(service: Served, http: httpx.Client) -> None:
     known = add(service)
     body = {"recording_ids": [known], "reference_recording_ids": ["f" * 32]}
     answer = http.post(f"{JOBS}/gait-report", json=body)
-    assert refusal(answer) == (404, "recording-not-found")
-    assert places(answer) == ["reference_recording_ids.0"]
+    assert refusal_code(answer) == (404, "recording-not-found")
+    assert fault_places(answer) == ["reference_recording_ids.0"]
 
 
-def test_the_people_of_the_reference_group_are_told_apart(service: Served, tmp_path: Path) -> None:
+def test_the_people_of_the_reference_group_are_distinguished(service: Served, tmp_path: Path) -> None:
     person = add(service)
     twice = [add(service, subject_fields={"name": "P1"}) for _ in range(2)]
     other, unknown = add(service, subject_fields={"name": "P2"}), add(service)
-    asked = GaitReportInput(recording_ids=[person], reference_recording_ids=[twice[0], other, twice[1], unknown])
+    report_input = GaitReportInput(recording_ids=[person], reference_recording_ids=[twice[0], other, twice[1], unknown])
 
     async def run() -> Any:
         async with service.parts.engine.begin() as connection:
-            return await stage(connection, service.parts.blobs, asked, tmp_path)
+            return await stage(connection, service.parts.blobs, report_input, tmp_path)
 
     task = GaitReportTask.model_validate(service.run(run()))
     people = [[one.recording_id for one in group.members] for group in task.reference]
@@ -123,14 +123,14 @@ def test_the_command_shares_what_the_job_shares(
         recording = replace(record(walk, noise, k, lab="two_plates").recording, subject=Subject(), carried={})
         write_c3d(files / f"walk{k}.c3d", recording)
         if k == 0:
-            held = {label: track[:1].repeat(30, axis=0) for label, track in recording.markers_m.items()}
-            still = replace(recording, markers_m=held, plates=(), events=(), walking_direction=None)
+            first_frame = {label: track[:1].repeat(30, axis=0) for label, track in recording.markers_m.items()}
+            still = replace(recording, markers_m=first_frame, plates=(), events=(), walking_direction=None)
             write_c3d(files / "standing.c3d", still)
     for path in sorted(files.iterdir()):
         known = recording_facts(examine_trial(RecordingSource(file=path.name, filename=path.name), files))
         columns = {"session_id": "shared", "facts": known.model_dump(mode="json"), "filename": path.name}
-        given = stated.model_dump(exclude_none=True)
-        added = add_recording(service.parts, content=path.read_bytes(), subject_fields=given, **columns)
+        fields = stated.model_dump(exclude_none=True)
+        added = add_recording(service.parts, content=path.read_bytes(), subject_fields=fields, **columns)
         rows.append(service.run(added))
     request = GaitReportInput(recording_ids=rows, method="complementary")
     (tmp_path / "job").mkdir()

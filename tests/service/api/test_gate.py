@@ -36,7 +36,7 @@ def test_names_of_this_machine_are_accepted(http: httpx.Client, host: str) -> No
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", "https://", ""])
-def test_a_foreign_page_may_not_speak_for_the_user(http: httpx.Client, origin: str) -> None:
+def test_cross_origin_requests_are_refused(http: httpx.Client, origin: str) -> None:
     answer = http.post(SUBJECTS, json={"name": "P1"}, headers={"Origin": origin})
     assert (answer.status_code, answer.json()["code"]) == (403, "foreign-origin")
 
@@ -135,7 +135,7 @@ def test_a_cookie_expires_and_cannot_be_forged() -> None:
         assert keys.token_of(forged, 1000.0) is None
 
 
-def test_only_hashes_of_the_token_are_kept(locked: Served) -> None:
+def test_only_hashes_of_the_token_are_stored(locked: Served) -> None:
     keys = locked.app.state.keys
     assert TOKEN.encode() not in keys.token_hash + keys.cookie_key
     assert len(keys.token_hash) == len(keys.cookie_key) == 32
@@ -220,7 +220,7 @@ FORM = {"Content-Type": "application/x-www-form-urlencoded"}
         (b"", 303),
     ],
 )
-def test_whatever_is_posted_to_the_login_is_refused_in_good_order(locked: Served, body: bytes, status: int) -> None:
+def test_invalid_posts_to_the_login_are_refused_with_a_problem(locked: Served, body: bytes, status: int) -> None:
     with locked.http() as http:
         answer = http.post("/login", content=body, headers=FORM)
     assert answer.status_code == status

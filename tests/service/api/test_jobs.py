@@ -14,8 +14,8 @@ import pytest
 
 from stridelab.service.kinds.registry import KINDS
 from support.service.database import TestDatabases
-from support.service.stored_rows import add_job, add_recording, fail, report, start_job, succeed
-from support.service.web_server import Served, refusal, served
+from support.service.stored_rows import add_job, add_recording, fail_attempt, publish_result, report_progress, start_job
+from support.service.web_server import Served, refusal_code, served
 
 JOBS = "/api/v1/jobs"
 
@@ -30,7 +30,7 @@ def job_id(service: Served) -> str:
     return service.run(add_job(service.parts))
 
 
-def test_a_submission_is_accepted_and_says_where_to_wait(http: httpx.Client, recording_id: str) -> None:
+def test_a_submission_is_accepted_with_the_address_of_its_job(http: httpx.Client, recording_id: str) -> None:
     answer = http.post(f"{JOBS}/estimate-com?priority=7", json={"recording_id": recording_id})
     assert answer.status_code == 202
     body = answer.json()
@@ -43,14 +43,14 @@ def test_a_submission_is_accepted_and_says_where_to_wait(http: httpx.Client, rec
 
 def test_an_unknown_kind_lists_the_known_ones(http: httpx.Client) -> None:
     answer = http.post(f"{JOBS}/make-coffee", json={})
-    assert refusal(answer) == (404, "unknown-job-kind")
+    assert refusal_code(answer) == (404, "unknown-job-kind")
     assert "estimate-com" in answer.json()["detail"]
     assert "coffee" not in answer.text
 
 
 def test_an_unknown_recording_is_refused_at_once(http: httpx.Client) -> None:
     for identifier in ("f" * 32, "\u0000", "", "../x"):
-        status, _ = refusal(http.post(f"{JOBS}/estimate-com", json={"recording_id": identifier}))
+        status, _ = refusal_code(http.post(f"{JOBS}/estimate-com", json={"recording_id": identifier}))
         assert status in (404, 422)
 
 
@@ -67,14 +67,14 @@ def test_an_unknown_recording_is_refused_at_once(http: httpx.Client) -> None:
 )
 def test_an_invalid_input_is_named(http: httpx.Client, kind: str, body: object, where: str) -> None:
     answer = http.post(f"{JOBS}/{kind}", json=body)
-    assert refusal(answer) == (422, "invalid-request")
+    assert refusal_code(answer) == (422, "invalid-request")
     assert answer.json()["errors"][0]["where"] == where
 
 
 @pytest.mark.parametrize("priority", ["x", "101", "-101", "1e3", "9" * 30])
 def test_an_absurd_priority_is_refused(http: httpx.Client, recording_id: str, priority: str) -> None:
     answer = http.post(f"{JOBS}/estimate-com", params={"priority": priority}, json={"recording_id": recording_id})
-    assert refusal(answer) == (422, "invalid-request")
+    assert refusal_code(answer) == (422, "invalid-request")
 
 
 def test_the_same_key_is_the_same_job(http: httpx.Client, recording_id: str) -> None:
@@ -86,22 +86,24 @@ def test_the_same_key_is_the_same_job(http: httpx.Client, recording_id: str) -> 
     other = http.post(
         f"{JOBS}/estimate-com", json={"recording_id": recording_id, "method": "geometry"}, headers=headers
     )
-    assert refusal(other) == (409, "idempotency-key-reused")
+    assert refusal_code(other) == (409, "idempotency-key-reused")
 
 
 @pytest.mark.parametrize("key", ["", "x" * 201, "a b", "ü".encode()])
 def test_an_odd_key_is_refused(http: httpx.Client, recording_id: str, key: str | bytes) -> None:
     headers = {"Idempotency-Key": key}
     answer = http.post(f"{JOBS}/estimate-com", json={"recording_id": recording_id}, headers=headers)  # type: ignore[arg-type]  # bytes are allowed
-    assert refusal(answer) == (422, "invalid-request")
+    assert refusal_code(answer) == (422, "invalid-request")
 
 
-def test_a_full_queue_says_when_to_come_back(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_full_queue_is_refused_with_retry_after(
+    postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     data = tmp_path_factory.mktemp("data")
     with postgres.fresh() as url, served(url, data, queue_limit=2) as small, small.http() as http:
         answers = [http.post(f"{JOBS}/simulate-recording", json={"seed": seed}) for seed in range(4)]
         assert [answer.status_code for answer in answers] == [202, 202, 429, 429]
-        assert refusal(answers[-1]) == (429, "queue-full")
+        assert refusal_code(answers[-1]) == (429, "queue-full")
         assert int(answers[-1].headers["retry-after"]) >= 1
         listed = http.get(JOBS, params={"state": "queued"}).json()["items"]
         assert sorted(item["queue_position"] for item in listed) == [1, 2]
@@ -109,7 +111,7 @@ def test_a_full_queue_says_when_to_come_back(postgres: TestDatabases, tmp_path_f
 
 def test_the_list_can_be_narrowed(http: httpx.Client, service: Served, recording_id: str) -> None:
     jobs = [service.run(add_job(service.parts, recording_id)) for _ in range(3)]
-    service.run(fail(service.parts, service.run(start_job(service.parts, jobs[0]))))
+    service.run(fail_attempt(service.parts, service.run(start_job(service.parts, jobs[0]))))
 
     def listed(**params: str) -> list[str]:
         answer = http.get(JOBS, params={"recording_id": recording_id, **params})
@@ -123,18 +125,18 @@ def test_the_list_can_be_narrowed(http: httpx.Client, service: Served, recording
     rest = http.get(JOBS, params={"recording_id": recording_id, "limit": "2", "cursor": page["next"]}).json()
     assert ([item["id"] for item in rest["items"]], rest["next"]) == ([jobs[0]], None)
     for params in ({"state": "lost"}, {"kind": "a\x00"}, {"recording_id": "ü"}):
-        assert refusal(http.get(JOBS, params=params)) == (422, "invalid-request")
+        assert refusal_code(http.get(JOBS, params=params)) == (422, "invalid-request")
 
 
-def test_a_failed_job_says_why(http: httpx.Client, service: Served, job_id: str) -> None:
-    service.run(fail(service.parts, service.run(start_job(service.parts, job_id))))
+def test_a_failed_job_gives_the_reason(http: httpx.Client, service: Served, job_id: str) -> None:
+    service.run(fail_attempt(service.parts, service.run(start_job(service.parts, job_id))))
     body = http.get(f"{JOBS}/{job_id}").json()
     assert body["state"] == "failed"
     assert body["error"]["code"] == "no-plates"
     assert body["error"]["errors"] == [{"where": "plates", "message": "none"}]
     assert body["log_tail"] == "log"
-    assert refusal(http.get(f"{JOBS}/{job_id}/result")) == (409, "job-without-result")
-    assert refusal(http.get(f"{JOBS}/{job_id}/bundle.zip")) == (409, "job-without-result")
+    assert refusal_code(http.get(f"{JOBS}/{job_id}/result")) == (409, "job-without-result")
+    assert refusal_code(http.get(f"{JOBS}/{job_id}/bundle.zip")) == (409, "job-without-result")
 
 
 def test_waiting_ends_with_the_job(http: httpx.Client, service: Served, job_id: str) -> None:
@@ -148,48 +150,48 @@ def test_waiting_ends_with_the_job(http: httpx.Client, service: Served, job_id: 
     waiting.start()
     time.sleep(0.3)
     assert waiting.is_alive()
-    service.run(succeed(service.parts, attempt))
+    service.run(publish_result(service.parts, attempt))
     waiting.join(10)
     assert states == ["succeeded"]
 
 
-def test_waiting_ends_with_the_patience(http: httpx.Client, job_id: str) -> None:
+def test_waiting_ends_after_its_time_limit(http: httpx.Client, job_id: str) -> None:
     assert http.get(f"{JOBS}/{job_id}", params={"wait": "0.2"}).json()["state"] == "queued"
     for wait in ("61", "-1", "nan", "inf", "x"):
-        assert refusal(http.get(f"{JOBS}/{job_id}", params={"wait": wait})) == (422, "invalid-request")
+        assert refusal_code(http.get(f"{JOBS}/{job_id}", params={"wait": wait})) == (422, "invalid-request")
 
 
 def test_a_cancelled_job_stays_cancelled(http: httpx.Client, service: Served, job_id: str) -> None:
     only = {"cancel_only": "true"}
     assert http.delete(f"{JOBS}/{job_id}", params=only).json()["state"] == "cancelled"
     assert http.delete(f"{JOBS}/{job_id}", params=only).json()["state"] == "cancelled"
-    done = service.run(add_job(service.parts))
-    service.run(succeed(service.parts, service.run(start_job(service.parts, done))))
-    assert http.delete(f"{JOBS}/{done}", params=only).json()["state"] == "succeeded"
-    assert http.get(f"{JOBS}/{done}").status_code == 200
+    finished_id = service.run(add_job(service.parts))
+    service.run(publish_result(service.parts, service.run(start_job(service.parts, finished_id))))
+    assert http.delete(f"{JOBS}/{finished_id}", params=only).json()["state"] == "succeeded"
+    assert http.get(f"{JOBS}/{finished_id}").status_code == 200
 
 
 def test_a_finished_job_is_deleted_with_its_files(http: httpx.Client, service: Served) -> None:
     before = service.stored_files()
-    done = service.run(add_job(service.parts))
+    finished_id = service.run(add_job(service.parts))
     files = [("com.csv", "text/csv", b"time_s")]
-    service.run(succeed(service.parts, service.run(start_job(service.parts, done)), files))
-    assert f"results/{done}/1/com.csv" in service.stored_files()
-    assert http.delete(f"{JOBS}/{done}").json()["state"] == "succeeded"
-    assert refusal(http.get(f"{JOBS}/{done}")) == (404, "job-not-found")
+    service.run(publish_result(service.parts, service.run(start_job(service.parts, finished_id)), files))
+    assert f"results/{finished_id}/1/com.csv" in service.stored_files()
+    assert http.delete(f"{JOBS}/{finished_id}").json()["state"] == "succeeded"
+    assert refusal_code(http.get(f"{JOBS}/{finished_id}")) == (404, "job-not-found")
     assert not any(key.startswith("results/") for key in service.stored_files() - before)
     with psycopg.connect(str(service.parts.settings.database_url)) as connection:
-        noted = connection.execute("SELECT action FROM audit WHERE what = %s", (done,)).fetchall()
+        noted = connection.execute("SELECT action FROM audit WHERE what = %s", (finished_id,)).fetchall()
     assert noted == [("job-deleted",)]
 
 
 def test_a_job_that_a_recording_needs_is_not_deleted(http: httpx.Client, service: Served) -> None:
     truth = service.run(add_job(service.parts))
-    service.run(succeed(service.parts, service.run(start_job(service.parts, truth))))
+    service.run(publish_result(service.parts, service.run(start_job(service.parts, truth))))
     simulated = service.run(add_recording(service.parts))
     with psycopg.connect(str(service.parts.settings.database_url)) as connection:
         connection.execute("UPDATE recording SET truth_job_id = %s WHERE id = %s", (truth, simulated))
-    assert refusal(http.delete(f"{JOBS}/{truth}")) == (409, "job-holds-truth")
+    assert refusal_code(http.delete(f"{JOBS}/{truth}")) == (409, "job-holds-truth")
     assert http.get(f"{JOBS}/{truth}").status_code == 200
 
 
@@ -220,11 +222,11 @@ def test_events_come_as_they_happen_and_end_with_the_job(service: Served, job_id
         assert (first["event"], json.loads(first["data"])["state"]) == ("state", "queued")
         attempt = service.run(start_job(service.parts, job_id))
         assert json.loads(next(events)["data"])["state"] == "running"
-        service.run(report(service.parts, attempt, 0.5, "half"))
+        service.run(report_progress(service.parts, attempt, 0.5, "half"))
         half = next(events)
         assert half["event"] == "progress"
         assert json.loads(half["data"])["progress"] == {"fraction": 0.5, "message": "half"}
-        service.run(succeed(service.parts, attempt))
+        service.run(publish_result(service.parts, attempt))
         last = next(events)
         assert (last["event"], json.loads(last["data"])["state"]) == ("state", "succeeded")
         assert next(events, None) is None
@@ -233,8 +235,8 @@ def test_events_come_as_they_happen_and_end_with_the_job(service: Served, job_id
 def test_events_resume_after_the_last_one_seen(service: Served, job_id: str) -> None:
     attempt = service.run(start_job(service.parts, job_id))
     for i in range(3):
-        service.run(report(service.parts, attempt, i / 3, str(i)))
-    service.run(succeed(service.parts, attempt))
+        service.run(report_progress(service.parts, attempt, i / 3, str(i)))
+    service.run(publish_result(service.parts, attempt))
 
     def events(**headers: str) -> list[dict[str, str]]:
         with service.http() as http, http.stream("GET", f"{JOBS}/{job_id}/events", headers=headers) as response:
@@ -244,9 +246,9 @@ def test_events_resume_after_the_last_one_seen(service: Served, job_id: str) -> 
     numbers = [int(event["id"]) for event in everything]
     assert numbers == sorted(set(numbers))
     assert len(everything) == 6
-    for seen in range(6):
-        resumed = events(**{"Last-Event-ID": everything[seen]["id"]})
-        expected = [event["id"] for event in everything[seen + 1 :]]
+    for last_seq in range(6):
+        resumed = events(**{"Last-Event-ID": everything[last_seq]["id"]})
+        expected = [event["id"] for event in everything[last_seq + 1 :]]
         assert [event["id"] for event in resumed] == (expected or [everything[-1]["id"]])
         assert json.loads(resumed[-1]["data"])["state"] == "succeeded"
 
@@ -254,7 +256,7 @@ def test_events_resume_after_the_last_one_seen(service: Served, job_id: str) -> 
 @pytest.mark.parametrize("last", ["x", "-1", "1.5", "9" * 20, "١"])
 def test_an_odd_event_number_is_refused(http: httpx.Client, job_id: str, last: str) -> None:
     answer = http.get(f"{JOBS}/{job_id}/events", headers={"Last-Event-ID": last.encode()})  # type: ignore[dict-item]  # bytes are allowed
-    assert refusal(answer) == (422, "invalid-event-id")
+    assert refusal_code(answer) == (422, "invalid-event-id")
 
 
 def test_a_stream_ends_when_its_job_is_deleted(service: Served, recording_id: str) -> None:
@@ -291,13 +293,13 @@ def test_streams_and_polls_end_when_the_server_is_to_stop(
 
 def test_result_artifacts_and_bundle(http: httpx.Client, service: Served, recording_id: str) -> None:
     job_id = service.run(add_job(service.parts, recording_id))
-    assert refusal(http.get(f"{JOBS}/{job_id}/result")) == (409, "job-not-finished")
+    assert refusal_code(http.get(f"{JOBS}/{job_id}/result")) == (409, "job-not-finished")
     large = b"time_s,x_m\n" + b"0.0,1.0\n" * 200_000
     files = [
         ("com.csv", "text/csv", large),
         ("com.parquet", "application/vnd.apache.parquet", b"PAR1"),
     ]
-    service.run(succeed(service.parts, service.run(start_job(service.parts, job_id)), files))
+    service.run(publish_result(service.parts, service.run(start_job(service.parts, job_id)), files))
     result = http.get(f"{JOBS}/{job_id}/result").json()
     assert result["kind"] == "estimate-com"
     assert result["input"]["recording_id"] == recording_id
@@ -330,11 +332,11 @@ def test_result_artifacts_and_bundle(http: httpx.Client, service: Served, record
         assert b"@phdthesis{carpentier2017thesis," in archive.read("references.bib")
 
 
-def test_a_file_that_has_gone_is_told(http: httpx.Client, service: Served, job_id: str) -> None:
+def test_a_missing_artifact_is_reported(http: httpx.Client, service: Served, job_id: str) -> None:
     attempt = service.run(start_job(service.parts, job_id))
-    service.run(succeed(service.parts, attempt, [("com.csv", "text/csv", b"x")]))
+    service.run(publish_result(service.parts, attempt, [("com.csv", "text/csv", b"x")]))
     service.run(service.parts.blobs.delete_prefix(f"results/{job_id}"))
-    assert refusal(http.get(f"{JOBS}/{job_id}/artifacts/com.csv")) == (404, "file-gone")
+    assert refusal_code(http.get(f"{JOBS}/{job_id}/artifacts/com.csv")) == (404, "file-gone")
 
 
 def test_every_registered_kind_has_a_call(service: Served) -> None:
@@ -343,17 +345,17 @@ def test_every_registered_kind_has_a_call(service: Served) -> None:
     assert called == {name for name, kind in KINDS.items() if kind.offered} == set(KINDS) - {"read-batch"}
 
 
-def test_jobs_say_their_verdict_in_the_list_as_alone(http: httpx.Client, service: Served) -> None:
+def test_jobs_have_the_same_verdict_in_the_list_and_alone(http: httpx.Client, service: Served) -> None:
     check = {"name": "vertical_bias", "value": 0.3, "limit": 0.022, "contradicted_above": 0.05, "passed": False}
     contradicted = {"quality": {"verdict": "contradicted", "checks": [check], "not_checked": {}}}
     certified = {"certificate": {"passed": True, "checks": []}, "replay": None}
     ids = [service.run(add_job(service.parts)) for _ in range(5)]
     attempts = [service.run(start_job(service.parts, job_id)) for job_id in ids[:4]]
-    service.run(succeed(service.parts, attempts[0], summary=contradicted))
-    service.run(succeed(service.parts, attempts[1], summary=certified))
-    service.run(succeed(service.parts, attempts[2]))
-    kept: tuple[dict[str, Any], list[Any]] = ({"summary": contradicted, "references": [], "versions": {}}, [])
-    service.run(fail(service.parts, attempts[3], kept))
+    service.run(publish_result(service.parts, attempts[0], summary=contradicted))
+    service.run(publish_result(service.parts, attempts[1], summary=certified))
+    service.run(publish_result(service.parts, attempts[2]))
+    partial: tuple[dict[str, Any], list[Any]] = ({"summary": contradicted, "references": [], "versions": {}}, [])
+    service.run(fail_attempt(service.parts, attempts[3], partial))
     alone = {job_id: http.get(f"{JOBS}/{job_id}").json() for job_id in ids}
     listed = {job["id"]: job for job in http.get(JOBS, params={"limit": 200}).json()["items"]}
     verdicts = [alone[job_id]["verdict"] for job_id in ids]
@@ -365,4 +367,6 @@ def test_jobs_say_their_verdict_in_the_list_as_alone(http: httpx.Client, service
         "failed_checks": ["vertical_bias"],
     }
     assert (verdicts[1]["outcome"], verdicts[1]["code"]) == ("passed", "certified")
-    assert verdicts[2:] == [None, None, None], "nothing was checked; failed, though it kept a result; still waiting"
+    assert verdicts[2:] == [None, None, None], (
+        "nothing was checked; failed, though it has a partial result; still waiting"
+    )

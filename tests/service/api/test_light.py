@@ -56,9 +56,9 @@ def test_serving_robots_and_scenarios_imports_nothing_heavy(database_url: str, t
         timeout=120,
     )
     assert served.returncode == 0, served.stderr[-3000:]
-    found = json.loads(served.stdout.splitlines()[-1])
-    assert found["statuses"] == [200, 200, 200, 201, *5 * [202], 200, 422, 202, 202, 200, 404, 200, 200]
-    assert found["heavy"] == []
+    imported = json.loads(served.stdout.splitlines()[-1])
+    assert imported["statuses"] == [200, 200, 200, 201, *5 * [202], 200, 422, 202, 202, 200, 404, 200, 200]
+    assert imported["heavy"] == []
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import pytest
 
 from stridelab.service.samples import scenarios
 from support.service.stored_rows import add_job, add_recording, facts
-from support.service.web_server import Served, refusal
+from support.service.web_server import Served, refusal_code
 
 API = "/api/v1"
 FILES = {"r1": "b walk.c3d", "r2": "A run 100%.c3d", "r3": "c_walk.trc", "r4": "a run.c3d"}
@@ -47,7 +47,7 @@ def every(http: httpx.Client, path: str, **query: Any) -> Iterator[dict[str, Any
             return
 
 
-def found(http: httpx.Client, **query: Any) -> list[str]:
+def list_ids(http: httpx.Client, **query: Any) -> list[str]:
     return [item["id"] for item in every(http, "recordings", **query)]
 
 
@@ -67,28 +67,31 @@ def found(http: httpx.Client, **query: Any) -> list[str]:
     ],
 )
 def test_words_are_found_in_file_subject_session_and_marker_set(http: httpx.Client, words: str, ids: list[str]) -> None:
-    assert found(http, search=words) == ids
+    assert list_ids(http, search=words) == ids
 
 
 def test_recordings_are_sorted_by_time_or_by_name_in_any_case(http: httpx.Client) -> None:
-    assert found(http) == found(http, sort="newest") == ["r4", "r3", "r2", "r1"]
-    assert found(http, sort="oldest") == ["r1", "r2", "r3", "r4"]
-    assert found(http, sort="name") == ["r2", "r4", "r1", "r3"]
-    assert found(http, sort="name", search="run") == ["r2", "r4"]
-    assert refusal(http.get(f"{API}/recordings?sort=mass"))[0] == 422
+    assert list_ids(http) == list_ids(http, sort="newest") == ["r4", "r3", "r2", "r1"]
+    assert list_ids(http, sort="oldest") == ["r1", "r2", "r3", "r4"]
+    assert list_ids(http, sort="name") == ["r2", "r4", "r1", "r3"]
+    assert list_ids(http, sort="name", search="run") == ["r2", "r4"]
+    assert refusal_code(http.get(f"{API}/recordings?sort=mass"))[0] == 422
 
 
 def test_a_cursor_of_another_order_is_refused(http: httpx.Client) -> None:
     by_name = http.get(f"{API}/recordings?sort=name&limit=1").json()["next"]
     by_time = http.get(f"{API}/recordings?limit=1").json()["next"]
-    assert refusal(http.get(f"{API}/recordings", params={"cursor": by_name})) == (422, "invalid-cursor")
-    assert refusal(http.get(f"{API}/recordings", params={"sort": "name", "cursor": by_time})) == (422, "invalid-cursor")
+    assert refusal_code(http.get(f"{API}/recordings", params={"cursor": by_name})) == (422, "invalid-cursor")
+    assert refusal_code(http.get(f"{API}/recordings", params={"sort": "name", "cursor": by_time})) == (
+        422,
+        "invalid-cursor",
+    )
 
 
 def test_names_that_are_long_or_equal_lose_no_item(http: httpx.Client, service: Served) -> None:
     name = "\U0001f9b6" * 200 + "x y"
     ids = [service.run(add_recording(service.parts, filename=name)) for _ in range(3)]
-    assert sorted(found(http, sort="name", search="\U0001f9b6")) == sorted(ids)
+    assert sorted(list_ids(http, sort="name", search="\U0001f9b6")) == sorted(ids)
     for one in ids:
         assert http.delete(f"{API}/recordings/{one}").status_code == 204
 

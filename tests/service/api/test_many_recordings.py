@@ -61,7 +61,7 @@ def every(http: httpx.Client, path: str, cursor: str | None = None, **query: Any
         "/api/v1/recordings?linked=false",
     ],
 )
-def test_no_answer_reads_all_recordings(http: httpx.Client, read_all_s: float, path: str) -> None:
+def test_no_request_reads_all_recordings(http: httpx.Client, read_all_s: float, path: str) -> None:
     """An answer takes less time than reading the facts of all recordings once, on whatever machine this is."""
     assert http.get(path).status_code == 200
     assert fastest_s(lambda: http.get(path), rounds=8) < read_all_s
@@ -78,15 +78,15 @@ def test_every_recording_of_every_subject_is_counted(http: httpx.Client) -> None
 
 
 def test_the_oldest_recordings_are_found_by_their_subject(http: httpx.Client) -> None:
-    found = [one["id"] for one in every(http, "/api/v1/recordings", subject_id="s1")]
-    assert found == [f"r{n}" for n in range(N_OF_OLDEST, 0, -1)]
+    ids = [one["id"] for one in every(http, "/api/v1/recordings", subject_id="s1")]
+    assert ids == [f"r{n}" for n in range(N_OF_OLDEST, 0, -1)]
     first = http.get("/subjects/s1").text
-    assert re.findall(r'name="recording" value="(\w+)"', first) == found[:50]
+    assert re.findall(r'name="recording" value="(\w+)"', first) == ids[:50]
     (older,) = re.findall(r'href="(/subjects/s1\?cursor=[^"]+)"', first)
-    assert re.findall(r'name="recording" value="(\w+)"', http.get(older).text) == found[50:100]
+    assert re.findall(r'name="recording" value="(\w+)"', http.get(older).text) == ids[50:100]
 
 
-def test_recordings_of_nobody_are_offered_to_the_last(http: httpx.Client) -> None:
+def test_recordings_without_a_subject_are_all_offered(http: httpx.Client) -> None:
     # from the oldest thousand on: every page costs time here
     cursor = encode_cursor(datetime(2026, 1, 1, tzinfo=UTC) + timedelta(minutes=1000), "r1000")
     free = [one["id"] for one in every(http, "/api/v1/recordings", cursor, linked="false")]

@@ -16,7 +16,7 @@ from stridelab.schemas.tasks import EstimateComTask
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.staging import stage_estimate_com
 from support.command_line import SAMPLE, quiet
-from support.service.web_server import Served, refusal, upload
+from support.service.web_server import Served, refusal_code, upload
 
 SETS = "/api/v1/marker-sets"
 RECORDINGS = "/api/v1/recordings"
@@ -42,8 +42,8 @@ def no_sets(http: httpx.Client) -> Iterator[None]:
 def uploaded(http: httpx.Client, content: bytes) -> dict[str, Any]:
     answer = upload(http, content)
     assert answer.status_code == 201, answer.text
-    made: dict[str, Any] = answer.json()
-    return made
+    recording: dict[str, Any] = answer.json()
+    return recording
 
 
 def codes(recording: dict[str, Any]) -> set[str]:
@@ -54,20 +54,20 @@ def test_a_set_from_storing_to_deletion(http: httpx.Client) -> None:
     body = {"name": "own", "landmarks": {"c7": "A", "t8": ["B", "b 2"]}, "required": ["c7"], "source": "our lab"}
     answer = http.post(SETS, json=body)
     assert answer.status_code == 201, answer.text
-    made = answer.json()
-    assert {name: made[name] for name in body} == body
-    assert (made["owner"], made["recordings"]) == (None, [])
+    stored_set = answer.json()
+    assert {name: stored_set[name] for name in body} == body
+    assert (stored_set["owner"], stored_set["recordings"]) == (None, [])
     path = answer.headers["location"]
-    assert path == f"{SETS}/{made['id']}"
-    assert http.get(path).json() == {name: value for name, value in made.items() if name != "recordings"}
-    assert [item["id"] for item in http.get(SETS).json()["items"]] == [made["id"]]
-    assert refusal(http.post(SETS, json=body)) == (409, "marker-set-name-taken")
-    assert refusal(http.post(SETS, json={**body, "name": "plug-in-gait"})) == (409, "marker-set-name-taken")
+    assert path == f"{SETS}/{stored_set['id']}"
+    assert http.get(path).json() == {name: value for name, value in stored_set.items() if name != "recordings"}
+    assert [item["id"] for item in http.get(SETS).json()["items"]] == [stored_set["id"]]
+    assert refusal_code(http.post(SETS, json=body)) == (409, "marker-set-name-taken")
+    assert refusal_code(http.post(SETS, json={**body, "name": "plug-in-gait"})) == (409, "marker-set-name-taken")
     assert http.delete(path).status_code == 204
     for method in ("GET", "DELETE"):
-        assert refusal(http.request(method, path)) == (404, "marker-set-not-found")
+        assert refusal_code(http.request(method, path)) == (404, "marker-set-not-found")
     actions = [(item["action"], item["what"]) for item in http.get("/api/v1/audit").json()["items"]]
-    assert actions[:2] == [("marker-set-deleted", made["id"]), ("marker-set-added", made["id"])]
+    assert actions[:2] == [("marker-set-deleted", stored_set["id"]), ("marker-set-added", stored_set["id"])]
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_a_set_from_storing_to_deletion(http: httpx.Client) -> None:
 )
 def test_an_invalid_set_is_refused_naming_the_entry(http: httpx.Client, changes: dict[str, Any], place: str) -> None:
     answer = http.post(SETS, json={"name": "own", **changes})
-    assert refusal(answer) == (422, "marker-set-invalid")
+    assert refusal_code(answer) == (422, "marker-set-invalid")
     assert place in [fault["where"] for fault in answer.json()["errors"]]
     assert http.get(SETS).json()["items"] == []
 
@@ -94,21 +94,21 @@ def test_stored_and_new_recordings_use_the_set_and_a_deleted_one_is_named(
     (reason,) = {offer["reason"] for offer in before["estimates"]}
     assert "POST /marker-sets" in reason
 
-    made = http.post(SETS, json={"name": "lab", "landmarks": landmarks}).json()
-    assert made["recordings"] == [before["id"]]
+    stored_set = http.post(SETS, json={"name": "lab", "landmarks": landmarks}).json()
+    assert stored_set["recordings"] == [before["id"]]
     path = f"{RECORDINGS}/{before['id']}"
-    assert (http.get(path).json()["marker_set"], http.get(path).json()["marker_set_id"]) == ("lab", made["id"])
+    assert (http.get(path).json()["marker_set"], http.get(path).json()["marker_set_id"]) == ("lab", stored_set["id"])
     assert all(offer["possible"] for offer in http.get(path).json()["estimates"])
     after = uploaded(http, content)
-    assert (after["marker_set"], after["marker_set_id"], after["landmarks"]) == ("lab", made["id"], landmarks)
+    assert (after["marker_set"], after["marker_set_id"], after["landmarks"]) == ("lab", stored_set["id"], landmarks)
     batch = http.post(f"{RECORDINGS}/batch", files=[("file", ("walk.c3d", content))]).json()
-    assert batch["recordings"][0]["marker_set_id"] == made["id"]
+    assert batch["recordings"][0]["marker_set_id"] == stored_set["id"]
     assert "marker-set-deleted" not in codes(after)
 
-    http.delete(f"{SETS}/{made['id']}")
-    gone = http.get(path).json()
-    assert "marker-set-deleted" in codes(gone)
-    assert gone["marker_set"] == "lab"
+    http.delete(f"{SETS}/{stored_set['id']}")
+    after_deletion = http.get(path).json()
+    assert "marker-set-deleted" in codes(after_deletion)
+    assert after_deletion["marker_set"] == "lab"
     unrelated = uploaded(http, (SAMPLE / "recording.c3d").read_bytes())
     assert "marker-set-deleted" not in codes(unrelated)
 
@@ -129,16 +129,16 @@ def test_the_task_of_an_estimate_carries_the_sets(
 ) -> None:
     content, landmarks = lab
     recording = uploaded(http, content)
-    made = http.post(SETS, json={"name": "lab", "landmarks": landmarks, "source": "x"}).json()
+    stored_set = http.post(SETS, json={"name": "lab", "landmarks": landmarks, "source": "x"}).json()
 
     async def staged() -> dict[str, Any]:
         async with service.parts.engine.connect() as connection:
-            asked = EstimateComInput(recording_id=recording["id"])
-            return await stage_estimate_com(connection, service.parts.blobs, asked, tmp_path)
+            job_input = EstimateComInput(recording_id=recording["id"])
+            return await stage_estimate_com(connection, service.parts.blobs, job_input, tmp_path)
 
     task = service.run(staged())
     (carried,) = task["recording"]["marker_sets"]
-    assert (carried["id"], carried["name"], carried["landmarks"]) == (made["id"], "lab", landmarks)
+    assert (carried["id"], carried["name"], carried["landmarks"]) == (stored_set["id"], "lab", landmarks)
     outcome = estimate_com.run(EstimateComTask.model_validate(task), tmp_path, quiet)
     assert outcome.summary["mass_kg"] == pytest.approx(60.0, abs=1.5)
 
@@ -156,4 +156,4 @@ def test_a_proposal_for_a_recording_names_every_label_once(
     assert sorted([*labels, *proposal["unassigned"]]) == sorted(recording["labels"])
     right = [name for name, one in proposal["landmarks"].items() if landmarks.get(name) == one["label"]]
     assert len(right) >= 0.7 * len(landmarks), "from position and motion alone"
-    assert refusal(http.post(f"{SETS}/propose", json={"recording_id": "none"})) == (404, "recording-not-found")
+    assert refusal_code(http.post(f"{SETS}/propose", json={"recording_id": "none"})) == (404, "recording-not-found")

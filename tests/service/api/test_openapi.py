@@ -32,7 +32,7 @@ from stridelab.service.samples.recording import seed_sample
 from stridelab.service.settings import Settings
 from stridelab_web.app import web_routes
 from support.robots.scenario_bodies import add_scenario
-from support.service.stored_rows import add_job, add_own_robot, add_recording, facts, start_job, succeed
+from support.service.stored_rows import add_job, add_own_robot, add_recording, facts, publish_result, start_job
 from support.service.web_server import Served
 
 DESCRIPTION = create_app(Settings()).openapi()
@@ -77,7 +77,7 @@ def test_every_call_is_explained(method: str, path: str, operation: dict[str, An
             assert schemas == [{"$ref": "#/components/schemas/Problem"}]
 
 
-def test_nothing_refers_to_nowhere() -> None:
+def test_every_reference_resolves() -> None:
     text = json.dumps(DESCRIPTION)
     known = {f"#/components/schemas/{name}" for name in DESCRIPTION["components"]["schemas"]}
     used = {piece.split('"')[0] for piece in text.split('"$ref": "')[1:]}
@@ -114,7 +114,7 @@ def stocked(service: Served) -> Iterator[Served]:
     service.run(add_own_robot(parts, ROBOT))
     for _ in range(2):
         job_id = service.run(add_job(parts))
-        service.run(succeed(parts, service.run(start_job(parts, job_id)), [("com.csv", "text/csv", b"x")]))
+        service.run(publish_result(parts, service.run(start_job(parts, job_id)), [("com.csv", "text/csv", b"x")]))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("stridelab.service.api.recordings.endpoints.parse_recording", unreadable)
         patch.setattr("stridelab.service.api.recordings.service.parse_recording", understood)
@@ -153,7 +153,7 @@ schema = schemathesis.openapi.from_dict(DESCRIPTION)
     phases=[Phase.explicit, Phase.generate],
     suppress_health_check=list(HealthCheck),
 )
-def test_the_service_keeps_to_its_description(case: schemathesis.Case, stocked: Served) -> None:
+def test_the_service_conforms_to_its_description(case: schemathesis.Case, stocked: Served) -> None:
     if "wait" in (case.query or {}):
         case.query.pop("wait")
     answer = case.call(base_url=stocked.base_url, timeout=30)
@@ -241,7 +241,7 @@ def test_calls_that_follow_one_another_find_no_failure(stocked: Served) -> None:
 
 
 def test_odd_addresses_of_pages_find_no_failure(stocked: Served) -> None:
-    """Pages with ids and queries that nobody types; what needs the viewer is without one here, and says so."""
+    """Pages with unusual ids and queries; pages that need the viewer report that there is none."""
     rng = random.Random(SEED)
     paths = [route.path for route in web_routes() if isinstance(route, Route) and "GET" in (route.methods or ())]
     names = ["recording", "plan", "scenario", "robot", "job", "t", "next", "cursor", "limit", "measure", "effector"]

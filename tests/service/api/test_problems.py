@@ -30,7 +30,7 @@ def test_an_unknown_path_is_not_found(http: httpx.Client, path: str) -> None:
     assert problem(http.get(path)) == (404, "unknown-path")
 
 
-def test_a_wrong_method_is_told_which_are_allowed(http: httpx.Client) -> None:
+def test_a_wrong_method_is_refused_with_the_allowed_ones(http: httpx.Client) -> None:
     answer = http.put("/api/v1/health")
     assert problem(answer) == (405, "method-not-allowed")
     assert answer.headers["allow"] == "GET"
@@ -57,7 +57,7 @@ def test_a_wrong_method_is_told_which_are_allowed(http: httpx.Client) -> None:
         (b'{"name": "' + b"x" * 1_000_001 + b'"}', 413, "body-too-large"),
     ],
 )
-def test_bodies_that_cannot_be(http: httpx.Client, content: bytes, status: int, code: str) -> None:
+def test_malformed_bodies_are_refused(http: httpx.Client, content: bytes, status: int, code: str) -> None:
     answer = http.post(SUBJECTS, content=content, headers={"Content-Type": "application/json"})
     assert problem(answer) == (status, code)
 
@@ -110,7 +110,7 @@ def test_pages_and_scenes_get_no_weaker_policy_from_here(http: httpx.Client) -> 
         assert "unsafe" not in http.get(path).headers["content-security-policy"]
 
 
-def test_an_unexpected_error_says_nothing_of_the_inside(service: Served) -> None:
+def test_an_unexpected_error_reveals_no_internals(service: Served) -> None:
     def broken() -> None:
         raise RuntimeError("the secret inside")
 
@@ -129,10 +129,10 @@ async def test_an_answer_that_breaks_off_is_not_completed() -> None:
         await send({"type": "http.response.start", "status": 200, "headers": []})
         raise RuntimeError("half way")
 
-    sent: list[Message] = []
+    messages: list[Message] = []
 
     async def send(message: Message) -> None:
-        sent.append(message)
+        messages.append(message)
 
     async def receive() -> Message:
         return {"type": "http.request"}
@@ -141,7 +141,7 @@ async def test_an_answer_that_breaks_off_is_not_completed() -> None:
         await RequestContextMiddleware(app)(
             {"type": "http", "method": "GET", "path": "/", "headers": []}, receive, send
         )
-    assert [message["type"] for message in sent] == ["http.response.start"]
+    assert [message["type"] for message in messages] == ["http.response.start"]
 
 
 def test_every_error_class_has_a_status() -> None:
@@ -151,7 +151,7 @@ def test_every_error_class_has_a_status() -> None:
 
 def test_a_subclass_takes_the_status_of_its_ancestor() -> None:
     class Special(errors.Conflict):
-        """An error nobody listed."""
+        """An error class that is in no list."""
 
     assert status_of(Special("c", "m")) == 409
     assert status_of(StridelabError("c", "m")) == 500

@@ -9,8 +9,8 @@ from sqlalchemy import select
 
 from stridelab.service.storage.tables import job, recording
 from support.service.database import TestDatabases
-from support.service.stored_rows import add_job, add_recording, facts, start_job, succeed
-from support.service.web_server import Served, places, refusal, served, upload
+from support.service.stored_rows import add_job, add_recording, facts, publish_result, start_job
+from support.service.web_server import Served, fault_places, refusal_code, served, upload
 
 RECORDINGS = "/api/v1/recordings"
 
@@ -25,17 +25,17 @@ def uploaded(service: Served, trial: Path) -> str:
 
 def test_pages_of_the_list(postgres: TestDatabases, tmp_path: Path) -> None:
     with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
-        made = [service.run(add_recording(service.parts)) for _ in range(5)]
-        seen, cursor = [], None
+        ids = [service.run(add_recording(service.parts)) for _ in range(5)]
+        listed_ids, cursor = [], None
         for _ in range(3):
             page = http.get(RECORDINGS, params={"limit": 2, **({"cursor": cursor} if cursor else {})}).json()
-            seen += [item["id"] for item in page["items"]]
+            listed_ids += [item["id"] for item in page["items"]]
             cursor = page["next"]
-        assert seen == made[::-1]
+        assert listed_ids == ids[::-1]
         assert cursor is None
         assert http.get(RECORDINGS, params={"limit": 5}).json()["next"] is None
         for limit in ("0", "201", "x", "-1"):
-            assert refusal(http.get(RECORDINGS, params={"limit": limit})) == (422, "invalid-request")
+            assert refusal_code(http.get(RECORDINGS, params={"limit": limit})) == (422, "invalid-request")
 
 
 def test_stated_fields_win_over_the_subject_and_the_file(http: httpx.Client, service: Served) -> None:
@@ -85,19 +85,21 @@ def test_a_name_inside_a_file_is_never_shown(http: httpx.Client, service: Served
         ({"filename": "x"}, "filename"),
     ],
 )
-def test_changes_that_cannot_hold(http: httpx.Client, service: Served, patch: dict[str, object], where: str) -> None:
+def test_contradictory_changes_are_refused(
+    http: httpx.Client, service: Served, patch: dict[str, object], where: str
+) -> None:
     recording_id = service.run(add_recording(service.parts))
     before = http.get(f"{RECORDINGS}/{recording_id}").json()
     content = json.dumps(patch).replace("Infinity", "1e999")
     answer = http.patch(f"{RECORDINGS}/{recording_id}", content=content, headers={"Content-Type": "application/json"})
-    assert refusal(answer) == (422, "invalid-request")
-    assert places(answer) == [where]
+    assert refusal_code(answer) == (422, "invalid-request")
+    assert fault_places(answer) == [where]
     assert http.get(f"{RECORDINGS}/{recording_id}").json() == before
 
 
 def test_a_recording_is_not_its_own_static_trial(http: httpx.Client, service: Served) -> None:
     one, other = (service.run(add_recording(service.parts)) for _ in range(2))
-    assert refusal(http.patch(f"{RECORDINGS}/{one}", json={"static_recording_id": one}))[0] == 422
+    assert refusal_code(http.patch(f"{RECORDINGS}/{one}", json={"static_recording_id": one}))[0] == 422
     linked = http.patch(f"{RECORDINGS}/{one}", json={"static_recording_id": other}).json()
     assert linked["static_recording_id"] == other
     http.delete(f"{RECORDINGS}/{other}")
@@ -126,32 +128,32 @@ def test_an_offset_of_the_moments_is_returned_and_reset(http: httpx.Client, uplo
     assert http.patch(path, json={"plates": {"1": {"moment_offset_m": None}}}).json() == before
 
 
-def test_a_belt_speed_is_held_against_the_feet(http: httpx.Client, service: Served, uploaded: str) -> None:
+def test_a_belt_speed_is_compared_with_the_feet(http: httpx.Client, service: Served, uploaded: str) -> None:
     path = f"{RECORDINGS}/{uploaded}"
     before = http.get(path).json()
     answer = http.patch(path, json={"plates": {"1": {"belt_speed_m_s": 3.0}}})
-    assert refusal(answer) == (422, "belt-speed-contradicts-feet")
+    assert refusal_code(answer) == (422, "belt-speed-contradicts-feet")
     assert http.get(path).json() == before
 
 
 def test_a_sample_is_read_only(http: httpx.Client, service: Served) -> None:
     recording_id = service.run(add_recording(service.parts, bundled=True))
-    assert refusal(http.delete(f"{RECORDINGS}/{recording_id}")) == (409, "bundled-read-only")
-    assert refusal(http.patch(f"{RECORDINGS}/{recording_id}", json={"subject": {}})) == (409, "bundled-read-only")
+    assert refusal_code(http.delete(f"{RECORDINGS}/{recording_id}")) == (409, "bundled-read-only")
+    assert refusal_code(http.patch(f"{RECORDINGS}/{recording_id}", json={"subject": {}})) == (409, "bundled-read-only")
 
 
 def test_a_deletion_takes_jobs_and_results_along(http: httpx.Client, service: Served) -> None:
     before = service.stored_files()
     recording_id = service.run(add_recording(service.parts))
-    done, running, queued = (service.run(add_job(service.parts, recording_id)) for _ in range(3))
-    attempt = service.run(start_job(service.parts, done))
-    service.run(succeed(service.parts, attempt, [("com.csv", "text/csv", b"time_s\n")]))
+    finished, running, queued = (service.run(add_job(service.parts, recording_id)) for _ in range(3))
+    attempt = service.run(start_job(service.parts, finished))
+    service.run(publish_result(service.parts, attempt, [("com.csv", "text/csv", b"time_s\n")]))
     service.run(start_job(service.parts, running))
     assert len(service.stored_files()) == len(before) + 3
     assert http.delete(f"{RECORDINGS}/{recording_id}").status_code == 204
     assert service.stored_files() == before
-    for job_id in (done, running, queued):
-        assert refusal(http.get(f"/api/v1/jobs/{job_id}")) == (404, "job-not-found")
+    for job_id in (finished, running, queued):
+        assert refusal_code(http.get(f"/api/v1/jobs/{job_id}")) == (404, "job-not-found")
 
     async def left() -> int:
         async with service.parts.engine.connect() as connection:
@@ -162,11 +164,11 @@ def test_a_deletion_takes_jobs_and_results_along(http: httpx.Client, service: Se
 
 def test_a_recording_says_which_methods_can_estimate_it(http: httpx.Client, service: Served) -> None:
     def of(recording_id: str) -> dict[str, str | None]:
-        shown = http.get(f"{RECORDINGS}/{recording_id}").json()["estimates"]
+        estimates = http.get(f"{RECORDINGS}/{recording_id}").json()["estimates"]
         (listed,) = [one for one in http.get(RECORDINGS).json()["items"] if one["id"] == recording_id]
-        assert listed["estimates"] == shown
-        assert all(one["possible"] == (one["reason"] is None) for one in shown)
-        return {one["method"]: one["code"] for one in shown}
+        assert listed["estimates"] == estimates
+        assert all(one["possible"] == (one["reason"] is None) for one in estimates)
+        return {one["method"]: one["code"] for one in estimates}
 
     methods = {"smoother", "complementary", "rts", "kalman", "geometry"}
     window = [(0.2, 0.8)]

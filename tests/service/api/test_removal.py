@@ -11,15 +11,15 @@ from stridelab.service.jobs import retention
 from stridelab.service.settings import Settings
 from support.recordings.c3d_files import small_trial
 from support.service.database import TestDatabases
-from support.service.web_server import Served, refusal, served, upload
+from support.service.web_server import Served, refusal_code, served, upload
 
 RECORDINGS = "/api/v1/recordings"
 
 
 @pytest.fixture
 def url(postgres: TestDatabases) -> Iterator[str]:
-    with postgres.fresh() as made:
-        yield made
+    with postgres.fresh() as fresh_url:
+        yield fresh_url
 
 
 @pytest.fixture
@@ -45,17 +45,17 @@ def test_files_stay_until_a_backup_is_done(
     monkeypatch.setattr(retention.remove_orphans, "__defaults__", (timedelta(seconds=-1),))
     monkeypatch.setattr(retention, "ORPHAN_AGE", timedelta(seconds=-1))
     with lab.http() as http:
-        kept, gone = (str(upload(http, content).json()["id"]) for content in two_trials(tmp_path))
+        remaining_id, deleted_id = (str(upload(http, content).json()["id"]) for content in two_trials(tmp_path))
         before = lab.stored_files()
         with open_snapshot(url) as rows:
             named = rows.referenced_files()
-            assert http.patch(f"{RECORDINGS}/{kept}", json={"plates": {"1": {"use": False}}}).status_code == 200
-            assert http.delete(f"{RECORDINGS}/{gone}").status_code == 204
-            assert refusal(http.get(f"{RECORDINGS}/{gone}")) == (404, "recording-not-found")
+            assert http.patch(f"{RECORDINGS}/{remaining_id}", json={"plates": {"1": {"use": False}}}).status_code == 200
+            assert http.delete(f"{RECORDINGS}/{deleted_id}").status_code == 204
+            assert refusal_code(http.get(f"{RECORDINGS}/{deleted_id}")) == (404, "recording-not-found")
             sweep(lab, url)
             assert named <= lab.stored_files()
             assert before < lab.stored_files()
         sweep(lab, url)
-        assert named & lab.stored_files() == {f"uploads/{http.get(f'{RECORDINGS}/{kept}').json()['sha256']}"}
+        assert named & lab.stored_files() == {f"uploads/{http.get(f'{RECORDINGS}/{remaining_id}').json()['sha256']}"}
         assert len(lab.stored_files()) == 2
-        assert http.get(f"{RECORDINGS}/{kept}/tracks.parquet").status_code == 200
+        assert http.get(f"{RECORDINGS}/{remaining_id}/tracks.parquet").status_code == 200

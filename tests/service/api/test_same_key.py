@@ -21,16 +21,16 @@ def test_concurrent_submissions_with_one_key_are_one_job(service: Served) -> Non
         with service.http() as http:
             together.wait(30)
             answer = http.post("/api/v1/jobs/estimate-com", json=body, headers={"Idempotency-Key": "one"})
-        said = answer.json()
-        return answer.status_code, str(said.get("id", said.get("code")))
+        reply = answer.json()
+        return answer.status_code, str(reply.get("id", reply.get("code")))
 
     with ThreadPoolExecutor(AT_ONCE) as pool:
         answers = Counter(pool.map(post, range(AT_ONCE)))
-    taken = {said: count for (status, said), count in answers.items() if status == 202}
+    accepted = {answered: count for (status, answered), count in answers.items() if status == 202}
     refused = answers[409, "idempotency-key-reused"]
-    assert len(taken) == 1
-    assert sum(taken.values()) + refused == AT_ONCE
-    assert refused in {AT_ONCE // 4, AT_ONCE - AT_ONCE // 4}  # whoever came first decides what the key is for
+    assert len(accepted) == 1
+    assert sum(accepted.values()) + refused == AT_ONCE
+    assert refused in {AT_ONCE // 4, AT_ONCE - AT_ONCE // 4}  # the first request decides what the key is for
     with service.http() as http:
         listed = http.get("/api/v1/jobs", params={"recording_id": recording_id}).json()["items"]
-    assert [job["id"] for job in listed] == list(taken)
+    assert [job["id"] for job in listed] == list(accepted)

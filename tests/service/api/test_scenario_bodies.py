@@ -9,21 +9,21 @@ import pytest
 
 from stridelab.machine.models_folder import models_dir
 from support.robots.scenario_bodies import one_step, with_contact
-from support.service.web_server import refusal
+from support.service.web_server import refusal_code
 
 CHECK = "/api/v1/scenarios/check"
 
 
-def asked(http: httpx.Client, body: dict[str, Any], **query: Any) -> dict[str, Any]:
+def check_scenario(http: httpx.Client, body: dict[str, Any], **query: Any) -> dict[str, Any]:
     answer = http.post(CHECK, json=body, params={"body_checked": True, **query}, timeout=120)
     assert answer.status_code == 200, answer.text
     return dict(answer.json())
 
 
-def test_the_body_is_asked_only_where_the_request_says_so(http: httpx.Client) -> None:
+def test_the_body_is_checked_only_if_the_request_says_so(http: httpx.Client) -> None:
     plain = http.post(CHECK, json=one_step()).json()
     assert [one["body"] for one in plain["phases"]] == ["not-asked"] * 3
-    whole = asked(http, one_step())
+    whole = check_scenario(http, one_step())
     assert [(one["phase"], one["body"]) for one in whole["phases"]] == [(k, "reachable") for k in range(3)]
     assert all(one["reason"] is one["link_poses"] is None for one in whole["phases"])
     del plain["phases"], whole["phases"]
@@ -42,11 +42,11 @@ def stretched() -> dict[str, Any]:
     return body
 
 
-def test_what_the_learned_reach_approves_and_no_body_can_do_is_not_valid(http: httpx.Client) -> None:
+def test_a_scenario_within_the_learned_reach_that_no_body_can_do_is_invalid(http: httpx.Client) -> None:
     body = stretched()
     plain = http.post(CHECK, json=body).json()
     assert (plain["valid"], plain["errors"]) == (True, [])
-    whole = asked(http, body)
+    whole = check_scenario(http, body)
     assert whole["valid"] is False
     out = [one for one in whole["phases"] if one["body"] == "unreachable"]
     assert [one["phase"] for one in out] == [10]
@@ -61,35 +61,35 @@ def test_a_hand_a_metre_and_a_half_away_is_unreachable(http: httpx.Client) -> No
     body = one_step()
     body["terrain"].append({"name": "table", "kind": "box", "center_m": [0.0, -1.6, 0.45], "size_m": [0.4, 0.4, 0.9]})
     body["phases"][0]["contacts"].append({"effector": "right_hand", "position_m": [0.0, -1.5, 0.9]})
-    found = asked(http, body)
-    assert found["valid"] is False
-    assert [one["body"] for one in found["phases"]] == ["unreachable", "reachable", "reachable"]
-    assert found["phases"][0]["limits"][0] == "right_hand"
-    assert "right hand" in found["phases"][0]["reason"]
+    check = check_scenario(http, body)
+    assert check["valid"] is False
+    assert [one["body"] for one in check["phases"]] == ["unreachable", "reachable", "reachable"]
+    assert check["phases"][0]["limits"][0] == "right_hand"
+    assert "right hand" in check["phases"][0]["reason"]
 
 
 def test_the_posture_of_a_phase_stands_on_its_contacts(http: httpx.Client) -> None:
     facts = http.get("/api/v1/robots/talos", timeout=120).json()
-    found = asked(http, one_step(), posture_of=1)
-    poses = [one["link_poses"] for one in found["phases"]]
+    check = check_scenario(http, one_step(), posture_of=1)
+    poses = [one["link_poses"] for one in check["phases"]]
     assert poses[0] is poses[2] is None
     assert len(poses[1]) == len(facts["links"])
     base, usual = poses[1][0], facts["link_poses"][0]
     assert base[2] == pytest.approx(usual[2], abs=0.15)
-    assert len(asked(http, one_step(), posture_of=7)["phases"]) == 3
+    assert len(check_scenario(http, one_step(), posture_of=7)["phases"]) == 3
     for wrong in ("-1", "x"):
         refused = http.post(CHECK, json=one_step(), params={"body_checked": True, "posture_of": wrong})
-        assert refusal(refused) == (422, "invalid-request")
+        assert refusal_code(refused) == (422, "invalid-request")
 
 
-def test_contacts_without_sense_are_not_asked(http: httpx.Client) -> None:
+def test_contacts_that_are_invalid_are_not_checked_for_the_body(http: httpx.Client) -> None:
     body = with_contact(0, 0, effector="tail")
     body["phases"][1]["contacts"] = []
-    found = asked(http, body)
-    assert found["valid"] is False
-    assert [one["body"] for one in found["phases"]] == ["not-asked", "not-asked", "reachable"]
-    nobody = asked(http, one_step(robot="nobody"))
-    assert [one["body"] for one in nobody["phases"]] == ["not-asked"] * 3
+    check = check_scenario(http, body)
+    assert check["valid"] is False
+    assert [one["body"] for one in check["phases"]] == ["not-asked", "not-asked", "reachable"]
+    unknown_robot = check_scenario(http, one_step(robot="nobody"))
+    assert [one["body"] for one in unknown_robot["phases"]] == ["not-asked"] * 3
 
 
 def stored_check(http: httpx.Client, scenario_id: str) -> dict[str, Any]:
@@ -97,26 +97,26 @@ def stored_check(http: httpx.Client, scenario_id: str) -> dict[str, Any]:
     while True:
         answer = http.get(f"/api/v1/scenarios/{scenario_id}/check", timeout=120)
         assert answer.status_code == 200, answer.text
-        found = dict(answer.json())
-        if all(warning["code"] != "body-unfinished" for warning in found["warnings"]):
-            return found
-        assert {one["body"] for one in found["phases"]} == {"not-asked"}
+        check = dict(answer.json())
+        if all(warning["code"] != "body-unfinished" for warning in check["warnings"]):
+            return check
+        assert {one["body"] for one in check["phases"]} == {"not-asked"}
         time.sleep(0.1)
 
 
 def test_a_stored_scenario_has_the_verdict_of_the_body(http: httpx.Client) -> None:
     added = http.post("/api/v1/scenarios", json=stretched())
     assert added.status_code == 201, added.text
-    found = stored_check(http, added.json()["id"])
-    assert found["valid"] is False
-    assert [one["phase"] for one in found["phases"] if one["body"] == "unreachable"] == [10]
-    assert [fault["where"] for fault in found["errors"]] == ["phases[10].contacts[left_foot]"]
+    check = stored_check(http, added.json()["id"])
+    assert check["valid"] is False
+    assert [one["phase"] for one in check["phases"] if one["body"] == "unreachable"] == [10]
+    assert [fault["where"] for fault in check["errors"]] == ["phases[10].contacts[left_foot]"]
     replaced = http.put(f"/api/v1/scenarios/{added.json()['id']}", json=one_step())
     assert replaced.status_code == 200, replaced.text
-    found = stored_check(http, added.json()["id"])
-    assert (found["valid"], [one["body"] for one in found["phases"]]) == (True, ["reachable"] * 3)
+    check = stored_check(http, added.json()["id"])
+    assert (check["valid"], [one["body"] for one in check["phases"]]) == (True, ["reachable"] * 3)
     unknown = http.get(f"/api/v1/scenarios/{'0' * 32}/check")
-    assert refusal(unknown) == (404, "scenario-not-found")
+    assert refusal_code(unknown) == (404, "scenario-not-found")
 
 
 def test_the_phase_that_is_shown_comes_first_and_the_others_in_further_requests(http: httpx.Client) -> None:
@@ -125,7 +125,9 @@ def test_the_phase_that_is_shown_comes_first_and_the_others_in_further_requests(
     for phase in body["phases"]:
         for contact in phase["contacts"]:
             contact["position_m"][0] += 0.0123
-    bodies = [[one["body"] for one in asked(http, body, posture_of=2, within_s=1e-6)["phases"]] for _ in range(3)]
+    bodies = [
+        [one["body"] for one in check_scenario(http, body, posture_of=2, within_s=1e-6)["phases"]] for _ in range(3)
+    ]
     assert bodies[0] == ["not-asked", "not-asked", "reachable"]
     assert bodies[1] == ["not-asked", "reachable", "reachable"]
     assert bodies[2] == ["reachable"] * 3

@@ -20,21 +20,21 @@ from stridelab.service.api.app import create_app
 from stridelab.service.logging import BURST, RATE_HZ, RepeatedLineFilter, configure_logging
 from stridelab.service.settings import Settings
 from support.service.database import TestDatabases
-from support.service.stored_rows import add_job, add_recording, fail, start_job
+from support.service.stored_rows import add_job, add_recording, fail_attempt, start_job
 from support.service.web_server import Served, served
 
 
-def test_a_healthy_service_tells_version_and_uptime(http: httpx.Client) -> None:
+def test_a_healthy_service_reports_version_and_uptime(http: httpx.Client) -> None:
     body = http.get("/api/v1/health").json()
     assert (body["status"], body["database"], body["version"]) == ("ok", "ok", __version__)
     assert body["uptime_s"] >= 0
 
 
-def test_without_its_database_the_service_says_so_and_lives_on(postgres: TestDatabases, tmp_path: Path) -> None:
+def test_without_its_database_the_service_reports_it_and_stays_up(postgres: TestDatabases, tmp_path: Path) -> None:
     with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
         engine = service.parts.engine
-        gone = engine.url.set(database="nowhere")
-        service.app.state.parts = _with_engine(service, str(gone.render_as_string(hide_password=False)))
+        missing_database = engine.url.set(database="nowhere")
+        service.app.state.parts = _with_engine(service, str(missing_database.render_as_string(hide_password=False)))
         for path in ("/api/v1/health", "/api/v1/recordings", "/metrics"):
             answer = http.get(path)
             assert (answer.status_code, answer.json()["code"]) == (503, "database-unreachable")
@@ -73,7 +73,7 @@ def test_metrics_count_what_is_there(postgres: TestDatabases, tmp_path: Path) ->
         recording_id = service.run(add_recording(service.parts))
         jobs = [service.run(add_job(service.parts, recording_id)) for _ in range(4)]
         for job_id in jobs[:2]:
-            service.run(fail(service.parts, service.run(start_job(service.parts, job_id))))
+            service.run(fail_attempt(service.parts, service.run(start_job(service.parts, job_id))))
         with psycopg.connect(url) as connection:
             connection.execute(
                 "UPDATE job SET started_at = created_at + interval '2 s', finished_at = created_at + interval '7 s',"
@@ -161,7 +161,7 @@ def test_exceptions_are_logged_with_their_trace(lines: io.StringIO) -> None:
     assert "RuntimeError: inside" in line["exception"]
 
 
-def test_a_flood_of_lines_pushes_nothing_out(lines: io.StringIO) -> None:
+def test_a_flood_of_log_lines_displaces_no_others(lines: io.StringIO) -> None:
     log = structlog.get_logger("x")
     for number in range(5000):
         log.info("request", route="unmatched", status=401, stranger=True, took_ms=number)

@@ -1,4 +1,4 @@
-"""Sessions over HTTP: found by person and day, stated, listed, left and joined again; what a job is given of them."""
+"""Sessions over HTTP: grouped by person and day, stated, listed, left and joined again; their values in jobs."""
 
 import asyncio
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from stridelab.service.recording_sessions import session_id_of
 from stridelab.service.storage.tables import recording
 from support.recordings.c3d_files import small_trial
 from support.service.stored_rows import add_recording, facts
-from support.service.web_server import Served, places, refusal, upload
+from support.service.web_server import Served, fault_places, refusal_code, upload
 
 RECORDINGS = "/api/v1/recordings"
 NOW = datetime(2026, 3, 1, 12, tzinfo=UTC)
@@ -50,7 +50,7 @@ def test_trials_of_one_person_and_day_find_each_other(http: httpx.Client, trials
     assert not first["session_stated"]
     assert listed(http, first["session_id"]) == {first["id"], second["id"]}
     assert listed(http, "no-such-session") == set()
-    assert refusal(http.get(RECORDINGS, params={"session_id": "a b"})) == (422, "invalid-request")
+    assert refusal_code(http.get(RECORDINGS, params={"session_id": "a b"})) == (422, "invalid-request")
 
 
 def test_height_and_mass_tell_who_it_is_and_nothing_tells_nothing(http: httpx.Client, trials: Sequence[bytes]) -> None:
@@ -66,11 +66,11 @@ def test_a_stated_session_stands_until_it_is_taken_back(http: httpx.Client, tria
     stated = session_of(http, trials[0], session_id="gait-lab.2026-03-01", subject_name="P9")
     assert (stated["session_id"], stated["session_stated"]) == ("gait-lab.2026-03-01", True)
     path = f"{RECORDINGS}/{stated['id']}"
-    kept = http.patch(path, json={"subject": {"name": "P10"}}).json()
-    assert kept["session_id"] == "gait-lab.2026-03-01"
-    found = http.patch(path, json={"session_id": None}).json()
+    renamed = http.patch(path, json={"subject": {"name": "P10"}}).json()
+    assert renamed["session_id"] == "gait-lab.2026-03-01"
+    reset = http.patch(path, json={"session_id": None}).json()
     other = session_of(http, trials[1], subject_name="P10")
-    assert (found["session_id"], found["session_stated"]) == (other["session_id"], False)
+    assert (reset["session_id"], reset["session_stated"]) == (other["session_id"], False)
     moved = http.patch(path, json={"session_id": "b"}).json()
     assert (moved["session_id"], moved["session_stated"]) == ("b", True)
 
@@ -78,24 +78,24 @@ def test_a_stated_session_stands_until_it_is_taken_back(http: httpx.Client, tria
 @pytest.mark.parametrize("session_id", ["a b", "ä", "x" * 65, "a/b"])
 def test_a_session_that_is_no_name_is_refused(http: httpx.Client, trials: Sequence[bytes], session_id: str) -> None:
     answer = upload(http, trials[0], session_id=session_id)
-    assert refusal(answer) == (422, "invalid-request")
-    assert places(answer) == ["session_id"]
+    assert refusal_code(answer) == (422, "invalid-request")
+    assert fault_places(answer) == ["session_id"]
     stored = session_of(http, trials[0])
     answer = http.patch(f"{RECORDINGS}/{stored['id']}", json={"session_id": session_id})
-    assert refusal(answer) == (422, "invalid-request")
+    assert refusal_code(answer) == (422, "invalid-request")
 
 
 def test_the_session_follows_the_person(http: httpx.Client, trials: Sequence[bytes]) -> None:
-    nobody, somebody = session_of(http, trials[0]), session_of(http, trials[1])
+    unnamed, named = session_of(http, trials[0]), session_of(http, trials[1])
     subject = http.post("/api/v1/subjects", json={"name": "S"}).json()["subject_id"]
-    found = {
+    session_ids = {
         http.patch(f"{RECORDINGS}/{one['id']}", json={"subject_id": subject}).json()["session_id"]
-        for one in (nobody, somebody)
+        for one in (unnamed, named)
     }
-    assert len(found) == 1
-    assert found != {None}
-    left = http.patch(f"{RECORDINGS}/{nobody['id']}", json={"subject_id": None}).json()
-    assert left["session_id"] is None
+    assert len(session_ids) == 1
+    assert session_ids != {None}
+    without_subject = http.patch(f"{RECORDINGS}/{unnamed['id']}", json={"subject_id": None}).json()
+    assert without_subject["session_id"] is None
 
 
 def test_a_recording_of_an_earlier_version_is_read_again(http: httpx.Client, service: Served) -> None:
@@ -132,7 +132,7 @@ def test_another_day_is_another_session() -> None:
     assert session_id_of({**row, "owner": "another"}, NOW) != today
 
 
-def test_a_simulated_body_is_nobody_unless_it_is_said_whose_it_is() -> None:
+def test_a_simulated_body_has_no_subject_unless_one_is_stated() -> None:
     body = {"subject": {"height_m": 1.7, "mass_kg": 60.0}, "simulated": True}
     row: dict[str, Any] = {"owner": None, "subject_fields": {}, "facts": facts(**body).model_dump(mode="json")}
     assert session_id_of(row, NOW) is None
@@ -145,8 +145,8 @@ def task_of(service: Served, recording_id: str, folder: Path) -> EstimateComTask
 
     async def stage() -> Any:
         async with service.parts.engine.begin() as connection:
-            asked = EstimateComInput(recording_id=recording_id)
-            return await staging.stage_estimate_com(connection, service.parts.blobs, asked, folder)
+            job_input = EstimateComInput(recording_id=recording_id)
+            return await staging.stage_estimate_com(connection, service.parts.blobs, job_input, folder)
 
     return EstimateComTask.model_validate(service.run(stage()))
 
@@ -190,12 +190,12 @@ def test_the_static_trial_of_the_session_is_fetched_unless_another_is_stated(ser
     async def add(**columns: Any) -> str:
         return str(await add_recording(service.parts, facts=still, filename="static.c3d", **columns))
 
-    found, stated = service.run(add(session_id="with-static")), service.run(add())
-    task = task_of(service, walk, tmp_path / "found")
+    from_session, stated = service.run(add(session_id="with-static")), service.run(add())
+    task = task_of(service, walk, tmp_path / "task")
     assert task.static is not None
     assert task.session is not None
-    assert task.session.static_recording_id == found
-    assert task.session.latency_s is None, "nobody else has a clock"
+    assert task.session.static_recording_id == from_session
+    assert task.session.latency_s is None, "no other recording has a clock"
 
     async def link() -> None:
         async with service.parts.engine.begin() as connection:
@@ -210,15 +210,15 @@ def test_the_static_trial_of_the_session_is_fetched_unless_another_is_stated(ser
 
 def test_the_map_may_name_labels_of_the_static_trial(http: httpx.Client, service: Served, tmp_path: Path) -> None:
     walk = session_of(http, small_trial(tmp_path / "walk.c3d", seconds=1.7).read_bytes(), session_id="mapped")
-    path, wanted = f"{RECORDINGS}/{walk['id']}", {"marker_map": {"l_knee_medial": "LMEPI"}}
-    assert refusal(http.patch(path, json=wanted)) == (422, "invalid-request")
+    path, patch = f"{RECORDINGS}/{walk['id']}", {"marker_map": {"l_knee_medial": "LMEPI"}}
+    assert refusal_code(http.patch(path, json=patch)) == (422, "invalid-request")
     known = facts(still=True, labels=["LASI", "LMEPI"]).model_dump(mode="json")
     service.run(add_recording(service.parts, facts=known, session_id="mapped"))
-    changed = http.patch(path, json=wanted)
+    changed = http.patch(path, json=patch)
     assert changed.status_code == 200, changed.text
-    assert changed.json()["marker_map"] == wanted["marker_map"]
+    assert changed.json()["marker_map"] == patch["marker_map"]
     assert "l_knee_medial" not in changed.json()["landmarks"]
-    assert refusal(http.patch(path, json={"marker_map": {"l_knee_medial": "NONE"}})) == (422, "invalid-request")
+    assert refusal_code(http.patch(path, json={"marker_map": {"l_knee_medial": "NONE"}})) == (422, "invalid-request")
 
 
 def test_uploads_at_once_are_one_session(service: Served, trials: Sequence[bytes]) -> None:

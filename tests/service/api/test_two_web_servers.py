@@ -32,7 +32,7 @@ def client(server: Served, token: str = TOKEN) -> httpx.Client:
 def test_events_of_a_job_reach_the_listeners_of_every_web_server(pair: tuple[Served, Served]) -> None:
     with client(pair[0]) as one, client(pair[1]) as other:
         job_id = one.post("/api/v1/jobs/reproduce", json={"item": "fig-2.2"}).raise_for_status().json()["id"]
-        seen: dict[int, list[dict[str, Any]]] = {0: [], 1: []}
+        events_by_server: dict[int, list[dict[str, Any]]] = {0: [], 1: []}
         listening = threading.Barrier(3, timeout=20)
 
         def listen(index: int, http: httpx.Client) -> None:
@@ -40,8 +40,8 @@ def test_events_of_a_job_reach_the_listeners_of_every_web_server(pair: tuple[Ser
                 lines = answer.iter_lines()
                 for line in lines:
                     if line.startswith("data: "):
-                        seen[index].append(json.loads(line.removeprefix("data: ")))
-                        if len(seen[index]) == 1:
+                        events_by_server[index].append(json.loads(line.removeprefix("data: ")))
+                        if len(events_by_server[index]) == 1:
                             listening.wait()
 
         threads = [threading.Thread(target=listen, args=(k, http)) for k, http in enumerate((one, other))]
@@ -51,19 +51,19 @@ def test_events_of_a_job_reach_the_listeners_of_every_web_server(pair: tuple[Ser
         assert other.delete(f"/api/v1/jobs/{job_id}").status_code == 200
         for thread in threads:
             thread.join(20)
-        assert [event["state"] for event in seen[0]] == ["queued", "cancelled"]
-        assert seen[0] == seen[1]
+        assert [event["state"] for event in events_by_server[0]] == ["queued", "cancelled"]
+        assert events_by_server[0] == events_by_server[1]
 
 
 def test_logins_tokens_and_recordings_are_those_of_both(pair: tuple[Served, Served], tmp_path: Path) -> None:
     with client(pair[0]) as one, client(pair[1]) as other:
-        made = one.post("/api/v1/tokens", json={"name": "lab", "scope": "submit"}).raise_for_status().json()
-        with client(pair[1], made["secret"]) as member:
+        token = one.post("/api/v1/tokens", json={"name": "lab", "scope": "submit"}).raise_for_status().json()
+        with client(pair[1], token["secret"]) as member:
             stored = upload(member, small_trial(tmp_path / "walk.c3d", seconds=1.0).read_bytes()).json()
             recording = f"/api/v1/recordings/{stored['id']}"
             assert one.get(recording).json() == stored
             assert one.get(f"{recording}/file").content == other.get(f"{recording}/file").content
-            one.delete(f"/api/v1/tokens/{made['id']}").raise_for_status()
+            one.delete(f"/api/v1/tokens/{token['id']}").raise_for_status()
             end_s = time.monotonic() + 10
             while member.get("/api/v1/recordings").status_code != 401 and time.monotonic() < end_s:
                 time.sleep(0.1)

@@ -9,7 +9,7 @@ from stridelab.service.backup.locations import BackupLocation
 from stridelab.service.backup.restore import restore_backup
 from stridelab.service.storage.blobs import BlobStore
 from support.service.database import TestDatabases
-from support.service.stored_rows import fill
+from support.service.stored_rows import fill_tables
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +17,7 @@ def backup(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) ->
     """A backup of a database with something in every table."""
     folder = tmp_path_factory.mktemp("source")
     with postgres.fresh() as url:
-        fill(url, folder / "blobs")
+        fill_tables(url, folder / "blobs")
         create_backup(url, BlobStore.from_url((folder / "blobs").as_uri()), folder / "lab.backup")
     return folder / "lab.backup"
 

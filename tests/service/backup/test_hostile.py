@@ -19,7 +19,7 @@ from stridelab.service.backup.archive import MANIFEST, check_archive, open_archi
 from stridelab.service.backup.create import BackupContents
 from stridelab.service.storage.migrate import is_migrated
 from support.service.processes import environment
-from support.service.stored_rows import rows, stored
+from support.service.stored_rows import read_rows, read_stored_files
 
 PutBack = Callable[..., BackupContents]
 Contents = dict[str, bytes]
@@ -73,7 +73,7 @@ def test_a_backup_that_was_cut_off(backup: Path, tmp_path: Path, share: float) -
     refused(tmp_path / "x", "backup-unreadable")
 
 
-def test_any_flipped_bit_is_found_or_harmless(backup: Path, tmp_path: Path) -> None:
+def test_any_flipped_bit_is_detected_or_harmless(backup: Path, tmp_path: Path) -> None:
     whole, draw = backup.read_bytes(), random.Random(12)
     before = contents(backup)
     for _ in range(60):
@@ -82,11 +82,11 @@ def test_any_flipped_bit_is_found_or_harmless(backup: Path, tmp_path: Path) -> N
         (tmp_path / "x").write_bytes(changed)
         try:
             with open_archive(tmp_path / "x") as archive:
-                found = {name: b"".join(archive.read_pieces(name)) for name in archive.manifest.members}
+                members = {name: b"".join(archive.read_pieces(name)) for name in archive.manifest.members}
         except UnreadableFile:
             continue
         # dates and the like: what is read is what was written
-        assert found == {name: body for name, body in before.items() if name != MANIFEST}
+        assert members == {name: body for name, body in before.items() if name != MANIFEST}
 
 
 NAMES = [
@@ -200,13 +200,13 @@ ROWS: dict[str, Callable[[Contents], Contents]] = {
 def test_rows_that_cannot_be(backup: Path, database_url: str, put_back: PutBack, tmp_path: Path, what: str) -> None:
     with psycopg.connect(database_url) as connection:
         connection.execute("INSERT INTO subject (id, fields) VALUES ('kept', '{}')")
-    before = rows(database_url)
+    before = read_rows(database_url)
     path = write(tmp_path / "x", ROWS[what](contents(backup)))
     with pytest.raises(UnreadableFile) as caught:
         put_back(path, database_url, replace=True)
     assert caught.value.code == "backup-damaged"
-    assert rows(database_url) == before
-    assert stored(tmp_path / "blobs") == {}
+    assert read_rows(database_url) == before
+    assert read_stored_files(tmp_path / "blobs") == {}
 
 
 def test_a_revision_that_is_not_known(backup: Path, empty: str, put_back: PutBack, tmp_path: Path) -> None:
@@ -254,7 +254,7 @@ def test_restore_checks_in_a_child_before_anything_is_made(tmp_path: Path) -> No
     (tmp_path / "x").write_bytes(b"PK")
     own = {"PYTHONPATH": str(site), "STRIDELAB_DATA_DIR": str(tmp_path / "data")}
     command = [sys.executable, "-m", "stridelab.cli", "restore", str(tmp_path / "x")]
-    done = subprocess.run(command, env=environment(**own), capture_output=True, text=True, check=False, timeout=120)
-    assert done.returncode > 0
-    assert "backup-damaged" in done.stdout + done.stderr
+    run = subprocess.run(command, env=environment(**own), capture_output=True, text=True, check=False, timeout=120)
+    assert run.returncode > 0
+    assert "backup-damaged" in run.stdout + run.stderr
     assert not (tmp_path / "data").exists()

@@ -13,7 +13,7 @@ from stridelab.service.postgres.embedded import EmbeddedPostgres
 from stridelab.service.settings import Settings
 from stridelab.service.storage.migrate import migrate
 from support.service.database import public_folder
-from support.service.stored_rows import FILES, fill, rows, stored
+from support.service.stored_rows import FILES, fill_tables, read_rows, read_stored_files
 
 
 @pytest.fixture(scope="module")
@@ -24,13 +24,13 @@ def lab() -> Iterator[Path]:
         server = EmbeddedPostgres(data)
         url = server.start()
         migrate(url)
-        fill(url, data / "blobs")
+        fill_tables(url, data / "blobs")
         server.stop()
         yield data
 
 
 @pytest.fixture
-def said(monkeypatch: pytest.MonkeyPatch) -> Iterator["Command"]:
+def command(monkeypatch: pytest.MonkeyPatch) -> Iterator["Command"]:
     with public_folder() as folder:
         yield Command(monkeypatch, folder)
 
@@ -60,62 +60,62 @@ class Command:
 def restored(data: Path) -> dict[str, list[dict[str, object]]]:
     server = EmbeddedPostgres(data)
     try:
-        return rows(server.start())
+        return read_rows(server.start())
     finally:
         server.stop()
 
 
-def test_a_stopped_service_is_backed_up_and_comes_back_elsewhere(lab: Path, said: Command) -> None:
-    file, data = said.folder / "lab.backup", said.folder / "new"
-    told = said.well("backup", file, data_dir=lab)
-    assert "2 recordings, 1 subject, 1 scenario, 6 jobs, 6 files (1.2 MB)" in told
+def test_a_stopped_service_is_backed_up_and_comes_back_elsewhere(lab: Path, command: Command) -> None:
+    file, data = command.folder / "lab.backup", command.folder / "new"
+    output = command.well("backup", file, data_dir=lab)
+    assert "2 recordings, 1 subject, 1 scenario, 6 jobs, 6 files (1.2 MB)" in output
     assert not (lab / "supervisor.lock").read_text()  # stopped again, and free
-    assert "restored 2 recordings" in said.well("restore", file, data_dir=data)
+    assert "restored 2 recordings" in command.well("restore", file, data_dir=data)
     assert {row["id"] for row in restored(data)["job"]} == {"done", "half", "gone", "at-work", "second", "first"}
-    assert stored(data / "blobs") == FILES
+    assert read_stored_files(data / "blobs") == FILES
 
 
-def test_a_running_service_is_backed_up_and_not_restored_under(lab: Path, said: Command) -> None:
+def test_a_running_service_is_backed_up_and_not_restored_under(lab: Path, command: Command) -> None:
     server = EmbeddedPostgres(lab)
     url = server.start()
     try:
-        said.well("backup", said.folder / "running.backup", data_dir=lab)
+        command.well("backup", command.folder / "running.backup", data_dir=lab)
         with psycopg.connect(url) as connection:  # it goes on
             assert connection.execute("SELECT 1").fetchone() == (1,)
-        file = said.folder / "running.backup"
-        assert said.refused("restore", file, "--replace", data_dir=lab) == "data-folder-in-use"
+        file = command.folder / "running.backup"
+        assert command.refused("restore", file, "--replace", data_dir=lab) == "data-folder-in-use"
     finally:
         server.stop()
 
 
-def test_a_damaged_backup_makes_no_database(said: Command) -> None:
-    (said.folder / "x").write_text("no backup")
-    assert said.refused("restore", said.folder / "x", data_dir=said.folder / "new") == "backup-unreadable"
-    assert not (said.folder / "new").exists()
+def test_a_damaged_backup_makes_no_database(command: Command) -> None:
+    (command.folder / "x").write_text("no backup")
+    assert command.refused("restore", command.folder / "x", data_dir=command.folder / "new") == "backup-unreadable"
+    assert not (command.folder / "new").exists()
 
 
-def test_where_no_data_are_nothing_is_backed_up(said: Command) -> None:
-    assert said.refused("backup", said.folder / "x", data_dir=said.folder / "nowhere") == "no-data"
-    assert list(said.folder.iterdir()) == []
+def test_where_no_data_are_nothing_is_backed_up(command: Command) -> None:
+    assert command.refused("backup", command.folder / "x", data_dir=command.folder / "nowhere") == "no-data"
+    assert list(command.folder.iterdir()) == []
 
 
-def test_an_embedded_service_moves_to_a_server(lab: Path, said: Command, database_url: str) -> None:
-    store = said.folder / "store"
-    told = said.well("adopt", lab, database_url=database_url, blob_url=store.as_uri())
-    assert "adopted 2 recordings" in told
-    assert [row["id"] for row in rows(database_url)["recording"]] == ["rec1", "rec2"]
-    assert stored(store) == FILES
-    assert stored(lab / "blobs") == FILES
+def test_an_embedded_service_moves_to_a_server(lab: Path, command: Command, database_url: str) -> None:
+    store = command.folder / "store"
+    output = command.well("adopt", lab, database_url=database_url, blob_url=store.as_uri())
+    assert "adopted 2 recordings" in output
+    assert [row["id"] for row in read_rows(database_url)["recording"]] == ["rec1", "rec2"]
+    assert read_stored_files(store) == FILES
+    assert read_stored_files(lab / "blobs") == FILES
     assert not list(lab.glob(".stridelab-adopt-*"))
 
-    assert said.refused("adopt", lab, database_url=database_url, blob_url=store.as_uri()) == "restore-over-data"
+    assert command.refused("adopt", lab, database_url=database_url, blob_url=store.as_uri()) == "restore-over-data"
     # with the same store, files stay where they are
     (store / "uploads" / ("a" * 64)).unlink()
-    said.well("adopt", lab, "--replace", database_url=database_url, blob_url=(lab / "blobs").as_uri())
-    assert len(stored(store)) == len(FILES) - 1
+    command.well("adopt", lab, "--replace", database_url=database_url, blob_url=(lab / "blobs").as_uri())
+    assert len(read_stored_files(store)) == len(FILES) - 1
 
 
-def test_adopting_needs_a_server_and_a_folder(lab: Path, said: Command, database_url: str) -> None:
-    assert said.refused("adopt", lab) == "database-url-missing"
-    assert said.refused("adopt", said.folder / "nowhere", database_url=database_url) == "no-data"
+def test_adopting_needs_a_server_and_a_folder(lab: Path, command: Command, database_url: str) -> None:
+    assert command.refused("adopt", lab) == "database-url-missing"
+    assert command.refused("adopt", command.folder / "nowhere", database_url=database_url) == "no-data"
     assert json.loads((lab / "postgres.json").read_text())["initialised"]

@@ -19,7 +19,7 @@ from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.migrate import is_migrated
 from support.service.database import TestDatabases, migrate_to
 from support.service.processes import Jobs, worker
-from support.service.stored_rows import AWKWARD, FILES, fill, rows, stored
+from support.service.stored_rows import AWKWARD, FILES, fill_tables, read_rows, read_stored_files
 
 PutBack = Callable[..., BackupContents]
 
@@ -30,18 +30,18 @@ def of(folder: Path) -> BlobStore:
 
 def test_everything_comes_back(postgres: TestDatabases, empty: str, put_back: PutBack, tmp_path: Path) -> None:
     with postgres.fresh() as url:
-        fill(url, tmp_path / "source")
-        before = rows(url)
-        taken = create_backup(url, of(tmp_path / "source"), tmp_path / "lab.backup")
-        assert rows(url) == before
-    assert put_back(tmp_path / "lab.backup", empty) == taken
+        fill_tables(url, tmp_path / "source")
+        before = read_rows(url)
+        backup = create_backup(url, of(tmp_path / "source"), tmp_path / "lab.backup")
+        assert read_rows(url) == before
+    assert put_back(tmp_path / "lab.backup", empty) == backup
     assert is_migrated(empty)
-    after = rows(empty)
+    after = read_rows(empty)
     assert {name: after[name] for name in after if name != "job"} == {n: before[n] for n in before if n != "job"}
     assert after["recording"][0]["filename"] == AWKWARD
-    assert stored(tmp_path / "blobs") == FILES
-    assert (taken.files, taken.bytes, taken.missing) == (len(FILES), sum(map(len, FILES.values())), ())
-    assert taken.rows == {
+    assert read_stored_files(tmp_path / "blobs") == FILES
+    assert (backup.files, backup.bytes, backup.missing) == (len(FILES), sum(map(len, FILES.values())), ())
+    assert backup.rows == {
         "subject": 1,
         "scenario": 1,
         "recording": 2,
@@ -106,17 +106,17 @@ def test_a_backup_of_the_first_schema_is_brought_up_to_date(
 ) -> None:
     with postgres.fresh(migrated=False) as url:
         migrate_to(url, "0001")
-        fill(url, tmp_path / "source")
+        fill_tables(url, tmp_path / "source")
         create_backup(url, of(tmp_path / "source"), tmp_path / "old.backup")
     put_back(tmp_path / "old.backup", empty)
     assert is_migrated(empty)
-    assert [row["updated_at"] == row["created_at"] for row in rows(empty)["scenario"]] == [True]
-    assert stored(tmp_path / "blobs") == FILES
+    assert [row["updated_at"] == row["created_at"] for row in read_rows(empty)["scenario"]] == [True]
+    assert read_stored_files(tmp_path / "blobs") == FILES
     with psycopg.connect(empty) as connection, pytest.raises(psycopg.errors.ForeignKeyViolation):
         connection.execute("UPDATE job SET scenario_id = 'nowhere'")
 
 
-def test_data_are_replaced_only_when_that_was_said(
+def test_data_are_replaced_only_with_replace(
     backup: Path, database_url: str, put_back: PutBack, tmp_path: Path
 ) -> None:
     with psycopg.connect(database_url) as connection:
@@ -124,11 +124,11 @@ def test_data_are_replaced_only_when_that_was_said(
     with pytest.raises(Conflict) as caught:
         put_back(backup, database_url)
     assert caught.value.code == "restore-over-data"
-    assert not stored(tmp_path / "blobs")
+    assert not read_stored_files(tmp_path / "blobs")
     put_back(backup, database_url, replace=True)
-    assert [row["id"] for row in rows(database_url)["subject"]] == ["p1"]
+    assert [row["id"] for row in read_rows(database_url)["subject"]] == ["p1"]
     put_back(backup, database_url, replace=True)  # and once more over itself
-    assert stored(tmp_path / "blobs") == FILES
+    assert read_stored_files(tmp_path / "blobs") == FILES
     with psycopg.connect(database_url) as connection:
         keys = connection.execute(
             "SELECT count(*) FROM pg_constraint WHERE contype = 'f' AND conrelid = 'job'::regclass"
@@ -147,7 +147,7 @@ def test_a_restore_that_fails_leaves_everything_as_it_was(
 ) -> None:
     with psycopg.connect(database_url) as connection:
         connection.execute("INSERT INTO subject (id, fields) VALUES ('other', '{}')")
-    before, real = rows(database_url), StoredFiles.store_file
+    before, real = read_rows(database_url), StoredFiles.store_file
     for failure, expected in (
         (OSError(28, "No space left on device"), StorageFull),
         (KeyboardInterrupt(), KeyboardInterrupt),
@@ -161,13 +161,13 @@ def test_a_restore_that_fails_leaves_everything_as_it_was(
         monkeypatch.setattr(StoredFiles, "store_file", put)
         with pytest.raises(expected):
             put_back(backup, database_url, replace=True)
-        assert rows(database_url) == before
-        assert stored(tmp_path / "blobs") == {}
+        assert read_rows(database_url) == before
+        assert read_stored_files(tmp_path / "blobs") == {}
         with psycopg.connect(database_url) as connection:
             assert connection.execute("SELECT to_regnamespace('stridelab_restore')").fetchone() == (None,)
 
 
-def test_a_small_disk_is_told_before_anything_is_done(
+def test_a_small_disk_is_reported_before_anything_is_done(
     backup: Path, empty: str, put_back: PutBack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(restore.shutil, "disk_usage", lambda _: type("Usage", (), {"free": 1000})())
@@ -176,28 +176,28 @@ def test_a_small_disk_is_told_before_anything_is_done(
     assert not is_migrated(empty)
 
 
-def test_a_file_that_was_lost_before_is_told_and_the_rest_is_saved(
+def test_an_already_missing_file_is_reported_and_the_rest_is_saved(
     database_url: str, empty: str, put_back: PutBack, tmp_path: Path
 ) -> None:
-    fill(database_url, tmp_path / "source")
+    fill_tables(database_url, tmp_path / "source")
     lost = "results/done/1/com.csv"
     (tmp_path / "source" / lost).unlink()
     assert create_backup(database_url, of(tmp_path / "source"), tmp_path / "lab.backup").missing == (lost,)
     assert put_back(tmp_path / "lab.backup", empty).missing == (lost,)
-    assert stored(tmp_path / "blobs") == {key: body for key, body in FILES.items() if key != lost}
+    assert read_stored_files(tmp_path / "blobs") == {key: body for key, body in FILES.items() if key != lost}
 
 
 def test_more_files_than_a_backup_lists_are_refused_at_once(
     database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fill(database_url, tmp_path / "source")
+    fill_tables(database_url, tmp_path / "source")
     monkeypatch.setattr(archive_module, "MAX_MANIFEST_BYTES", 1000)
     with pytest.raises(TooLarge, match="6 files"):
         create_backup(database_url, of(tmp_path / "source"), tmp_path / "lab.backup")
     assert not list(tmp_path.glob("*.backup*"))
 
 
-def test_an_earlier_backup_is_kept_unless_told_otherwise(database_url: str, tmp_path: Path) -> None:
+def test_an_earlier_backup_is_not_overwritten_by_default(database_url: str, tmp_path: Path) -> None:
     target, blobs = tmp_path / "lab.backup", of(tmp_path / "blobs")
     target.write_text("precious")
     with pytest.raises(Conflict) as caught:
@@ -212,7 +212,7 @@ def test_an_earlier_backup_is_kept_unless_told_otherwise(database_url: str, tmp_
 
 
 def test_a_backup_that_fails_leaves_nothing(database_url: str, empty: str, tmp_path: Path) -> None:
-    fill(database_url, tmp_path / "source")
+    fill_tables(database_url, tmp_path / "source")
     folder = tmp_path / "backups"
     folder.mkdir()
     shutil.rmtree(tmp_path / "source" / "uploads")
@@ -249,7 +249,7 @@ def _tokens(url: str) -> list[str]:
 
 
 @pytest.mark.parametrize(("options", "there"), [({}, ["own"]), ({"with_tokens": True}, ["theirs"])])
-def test_tokens_of_a_backup_come_back_only_when_that_was_said(
+def test_tokens_of_a_backup_are_restored_only_on_request(
     postgres: TestDatabases,
     database_url: str,
     put_back: PutBack,
@@ -258,10 +258,10 @@ def test_tokens_of_a_backup_come_back_only_when_that_was_said(
     there: list[str],
 ) -> None:
     with postgres.fresh() as url:
-        fill(url, tmp_path / "source")
+        fill_tables(url, tmp_path / "source")
         _add_token(url, "theirs")
         create_backup(url, of(tmp_path / "source"), tmp_path / "lab.backup")
     _add_token(database_url, "own")
     put_back(tmp_path / "lab.backup", database_url, **options)
     assert _tokens(database_url) == there
-    assert len(rows(database_url)["recording"]) == 2
+    assert len(read_rows(database_url)["recording"]) == 2

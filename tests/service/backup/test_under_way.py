@@ -23,7 +23,7 @@ from stridelab.service.storage import locks
 from stridelab.service.storage.blobs import BlobStore
 from support.service.database import TestDatabases
 from support.service.processes import wait_until
-from support.service.stored_rows import rows, stored
+from support.service.stored_rows import read_rows, read_stored_files
 from support.service.web_server import LatePool
 
 PutBack = Callable[..., BackupContents]
@@ -63,8 +63,8 @@ def come_and_go(url: str, blobs: Path, stop: threading.Event, busy: threading.Ev
             if number > 20:
                 connection.execute("DELETE FROM recording WHERE id = %s", (f"r{number - 20}",))
                 with connection.transaction():
-                    asked = connection.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (locks.REMOVAL,))
-                    if asked.fetchone() == (True,):
+                    lock_query = connection.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (locks.REMOVAL,))
+                    if lock_query.fetchone() == (True,):
                         shutil.rmtree(blobs / "recordings" / f"r{number - 20}")
                 busy.set()
 
@@ -78,31 +78,33 @@ def test_backups_among_writers_are_whole(
     writer.start()
     try:
         assert busy.wait(30), "no recording came and went"
-        taken = []
+        backups = []
         for number in range(4):
-            taken.append(create_backup(database_url, BlobStore.from_url(blobs.as_uri()), tmp_path / f"{number}.backup"))
+            backups.append(
+                create_backup(database_url, BlobStore.from_url(blobs.as_uri()), tmp_path / f"{number}.backup")
+            )
             time.sleep(0.2)
     finally:
         stop.set()
         writer.join()
-    assert [one.missing for one in taken] == [()] * 4
+    assert [one.missing for one in backups] == [()] * 4
     for number in range(4):
         with postgres.fresh(migrated=False) as url:
             put_back(tmp_path / f"{number}.backup", url)
-            kept = stored(tmp_path / "blobs")
-            there = rows(url)["recording"]
-            assert len(there) == taken[number].rows["recording"] >= 19
+            files = read_stored_files(tmp_path / "blobs")
+            there = read_rows(url)["recording"]
+            assert len(there) == backups[number].rows["recording"] >= 19
             for row in there:
-                assert kept[row["blob_key"]].decode() == f"trial {row['id'][1:]}"
-                assert kept[row["tracks_key"]].decode() == f"tracks {row['id'][1:]}"
+                assert files[row["blob_key"]].decode() == f"trial {row['id'][1:]}"
+                assert files[row["tracks_key"]].decode() == f"tracks {row['id'][1:]}"
 
 
 def test_a_backup_waits_for_a_removal_at_work(database_url: str, tmp_path: Path) -> None:
     """Rows of a moment at which their files were just going would name what is not there."""
     store, target = BlobStore.from_url(tmp_path.as_uri()), tmp_path / "lab.backup"
     with psycopg.connect(database_url) as removing, psycopg.connect(database_url, autocommit=True) as watching:
-        asked = removing.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (locks.REMOVAL,))
-        assert asked.fetchone() == (True,)
+        lock_query = removing.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (locks.REMOVAL,))
+        assert lock_query.fetchone() == (True,)
         backup = threading.Thread(target=create_backup, args=(database_url, store, target))
         backup.start()
         waiting = "SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
@@ -131,13 +133,13 @@ def test_a_web_server_comes_up_while_a_backup_runs(database_url: str, tmp_path: 
         mock.patch.object(RobotCache, "prepare_all", mock.AsyncMock()),
     ):
         assert asyncio.run(come_up()) < 5.0
-    assert [row["id"] for row in rows(database_url)["recording"]] == [SAMPLE_ID]
+    assert [row["id"] for row in read_rows(database_url)["recording"]] == [SAMPLE_ID]
 
 
 def test_a_restore_that_is_killed_has_changed_no_row(backup: Path, database_url: str, tmp_path: Path) -> None:
     with psycopg.connect(database_url) as connection:
         connection.execute("INSERT INTO subject (id, fields) VALUES ('kept', '{}')")
-    before = rows(database_url)
+    before = read_rows(database_url)
     process = subprocess.Popen(
         [sys.executable, "-c", SLOW_RESTORE, str(backup), database_url, (tmp_path / "blobs").as_uri()],
         stdout=subprocess.PIPE,
@@ -154,5 +156,5 @@ def test_a_restore_that_is_killed_has_changed_no_row(backup: Path, database_url:
             return connection.execute(others).fetchone() == (1,)
 
     wait_until(free, 20, "the server noticed")
-    assert rows(database_url) == before
-    assert len(stored(tmp_path / "blobs")) == 1  # which no row names: the janitor's
+    assert read_rows(database_url) == before
+    assert len(read_stored_files(tmp_path / "blobs")) == 1  # which no row names: the janitor's

@@ -1,4 +1,4 @@
-"""Whose turn it is: nobody's many jobs keep another's few waiting."""
+"""Fairness of the queue: many jobs of one owner do not delay the few of another."""
 
 import asyncio
 from collections import Counter, defaultdict
@@ -23,7 +23,7 @@ OWNERS = ("anna", "ben", "carla", None)
 
 
 class Queue:
-    """Owners who submit, and slots that fetch and finish, on a real database."""
+    """Owners that submit jobs, and slots that fetch and finish them, on a real database."""
 
     def __init__(self, url: str, folder: Any) -> None:
         self.engine, self.consumer, self.folder = make_engine(url), QueueConsumer(url), folder
@@ -67,12 +67,12 @@ def queue(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> 
 
         def run(act: Callable[[Queue], Awaitable[Any]]) -> Any:
             async def inside() -> Any:
-                made = Queue(url, tmp_path_factory.mktemp("blobs"))
+                new_queue = Queue(url, tmp_path_factory.mktemp("blobs"))
                 try:
-                    return await act(made)
+                    return await act(new_queue)
                 finally:
-                    await made.consumer.close()
-                    await made.engine.dispose()
+                    await new_queue.consumer.close()
+                    await new_queue.engine.dispose()
 
             with psycopg.connect(url) as connection:
                 connection.execute("TRUNCATE job, job_event CASCADE")
@@ -89,29 +89,29 @@ endings = st.integers(0, 2)
 @settings(max_examples=25)
 @given(moves=st.lists(st.one_of(submissions, endings), min_size=4, max_size=30), slots=st.integers(1, 3))
 def test_turns_are_fair_whatever_is_submitted(queue: Any, moves: list[Any], slots: int) -> None:
-    async def act(made: Queue) -> None:
+    async def act(jobs: Queue) -> None:
         passed_over: Counter[tuple[str | None, str | None]] = Counter()
         running: list[str] = []
 
         async def slot(ending: int = 0) -> bool:
             if len(running) == slots:
-                await made.finish(running.pop(ending % slots))
-            waiting = {owner: list(made.waiting[owner]) for owner in made.waits()}
-            in_hand = {owner: made.in_hand(owner) for owner in waiting}
-            job_id = await made.fetch()
+                await jobs.finish(running.pop(ending % slots))
+            waiting = {owner: list(jobs.waiting[owner]) for owner in jobs.waits()}
+            in_hand = {owner: jobs.in_hand(owner) for owner in waiting}
+            job_id = await jobs.fetch()
             if job_id is None:
                 assert not waiting
                 return False
             running.append(job_id)
-            winner = made.owner[job_id]
+            winner = jobs.owner[job_id]
             # of one's own jobs, the most urgent, then the oldest
-            assert job_id == min(waiting[winner], key=made.rank.__getitem__)
+            assert job_id == min(waiting[winner], key=jobs.rank.__getitem__)
             for other in waiting:
                 passed_over[other, winner] += other != winner
                 if other != winner:
-                    # nobody gets another slot while somebody has fewer ...
+                    # no owner gets another slot while an owner has fewer ...
                     assert in_hand[winner] <= in_hand[other]
-                    # ... and whoever has none in hand is passed over once by each of the others at most
+                    # ... and an owner without a slot is passed over once by each of the others at most
                     assert in_hand[other] > 0 or passed_over[other, winner] <= 1
             for rival in OWNERS:
                 passed_over[winner, rival] = 0
@@ -121,49 +121,49 @@ def test_turns_are_fair_whatever_is_submitted(queue: Any, moves: list[Any], slot
             if isinstance(move, int):
                 await slot(move)
             else:
-                await made.submit(*move)
+                await jobs.submit(*move)
         while await slot():
             pass
         while running:
-            await made.finish(running.pop(0))
-        assert not any(made.waiting.values())
+            await jobs.finish(running.pop(0))
+        assert not any(jobs.waiting.values())
 
     queue(act)
 
 
 def test_a_single_job_does_not_wait_for_a_hundred_of_somebody_else(queue: Any) -> None:
-    async def act(made: Queue) -> None:
+    async def act(jobs: Queue) -> None:
         for _ in range(100):
-            await made.submit("many", priority=100)
-        running = await made.fetch()
+            await jobs.submit("many", priority=100)
+        running = await jobs.fetch()
         assert running is not None
-        single = await made.submit("one", priority=-100)
-        assert (await made.store.get(single)).queue_position == 2
-        await made.finish(running)
-        assert await made.fetch() == single
+        single = await jobs.submit("one", priority=-100)
+        assert (await jobs.store.get(single)).queue_position == 2
+        await jobs.finish(running)
+        assert await jobs.fetch() == single
 
     queue(act)
 
 
-def test_who_has_a_slot_gets_another_after_those_who_have_none(queue: Any) -> None:
-    async def act(made: Queue) -> None:
-        long_job, next_job = await made.submit("anna"), await made.submit("anna")
-        short_jobs = [await made.submit("ben") for _ in range(3)]
-        assert await made.fetch() == long_job
+def test_a_user_with_a_slot_gets_another_after_users_without_one(queue: Any) -> None:
+    async def act(jobs: Queue) -> None:
+        long_job, next_job = await jobs.submit("anna"), await jobs.submit("anna")
+        short_jobs = [await jobs.submit("ben") for _ in range(3)]
+        assert await jobs.fetch() == long_job
         for job_id in short_jobs:  # though ben was served later each time
-            assert await made.fetch() == job_id
-            await made.finish(job_id)
-        assert await made.fetch() == next_job
+            assert await jobs.fetch() == job_id
+            await jobs.finish(job_id)
+        assert await jobs.fetch() == next_job
 
     queue(act)
 
 
 def test_a_job_that_was_deleted_is_not_handed_out(queue: Any) -> None:
-    async def act(made: Queue) -> None:
-        await made.submit("anna")
-        async with made.engine.begin() as connection:
+    async def act(jobs: Queue) -> None:
+        await jobs.submit("anna")
+        async with jobs.engine.begin() as connection:
             await connection.exec_driver_sql("DELETE FROM job")
-        assert await made.consumer.claim_attempt(LANES) is None
+        assert await jobs.consumer.claim_attempt(LANES) is None
 
     queue(act)
 
@@ -172,20 +172,20 @@ def test_a_job_that_was_deleted_is_not_handed_out(queue: Any) -> None:
 def test_a_job_that_comes_back_keeps_its_place(queue: Any, how: str) -> None:
     """Before jobs that were submitted later, one's own and those of owners who are served in turn."""
 
-    async def act(made: Queue) -> None:
-        first, second = await made.submit("anna"), await made.submit("anna")
-        assert await made.fetch() == first
-        await made.submit("ben")
-        attempt = made.held.pop(first)
+    async def act(jobs: Queue) -> None:
+        first, second = await jobs.submit("anna"), await jobs.submit("anna")
+        assert await jobs.fetch() == first
+        await jobs.submit("ben")
+        attempt = jobs.held.pop(first)
         if how == "its worker died":
-            await made.consumer.unregister_worker()
-            assert await made.attempts.requeue_lost(None) == [first]
+            await jobs.consumer.unregister_worker()
+            assert await jobs.attempts.requeue_lost(None) == [first]
         else:
-            assert await made.attempts.hand_back(attempt, counts=how == "its process was killed")
-            made.consumer.release_attempt(attempt)
-        made.waiting["anna"].insert(0, first)
-        assert (await made.store.get(first)).queue_position == 1
-        assert (await made.store.get(second)).queue_position == 3
-        assert await made.fetch() == first
+            assert await jobs.attempts.hand_back(attempt, counts=how == "its process was killed")
+            jobs.consumer.release_attempt(attempt)
+        jobs.waiting["anna"].insert(0, first)
+        assert (await jobs.store.get(first)).queue_position == 1
+        assert (await jobs.store.get(second)).queue_position == 3
+        assert await jobs.fetch() == first
 
     queue(act)

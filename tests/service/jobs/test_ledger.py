@@ -5,7 +5,7 @@ from pathlib import Path
 import psycopg
 import pytest
 
-from support.service.processes import Jobs, assert_sound, faults
+from support.service.processes import Jobs, assert_sound, find_job_faults
 
 JOB = "a" * 32
 STARTED = [("queued", 0), ("running", 1)]
@@ -38,7 +38,7 @@ def blobs(database_url: str, tmp_path: Path) -> Path:
 
 
 def test_sound_database_has_no_faults(database_url: str, blobs: Path) -> None:
-    assert faults(database_url, blobs, [JOB]) == []
+    assert find_job_faults(database_url, blobs, [JOB]) == []
     assert_sound(database_url, blobs, [JOB], timeout_s=0.0)
 
 
@@ -46,7 +46,7 @@ ADD = "INSERT INTO job_event (job_id, state, attempt, fraction, message) VALUES 
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ("DELETE FROM job", "is lost"),
         ("UPDATE job SET state = 'running', finished_at = NULL", "is stuck as running"),
@@ -60,27 +60,29 @@ ADD = "INSERT INTO job_event (job_id, state, attempt, fraction, message) VALUES 
         ("UPDATE job_event SET state = 'failed' WHERE attempt = 1 AND state = 'running'", "went from failed to queued"),
     ],
 )
-def test_what_must_not_be_in_the_tables_is_found(database_url: str, blobs: Path, change: str, said: str) -> None:
+def test_invalid_rows_are_reported(database_url: str, blobs: Path, change: str, message: str) -> None:
     with psycopg.connect(database_url) as connection:
         connection.execute(change.encode())
-    assert any(said in fault for fault in faults(database_url, blobs, [JOB])), faults(database_url, blobs, [JOB])
+    assert any(message in fault for fault in find_job_faults(database_url, blobs, [JOB])), find_job_faults(
+        database_url, blobs, [JOB]
+    )
     with pytest.raises(AssertionError, match=JOB):
         assert_sound(database_url, blobs, [JOB], timeout_s=0.0)
 
 
-def test_missing_short_and_unnamed_files_are_found(database_url: str, blobs: Path) -> None:
+def test_missing_short_and_unnamed_files_are_reported(database_url: str, blobs: Path) -> None:
     named = f"results/{JOB}/2/x.csv"
     put(blobs, named, b"")
-    assert faults(database_url, blobs) == [f"{named} should have 1 bytes"]
+    assert find_job_faults(database_url, blobs) == [f"{named} should have 1 bytes"]
     (blobs / named).unlink()
-    assert faults(database_url, blobs) == [f"{named} should have 1 bytes"]
+    assert find_job_faults(database_url, blobs) == [f"{named} should have 1 bytes"]
     put(blobs, named)
     for unnamed in (f"results/{JOB}/2/y.csv", f"results/{JOB}/3/x.csv", "results/other/1/x.csv"):
         put(blobs, unnamed)
-        assert faults(database_url, blobs) == [f"{unnamed} is named by no result"]
+        assert find_job_faults(database_url, blobs) == [f"{unnamed} is named by no result"]
         (blobs / unnamed).unlink()
 
 
-def test_job_that_was_only_submitted_is_stuck(database_url: str, tmp_path: Path) -> None:
+def test_a_job_that_was_only_submitted_is_reported_as_stuck(database_url: str, tmp_path: Path) -> None:
     job_id = Jobs(database_url).submit("work")
-    assert f"{job_id}: is stuck as queued" in faults(database_url, tmp_path)
+    assert f"{job_id}: is stuck as queued" in find_job_faults(database_url, tmp_path)

@@ -16,7 +16,7 @@ from stridelab.service.jobs.notifications import JobNotifications
 from stridelab.service.jobs.store import CHANNEL, JobStore
 from stridelab.service.postgres.embedded import EmbeddedPostgres
 from stridelab.service.storage.migrate import migrate
-from support.service.database import public_folder, within
+from support.service.database import public_folder, run_with_engine
 from support.service.job_kinds import KINDS
 
 
@@ -34,7 +34,7 @@ def test_waiting_ends_when_the_job_does(database_url: str) -> None:
                 await board.wait_for_end(store, "nothing", 1.0)
             assert board._watchers == {}
 
-    within(database_url, act)
+    run_with_engine(database_url, act)
 
 
 def test_many_watchers_of_one_job_and_none_of_another(database_url: str) -> None:
@@ -53,7 +53,7 @@ def test_many_watchers_of_one_job_and_none_of_another(database_url: str) -> None
                 await asyncio.wait_for(asyncio.gather(a.wait(), b.wait()), 5.0)
                 assert not c.is_set()
 
-    within(database_url, act)
+    run_with_engine(database_url, act)
 
 
 def test_all_listeners_to_a_job_share_one_reader(database_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,18 +78,18 @@ def test_all_listeners_to_a_job_share_one_reader(database_url: str, monkeypatch:
                 await asyncio.sleep(0.01)
             await store.request_cancel(job_id)
             early += [events async for events in first]
-            seen = await asyncio.wait_for(asyncio.gather(*others), 20)
+            received = await asyncio.wait_for(asyncio.gather(*others), 20)
             expected = [event for events in early for event in events]
             assert [event.state for event in expected] == ["queued", "cancelled"]
-            assert all(events == expected for events in seen)
+            assert all(events == expected for events in received)
             assert reads < 10
             assert board._feeds == {}
             assert board._watchers == {}
 
-    within(database_url, act)
+    run_with_engine(database_url, act)
 
 
-def test_who_is_slow_or_late_misses_nothing(database_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_and_late_listeners_miss_no_event(database_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """With fewer events in memory than were written while a listener was busy."""
     monkeypatch.setattr(board_module, "RECENT_EVENTS", 3)
 
@@ -99,10 +99,10 @@ def test_who_is_slow_or_late_misses_nothing(database_url: str, monkeypatch: pyte
         async with JobNotifications(database_url) as board:
             await asyncio.wait_for(board._listener.listening.wait(), 10)
             fast, slow = board.follow_events(store, job_id), board.follow_events(store, job_id)
-            seen: dict[str, list[int]] = {"fast": [], "slow": [event.seq for event in await anext(slow)]}
+            received: dict[str, list[int]] = {"fast": [], "slow": [event.seq for event in await anext(slow)]}
 
             async def follow(name: str, source: AsyncGenerator[tuple[JobEvent, ...], None]) -> None:
-                seen[name] += [event.seq for events in [e async for e in source] for event in events]
+                received[name] += [event.seq for events in [e async for e in source] for event in events]
 
             following = asyncio.create_task(follow("fast", fast))
             insert = text("INSERT INTO job_event (job_id, state, attempt, fraction, message) "
@@ -118,10 +118,10 @@ def test_who_is_slow_or_late_misses_nothing(database_url: str, monkeypatch: pyte
             late = [event.seq for event in await _all_events(board, store, job_id)]
             resumed = [event.seq for event in await _all_events(board, store, job_id, late[4])]
         assert len(late) == 12
-        assert seen["fast"] == seen["slow"] == late
+        assert received["fast"] == received["slow"] == late
         assert resumed == late[5:]
 
-    within(database_url, act)
+    run_with_engine(database_url, act)
 
 
 def test_listeners_end_with_the_server_and_with_the_job_row(database_url: str) -> None:
@@ -138,7 +138,7 @@ def test_listeners_end_with_the_server_and_with_the_job_row(database_url: str) -
                 await _all_events(board, store, "nothing")
             assert board._feeds == {}
 
-    within(database_url, act)
+    run_with_engine(database_url, act)
 
 
 async def _all_events(
@@ -164,7 +164,7 @@ def test_lost_notifications_cost_only_time(database_url: str, monkeypatch: pytes
             await asyncio.to_thread(change_silently)
             assert (await asyncio.wait_for(waiting, 10.0)).state == "failed"
 
-    within(database_url, act)
+    run_with_engine(database_url, act)
 
 
 def test_board_survives_a_restart_of_the_database() -> None:
@@ -182,13 +182,13 @@ def test_board_survives_a_restart_of_the_database() -> None:
                     os.kill(int(server.postmaster_pid or 0), signal.SIGKILL)
                     await asyncio.to_thread(server.start)
                     change.clear()
-                    await asyncio.wait_for(change.wait(), 20)  # told to look again
+                    await asyncio.wait_for(change.wait(), 20)  # notified to look again
                 waiting = asyncio.create_task(board.wait_for_end(store, job_id, 60.0))
                 await asyncio.wait_for(board._listener.listening.wait(), 10)
                 await store.request_cancel(job_id)
                 assert (await asyncio.wait_for(waiting, 20.0)).state == "cancelled"
 
         try:
-            within(url, act)
+            run_with_engine(url, act)
         finally:
             server.stop()

@@ -61,20 +61,22 @@ def test_of_workers_that_race_for_an_orphan_one_gets_it(
             assert lost is not None
             await asyncio.to_thread(shift, database_url, 2 * STALL_S)
             await asyncio.gather(*(consumer.send_heartbeat() for consumer in living))
-            found = await asyncio.gather(*(attempts.requeue_lost(STALL_S) for _ in living))
-            assert [ids for ids in found if ids] == [[job_id]]
-            taken = [a for a in await asyncio.gather(*(take(consumer) for consumer in living)) if a]
-            assert [(one.job_id, one.number) for one in taken] == [(job_id, 2)]
-            ends = await asyncio.gather(*(attempts.end_attempt(one, "failed", None, "") for one in (lost, taken[0])))
+            requeued = await asyncio.gather(*(attempts.requeue_lost(STALL_S) for _ in living))
+            assert [ids for ids in requeued if ids] == [[job_id]]
+            attempts_taken = [a for a in await asyncio.gather(*(take(consumer) for consumer in living)) if a]
+            assert [(one.job_id, one.number) for one in attempts_taken] == [(job_id, 2)]
+            ends = await asyncio.gather(
+                *(attempts.end_attempt(one, "failed", None, "") for one in (lost, attempts_taken[0]))
+            )
             assert ends == [False, True]
 
     with_consumers(5, act)
 
 
-def test_clock_that_jumps_forward_costs_a_start_and_no_job(
+def test_a_clock_that_jumps_forward_costs_an_attempt_and_no_job(
     database_url: str, with_consumers: Callable[[int, Work], None]
 ) -> None:
-    """All running jobs are taken away at once; those who run them hear of it, and each ends once."""
+    """All running jobs are requeued at once; their workers are notified, and each job ends once."""
 
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
         one, other = consumers
@@ -98,9 +100,7 @@ def test_clock_that_jumps_forward_costs_a_start_and_no_job(
     with_consumers(2, act)
 
 
-def test_clock_that_jumps_back_takes_nothing_away(
-    database_url: str, with_consumers: Callable[[int, Work], None]
-) -> None:
+def test_a_clock_that_jumps_back_loses_nothing(database_url: str, with_consumers: Callable[[int, Work], None]) -> None:
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
         await store.submit("work", {})
         mine = await take(consumers[0])
@@ -114,21 +114,21 @@ def test_clock_that_jumps_back_takes_nothing_away(
     with_consumers(1, act)
 
 
-def test_claims_at_once_start_every_job_once(database_url: str, with_consumers: Callable[[int, Work], None]) -> None:
+def test_concurrent_claims_start_every_job_once(database_url: str, with_consumers: Callable[[int, Work], None]) -> None:
     """A worker that finds the first job of an owner locked gets the next one; every worker gets a job."""
 
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
         ids = [(await store.submit("work", {"n": n})).job_id for n in range(40)]
-        taken: list[Attempt | None] = []
+        attempts_taken: list[Attempt | None] = []
         for _ in range(8):
-            taken += await asyncio.gather(*(take(one) for one in consumers))
-        assert sorted(each.job_id for each in taken if each) == sorted(ids)
+            attempts_taken += await asyncio.gather(*(take(one) for one in consumers))
+        assert sorted(each.job_id for each in attempts_taken if each) == sorted(ids)
         assert await asyncio.gather(*(take(one) for one in consumers)) == [None] * 5
 
     with_consumers(5, act)
 
 
-def test_claim_whose_answer_was_lost_is_answered_again_in_its_lane(
+def test_a_claim_whose_answer_was_lost_is_answered_again_in_its_lane(
     database_url: str, with_consumers: Callable[[int, Work], None]
 ) -> None:
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:

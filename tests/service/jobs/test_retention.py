@@ -14,7 +14,7 @@ from stridelab.service.jobs.retention import remove_expired, remove_old_events, 
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
-from support.service.database import within
+from support.service.database import run_with_engine
 from support.service.job_kinds import KINDS
 
 Act = Callable[[JobStore, AsyncConnection], Awaitable[Any]]
@@ -32,7 +32,7 @@ def use(database_url: str) -> Callable[[Act], Any]:
             async with engine.connect() as connection:
                 return await act(JobStore(engine, KINDS), connection)
 
-        return within(database_url, inside)
+        return run_with_engine(database_url, inside)
 
     return run
 
@@ -122,13 +122,13 @@ def test_only_files_without_a_row_are_orphans(use: Any, blobs: BlobStore, databa
     (tmp_path / "x").write_bytes(b"x")
 
     async def act(store: JobStore, connection: AsyncConnection) -> None:
-        done, running = [(await store.submit("work", {"n": n})).job_id for n in range(2)]
+        finished, running = [(await store.submit("work", {"n": n})).job_id for n in range(2)]
 
         def arrange() -> None:
             with psycopg.connect(database_url) as other:
                 other.execute(
                     "UPDATE job SET state = 'succeeded', attempt = 2, blob_prefix = %s WHERE id = %s",
-                    (f"results/{done}/2", done),
+                    (f"results/{finished}/2", finished),
                 )
                 other.execute("UPDATE job SET state = 'running', attempt = 3 WHERE id = %s", (running,))
                 other.execute(
@@ -138,8 +138,8 @@ def test_only_files_without_a_row_are_orphans(use: Any, blobs: BlobStore, databa
 
         await asyncio.to_thread(arrange)
         keys = [
-            f"results/{done}/1/x",
-            f"results/{done}/2/x",
+            f"results/{finished}/1/x",
+            f"results/{finished}/2/x",
             f"results/{running}/2/x",
             f"results/{running}/3/x",
             "results/gone/1/x",
@@ -153,7 +153,7 @@ def test_only_files_without_a_row_are_orphans(use: Any, blobs: BlobStore, databa
         assert await remove_orphans(connection, blobs) == []  # all too young to be called orphans
         removed = await remove_orphans(connection, blobs, timedelta(seconds=-1))
         assert set(removed) == {
-            f"results/{done}/1",
+            f"results/{finished}/1",
             f"results/{running}/2",
             "results/gone/1",
             "recordings/kept/tracks-of-other-switches",
@@ -171,7 +171,7 @@ def test_workers_that_died_are_forgotten_after_a_day(database_url: str, blobs: B
         connection.execute(
             "INSERT INTO worker (last_heartbeat) VALUES (now() - interval '23 h'), (now() - interval '25 h')"
         )
-    within(database_url, lambda engine: remove_expired(engine, blobs, Settings(database_url=database_url)))
+    run_with_engine(database_url, lambda engine: remove_expired(engine, blobs, Settings(database_url=database_url)))
     with psycopg.connect(database_url) as connection:
-        left = connection.execute("SELECT now() - last_heartbeat < interval '24 h' FROM worker")
-        assert left.fetchall() == [(True,)]
+        remaining = connection.execute("SELECT now() - last_heartbeat < interval '24 h' FROM worker")
+        assert remaining.fetchall() == [(True,)]

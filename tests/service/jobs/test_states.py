@@ -117,7 +117,7 @@ class JobMachine(RuleBasedStateMachine):
     def submit_one(self, priority: int, key: str | None, body: int) -> None:
         waiting = sum(model.state == "queued" for model in self.models.values())
         try:
-            made = self.do(self.store.submit("work", {"n": body}, priority=priority, idempotency_key=key))
+            submission = self.do(self.store.submit("work", {"n": body}, priority=priority, idempotency_key=key))
         except Busy:
             assert waiting >= QUEUE_LIMIT
             return
@@ -126,15 +126,15 @@ class JobMachine(RuleBasedStateMachine):
             assert self.keys[key][1] != body
             return
         if key is not None and key in self.keys:
-            assert not made.created
-            assert self.keys[key] == (made.job_id, body)
+            assert not submission.created
+            assert self.keys[key] == (submission.job_id, body)
             return
-        assert made.created
+        assert submission.created
         assert waiting < QUEUE_LIMIT
         self.count += 1
-        self.models[made.job_id] = Model(priority=priority, order=self.count)
+        self.models[submission.job_id] = Model(priority=priority, order=self.count)
         if key is not None:
-            self.keys[key] = (made.job_id, body)
+            self.keys[key] = (submission.job_id, body)
 
     @rule(data=st.data())
     def cancel(self, data: Any) -> None:
@@ -197,8 +197,8 @@ class JobMachine(RuleBasedStateMachine):
         model = self.models[held.job_id]
         may = self._present(held) and not model.cancel_requested
         already = model.state == "succeeded" and model.attempt == held.attempt.number
-        done = self.do(self.attempts.publish_success(held.attempt, self.blobs, OUTCOME, [], self.folder, "log"))
-        assert done is (may or already)
+        published = self.do(self.attempts.publish_success(held.attempt, self.blobs, OUTCOME, [], self.folder, "log"))
+        assert published is (may or already)
         if may:
             model.state = "succeeded"
         elif not already:
@@ -249,7 +249,7 @@ class JobMachine(RuleBasedStateMachine):
 
     @rule(worker=st.integers(0, 1))
     def given_up_as_dead(self, worker: int) -> None:
-        """The worker's row goes; what it held is now held by a zombie, which may act later."""
+        """Delete the worker's row; its attempts belong to a zombie from then on, which may act later."""
         seat = self.seats[worker]
 
         async def forget() -> None:
@@ -298,18 +298,18 @@ class JobMachine(RuleBasedStateMachine):
 
     @invariant()
     def events_tell_one_story(self) -> None:
-        told = self.look.execute(
+        histories = self.look.execute(
             "SELECT job_id, array_agg(state ORDER BY seq), array_agg(attempt ORDER BY seq) FROM job_event GROUP BY 1"
         ).fetchall()
-        assert {row[0] for row in told} == set(self.models)
-        for job_id, states, attempts in told:
+        assert {row[0] for row in histories} == set(self.models)
+        for job_id, states, attempts in histories:
             assert states[-1] == self.models[job_id].state
             assert sum(state in FINAL_STATES for state in states) <= 1
             assert attempts == sorted(attempts)
 
     @invariant()
     def what_runs_has_a_worker_and_what_waits_has_none(self) -> None:
-        """Nothing accepted is lost: what is queued waits for anybody, what runs is held or will be found lost."""
+        """No accepted job is lost: queued jobs wait, running ones have a worker or will be requeued."""
         rows = self.look.execute("SELECT id, state, worker_id FROM job").fetchall()
         living = {number for (number,) in self.look.execute("SELECT id FROM worker")}
         for job_id, state, worker in rows:
@@ -320,7 +320,7 @@ class JobMachine(RuleBasedStateMachine):
 
 
 @pytest.mark.timeout(600)
-def test_jobs_follow_the_model(database_url: str, tmp_path: Path) -> None:
+def test_random_sequences_of_calls_agree_with_the_model(database_url: str, tmp_path: Path) -> None:
     JobMachine.url, JobMachine.folder = database_url, tmp_path
     run_state_machine_as_test(
         JobMachine,

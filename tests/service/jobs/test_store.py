@@ -8,7 +8,7 @@ import pytest
 from stridelab.errors import Busy, Conflict, InvalidInput, NotFound
 from stridelab.service.jobs.queue import LANES, Attempt, QueueConsumer
 from stridelab.service.jobs.store import JobStore
-from support.service.database import within
+from support.service.database import run_with_engine
 from support.service.job_kinds import KINDS
 
 
@@ -21,7 +21,7 @@ def use(database_url: str) -> Use:
     """Run an asynchronous function with a store."""
 
     def run(act: Callable[[JobStore], Awaitable[Any]], **options: Any) -> Any:
-        return within(database_url, lambda engine: act(JobStore(engine, KINDS, **options)))
+        return run_with_engine(database_url, lambda engine: act(JobStore(engine, KINDS, **options)))
 
     return run
 
@@ -72,9 +72,9 @@ def test_same_key_and_body_is_the_same_job(use: Use) -> None:
         with pytest.raises(Conflict):
             await store.submit("long-work", {"a": 1, "b": 2}, owner="o", idempotency_key="k")
         other_owner = await store.submit("work", {"a": 2}, owner="p", idempotency_key="k")
-        nobody = await store.submit("work", {"a": 2}, idempotency_key="k")
+        anonymous = await store.submit("work", {"a": 2}, idempotency_key="k")
         assert other_owner.created
-        assert nobody.created
+        assert anonymous.created
         assert not (await store.submit("work", {"a": 2}, idempotency_key="k")).created
 
     use(act)
@@ -82,17 +82,17 @@ def test_same_key_and_body_is_the_same_job(use: Use) -> None:
 
 def test_concurrent_duplicates_make_one_job(use: Use) -> None:
     async def act(store: JobStore) -> None:
-        made = await asyncio.gather(*(store.submit("work", {"a": 1}, idempotency_key="k") for _ in range(12)))
-        assert len({submitted.job_id for submitted in made}) == 1
-        assert sum(submitted.created for submitted in made) == 1
+        submissions = await asyncio.gather(*(store.submit("work", {"a": 1}, idempotency_key="k") for _ in range(12)))
+        assert len({submitted.job_id for submitted in submissions}) == 1
+        assert sum(submitted.created for submitted in submissions) == 1
 
     use(act)
 
 
 def test_fifty_parallel_submissions_fill_the_queue_to_its_limit(use: Use) -> None:
     async def act(store: JobStore) -> None:
-        made = await asyncio.gather(*(store.submit("work", {"n": n}) for n in range(50)), return_exceptions=True)
-        refused = [answer for answer in made if isinstance(answer, Busy)]
+        submissions = await asyncio.gather(*(store.submit("work", {"n": n}) for n in range(50)), return_exceptions=True)
+        refused = [answer for answer in submissions if isinstance(answer, Busy)]
         assert len(refused) == 40
         assert all(busy.code == "queue-full" and busy.retry_after_s > 0 for busy in refused)
         assert len((await store.list_jobs(limit=100)).items) == 10
@@ -100,7 +100,7 @@ def test_fifty_parallel_submissions_fill_the_queue_to_its_limit(use: Use) -> Non
     use(act, queue_limit=10)
 
 
-def test_an_earlier_job_is_found_even_when_the_queue_is_full(use: Use) -> None:
+def test_a_repeated_key_returns_its_job_even_when_the_queue_is_full(use: Use) -> None:
     async def act(store: JobStore) -> None:
         first = await store.submit("work", {}, idempotency_key="k")
         with pytest.raises(Busy):
@@ -112,17 +112,17 @@ def test_an_earlier_job_is_found_even_when_the_queue_is_full(use: Use) -> None:
 
 def test_list_pages_newest_first_and_filters(use: Use) -> None:
     async def act(store: JobStore) -> None:
-        made = [(await store.submit("work" if n % 2 else "refuse", {"n": n})).job_id for n in range(7)]
-        seen: list[str] = []
+        job_ids = [(await store.submit("work" if n % 2 else "refuse", {"n": n})).job_id for n in range(7)]
+        listed_ids: list[str] = []
         cursor = None
         while True:
             page = await store.list_jobs(limit=3, cursor=cursor)
-            seen += [record.id for record in page.items]
+            listed_ids += [record.id for record in page.items]
             cursor = page.next
             if cursor is None:
                 break
-        assert seen == made[::-1]
-        assert [r.id for r in (await store.list_jobs(kind="work")).items] == made[1::2][::-1]
+        assert listed_ids == job_ids[::-1]
+        assert [r.id for r in (await store.list_jobs(kind="work")).items] == job_ids[1::2][::-1]
         assert (await store.list_jobs(state="running")).items == ()
         assert (await store.list_jobs(recording_id="x")).items == ()
         with pytest.raises(InvalidInput) as caught:

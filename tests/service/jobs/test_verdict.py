@@ -27,7 +27,7 @@ def quality(verdict: str, **values: float) -> dict[str, Any]:
     return {"verdict": verdict, "checks": rows, "not_checked": {}}
 
 
-def found(summary: dict[str, Any]) -> tuple[str, str, str, list[str]]:
+def verdict_parts(summary: dict[str, Any]) -> tuple[str, str, str, list[str]]:
     verdict = verdict_of(summary)
     assert isinstance(verdict, JobVerdict)
     return verdict.outcome, verdict.code, verdict.message, verdict.failed_checks
@@ -63,19 +63,21 @@ def found(summary: dict[str, Any]) -> tuple[str, str, str, list[str]]:
 def test_a_motion_is_judged_by_its_certificate_and_its_replay(
     summary: dict[str, Any], expected: tuple[str, str, str, list[str]]
 ) -> None:
-    assert found(summary) == expected
+    assert verdict_parts(summary) == expected
 
 
 def test_a_fall_outweighs_failed_checks_of_which_three_are_named() -> None:
     failed = ("leg_clearance_min", "self_collisions", "torque_ratio_max_arms", "com_error_max", "hand_load")
-    _, code, message, names = found({"certificate": certificate(*failed), "replay": replay(False, 2.0, "replay-fell")})
+    _, code, message, names = verdict_parts(
+        {"certificate": certificate(*failed), "replay": replay(False, 2.0, "replay-fell")}
+    )
     assert code == "replay-fell"
     assert "CoM error, leg clearance, self collisions and 2 more; the robot falls at 2.0 s" in message
     assert set(names) == set(failed)
 
 
 def test_a_replay_of_an_earlier_version_without_reasons_fell_where_it_was_not_completed() -> None:
-    outcome, code, message, _ = found({"certificate": certificate(), "replay": {"completed": False}})
+    outcome, code, message, _ = verdict_parts({"certificate": certificate(), "replay": {"completed": False}})
     assert (outcome, code) == ("failed", "replay-fell")
     assert message == "Certified, but the robot falls in the replay"
 
@@ -102,12 +104,12 @@ def test_a_replay_of_an_earlier_version_without_reasons_fell_where_it_was_not_co
 def test_a_recording_is_judged_by_its_sensors(
     summary: dict[str, Any], expected: tuple[str, str, str, list[str]]
 ) -> None:
-    assert found({"quality": summary}) == expected
+    assert verdict_parts({"quality": summary}) == expected
 
 
 def test_a_walk_with_a_receding_horizon_is_doubtful_where_a_replan_failed() -> None:
-    assert found({"replans": 40, "carried_on": 0})[:2] == ("passed", "every-replan-solved")
-    assert found({"replans": 40, "carried_on": 3})[:3] == (
+    assert verdict_parts({"replans": 40, "carried_on": 0})[:2] == ("passed", "every-replan-solved")
+    assert verdict_parts({"replans": 40, "carried_on": 3})[:3] == (
         "doubtful",
         "replan-failed",
         "No solution in 3 of 40 replans",
@@ -127,7 +129,7 @@ def test_a_walk_with_a_receding_horizon_is_doubtful_where_a_replan_failed() -> N
         {"recording_id": "x"},
     ],
 )
-def test_what_was_not_checked_has_no_verdict(summary: dict[str, Any]) -> None:
+def test_a_result_without_checks_has_no_verdict(summary: dict[str, Any]) -> None:
     assert verdict_of(summary) is None
 
 
@@ -142,7 +144,7 @@ def test_what_was_not_checked_has_no_verdict(summary: dict[str, Any]) -> None:
     ],
 )
 def test_a_summary_of_another_form_still_has_its_verdict(broken: dict[str, Any]) -> None:
-    outcome, _, message, names = found(broken)
+    outcome, _, message, names = verdict_parts(broken)
     assert outcome == "failed"
     assert message
     assert names == []

@@ -109,7 +109,7 @@ def test_a_job_succeeds_with_files_and_provenance(in_shop: Open) -> None:
     in_shop(act)
 
 
-def test_a_job_that_stops_half_way_fails_and_keeps_what_there_is(in_shop: Open) -> None:
+def test_a_job_that_stops_half_way_fails_and_stores_its_partial_result(in_shop: Open) -> None:
     async def act(shop: Shop) -> None:
         record = await shop.do("stop-half-way")
         assert record.state == "failed"
@@ -142,7 +142,9 @@ def test_a_job_that_stops_half_way_fails_and_keeps_what_there_is(in_shop: Open) 
         ("hang", "timed_out", "computation-timed-out", "1 s"),
     ],
 )
-def test_what_goes_wrong_costs_only_its_own_job(in_shop: Open, kind: str, state: str, code: str, words: str) -> None:
+def test_a_failing_computation_fails_only_its_own_job(
+    in_shop: Open, kind: str, state: str, code: str, words: str
+) -> None:
     async def act(shop: Shop) -> None:
         record = await shop.do(kind, bytes=4 << 30)
         assert record.state == state
@@ -162,7 +164,7 @@ def test_what_goes_wrong_costs_only_its_own_job(in_shop: Open, kind: str, state:
         ("stumble-in-a-stage", "failed", "computation-failed"),
     ],
 )
-def test_a_computation_that_cannot_say_where_it_was_is_located(in_shop: Open, kind: str, state: str, code: str) -> None:
+def test_a_computation_that_hangs_is_located_by_its_last_stage(in_shop: Open, kind: str, state: str, code: str) -> None:
     async def act(shop: Shop) -> None:
         record = await shop.do(kind)
         assert record.state == state
@@ -269,9 +271,9 @@ def test_cancelling_a_running_job_frees_the_processor(in_shop: Open) -> None:
             await asyncio.sleep(0.02)
         pid = int(record.message.split()[1])
         assert psutil.pid_exists(pid)
-        asked = await shop.store.request_cancel(job_id)
-        assert asked.state == "running"
-        assert asked.cancel_requested
+        cancellation = await shop.store.request_cancel(job_id)
+        assert cancellation.state == "running"
+        assert cancellation.cancel_requested
         ended = await shop.ended(job_id, 5.0)
         assert ended.state == "cancelled"
         assert ended.error is None
@@ -291,7 +293,7 @@ def test_a_long_job_does_not_block_short_ones(in_shop: Open) -> None:
     in_shop(act)
 
 
-def test_priorities_decide_behind_full_slots(in_shop: Open, tmp_path: Path) -> None:
+def test_priorities_order_the_jobs_that_wait_for_slots(in_shop: Open, tmp_path: Path) -> None:
     diary = tmp_path / "diary"
 
     async def act(shop: Shop) -> None:
@@ -312,11 +314,13 @@ def test_priorities_decide_behind_full_slots(in_shop: Open, tmp_path: Path) -> N
 def test_events_can_be_followed_and_resumed(in_shop: Open) -> None:
     async def act(shop: Shop) -> None:
         job_id = (await shop.store.submit("work", {"work_s": 0.6})).job_id
-        seen = [event async for events in shop.board.follow_events(shop.store, job_id) for event in events]
-        assert seen[0].state == "queued"
-        assert seen[-1].state == "succeeded"
-        again = [e async for events in shop.board.follow_events(shop.store, job_id, seen[2].seq) for e in events]
-        assert again == seen[3:]
+        events_received = [event async for events in shop.board.follow_events(shop.store, job_id) for event in events]
+        assert events_received[0].state == "queued"
+        assert events_received[-1].state == "succeeded"
+        again = [
+            e async for events in shop.board.follow_events(shop.store, job_id, events_received[2].seq) for e in events
+        ]
+        assert again == events_received[3:]
 
     in_shop(act)
 
@@ -341,7 +345,7 @@ def test_a_stopping_worker_hands_its_job_back(in_shop: Open, database_url: str, 
     in_shop(come_back)
 
 
-def test_nothing_is_left_in_the_work_folder(in_shop: Open, tmp_path: Path) -> None:
+def test_the_work_folder_is_empty_afterwards(in_shop: Open, tmp_path: Path) -> None:
     async def act(shop: Shop) -> None:
         await shop.do("work")
         await shop.do("stumble")

@@ -1,4 +1,4 @@
-"""One planned walk for all who look at its files."""
+"""One planned walk for all tests that read its files."""
 
 import pytest
 

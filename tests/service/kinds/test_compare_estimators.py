@@ -14,14 +14,14 @@ from stridelab.service.kinds.compare_estimators import run as compare_estimators
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.result_tables import known_references, read_metadata
 from stridelab.simulation.truth_table import com_errors_mm, known_motion
-from support.command_line import SAMPLE, Told, estimate_task, quiet
+from support.command_line import SAMPLE, RecordedProgress, estimate_task, quiet
 
 TRIAL, TRUTH = SAMPLE / "recording.c3d", SAMPLE / "truth.parquet"
 TABLES = ("comparison", "spectra", "contributions", "bode")
 
 
-def task(folder: Path, *, truth: bool = True, **asked: object) -> CompareEstimatorsTask:
-    staged = estimate_task(TRIAL, folder, **asked)
+def task(folder: Path, *, truth: bool = True, **options: object) -> CompareEstimatorsTask:
+    staged = estimate_task(TRIAL, folder, **options)
     if truth:
         (folder / "truth.parquet").write_bytes(TRUTH.read_bytes())
     return CompareEstimatorsTask(
@@ -39,9 +39,9 @@ def columns(table: Path, pattern: str) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, CompareEstimatorsSummary]:
-    folder, told = tmp_path_factory.mktemp("compared"), Told()
-    outcome = compare_estimators.run(task(folder, latency="apply"), folder, told)
-    assert told.fractions[-1] == 1.0
+    folder, progress = tmp_path_factory.mktemp("compared"), RecordedProgress()
+    outcome = compare_estimators.run(task(folder, latency="apply"), folder, progress)
+    assert progress.fractions[-1] == 1.0
     assert [a.name for a in outcome.artifacts] == [f"{t}.{kind}" for t in TABLES for kind in ("parquet", "csv")]
     assert set(outcome.references) <= known_references()
     return folder, CompareEstimatorsSummary.model_validate(outcome.summary)
@@ -51,7 +51,7 @@ def test_every_method_of_this_version_is_compared(compared: tuple[Path, CompareE
     methods = compared[1].methods
     assert set(METHODS) | {"complementary-thesis"} <= set(methods) | set(compared[1].refused)
     assert compared[1].reference == "truth"
-    assert all(found.truth is not None for found in methods.values())
+    assert all(comparison.truth is not None for comparison in methods.values())
 
 
 def test_the_errors_are_those_of_estimate_com(compared: tuple[Path, CompareEstimatorsSummary], tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_the_contributions_add_up_to_the_filter(compared: tuple[Path, CompareEst
     assert gains[-1].argmax() == 1, "the force at the highest"
 
 
-def test_without_a_truth_physics_is_asked(tmp_path: Path) -> None:
+def test_without_a_truth_methods_are_scored_by_physics(tmp_path: Path) -> None:
     outcome = compare_estimators.run(task(tmp_path, truth=False, method="complementary"), tmp_path, quiet)
     summary = CompareEstimatorsSummary.model_validate(outcome.summary)
     assert summary.reference == "geometry"
@@ -114,7 +114,7 @@ def test_own_cutoffs_are_for_the_filter_only(tmp_path: Path) -> None:
     assert "cutoffs-not-used" not in {reason.code for reason in summary.refused.values()}
 
 
-def test_a_truth_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_an_invalid_truth_is_refused(tmp_path: Path) -> None:
     broken = tmp_path / "truth.parquet"
     broken.write_bytes(b"no table")
     with pytest.raises(UnreadableFile) as refusal:

@@ -73,11 +73,11 @@ def test_importing_the_registry_imports_no_numeric_package() -> None:
         "import sys, stridelab.service.kinds.registry;"
         "print(sorted({'numpy', 'scipy', 'ezc3d', 'pinocchio', 'pyarrow'} & set(sys.modules)))"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"
 
 
-def test_an_outcome_survives_the_way_out_of_the_child() -> None:
+def test_an_outcome_survives_the_transfer_from_the_child() -> None:
     outcome = Outcome({"a": [1.0, None]}, ("dumas2007",), (ArtifactFile("com.csv", "text/csv"),))
     assert outcome.to_json() == {
         "summary": {"a": [1.0, None]},

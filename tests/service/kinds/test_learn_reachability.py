@@ -48,11 +48,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def outcome(folder: Path) -> dict:
-    told: list[float] = []
-    found = with_json(run)({"input": REQUEST}, folder, lambda fraction, _: told.append(fraction))
-    assert told == sorted(told)
-    assert told[-1] == 1.0
-    return found
+    fractions: list[float] = []
+    result = with_json(run)({"input": REQUEST}, folder, lambda fraction, _: fractions.append(fraction))
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+    return result
 
 
 def test_the_registry_runs_it() -> None:
@@ -79,7 +79,7 @@ def test_the_mixtures_are_those_of_the_same_seed(outcome: dict, folder: Path) ->
     assert card.effectors["left_foot"].kl_nats == outcome["summary"]["effectors"]["left_foot"]["kl_nats"]
 
 
-def test_the_card_tells_all_but_the_mixtures(outcome: dict, folder: Path) -> None:
+def test_the_card_holds_everything_but_the_mixtures(outcome: dict, folder: Path) -> None:
     card = json.loads((folder / "card.json").read_text(encoding="utf-8"))
     whole = json.loads((folder / "mixtures.json").read_text(encoding="utf-8"))
     for effector in whole["effectors"].values():
@@ -113,8 +113,8 @@ def test_every_file_is_an_artifact(outcome: dict, folder: Path) -> None:
 
 def test_the_script_writes_the_bytes_of_the_job(tmp_path: Path) -> None:
     """The files that are bundled: same robot, measure, samples, seed and day, another number of processes."""
-    asked = {"robot": "talos", "samples": 700, "seed": 2}
-    with_json(run)({"input": asked}, tmp_path, lambda *_: None)
+    job_input = {"robot": "talos", "samples": 700, "seed": 2}
+    with_json(run)({"input": job_input}, tmp_path, lambda *_: None)
     day = store.read_card(tmp_path / "mixtures.json").learned_on
     options = ["--samples", "700", "--seed", "2", "--date", day, "--processes", "2", "--folder", str(tmp_path)]
     subprocess.run([sys.executable, str(SCRIPT), "talos", "uniform", *options], check=True)
@@ -123,22 +123,22 @@ def test_the_script_writes_the_bytes_of_the_job(tmp_path: Path) -> None:
 
 
 def test_the_other_measure_learns_from_stances(tmp_path: Path) -> None:
-    asked = {"robot": "talos", "effectors": ["left_foot"], "samples": 500, "measure": "conditioned"}
-    found = with_json(run)({"input": asked}, tmp_path, lambda *_: None)
-    assert found["summary"]["measure"] == "conditioned"
-    assert found["summary"]["effectors"]["left_foot"]["mode_m"][2] > 0.45, "well above a folded posture's 0.13"
+    job_input = {"robot": "talos", "effectors": ["left_foot"], "samples": 500, "measure": "conditioned"}
+    result = with_json(run)({"input": job_input}, tmp_path, lambda *_: None)
+    assert result["summary"]["measure"] == "conditioned"
+    assert result["summary"]["effectors"]["left_foot"]["mode_m"][2] > 0.45, "well above a folded posture's 0.13"
 
 
 def test_a_cancelled_job_leaves_no_process_behind(tmp_path: Path) -> None:
     """As many processes as pay draw the postures; they are in the session of the job's child."""
     before = {p.pid for p in psutil.Process().children(recursive=True)}
-    seen: set[int] = set()
+    pids: set[int] = set()
 
     async def cancelled() -> IsolatedOutcome:
         cancel = asyncio.Event()
 
         def on_progress(fraction: float, _message: str) -> None:
-            seen.update(p.pid for p in psutil.Process().children(recursive=True) if p.pid not in before)
+            pids.update(p.pid for p in psutil.Process().children(recursive=True) if p.pid not in before)
             if fraction > 0.05:
                 cancel.set()
 
@@ -149,18 +149,18 @@ def test_a_cancelled_job_leaves_no_process_behind(tmp_path: Path) -> None:
             return await pool.run(target, task, tmp_path, **limits, cancel=cancel, on_progress=on_progress)
 
     assert asyncio.run(cancelled()).state == "cancelled"
-    assert len(seen) > worthwhile_processes(10)
+    assert len(pids) > worthwhile_processes(10)
     end = time.monotonic() + 10.0
-    while (left := [pid for pid in seen if psutil.pid_exists(pid)]) and time.monotonic() < end:
+    while (remaining := [pid for pid in pids if psutil.pid_exists(pid)]) and time.monotonic() < end:
         time.sleep(0.05)
-    assert left == []
+    assert remaining == []
 
 
 @pytest.mark.parametrize(
     ("change", "code"),
     [({"robot": "nao"}, "robot-not-found"), ({"effectors": ["left_foot", "tail"]}, "effector-not-found")],
 )
-def test_what_is_not_there_is_named(change: dict, code: str, tmp_path: Path) -> None:
+def test_unknown_robots_and_effectors_are_named(change: dict, code: str, tmp_path: Path) -> None:
     with pytest.raises(NotFound) as refusal:
         with_json(run)({"input": REQUEST | change}, tmp_path, lambda *_: None)
     assert refusal.value.code == code

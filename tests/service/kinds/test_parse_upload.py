@@ -12,7 +12,7 @@ from stridelab.schemas.recordings import PlateSwitch, RecordingFacts
 from stridelab.schemas.tasks import ParseUploadTask, RecordingSource
 from stridelab.service.kinds import parse_upload
 from stridelab.service.processes.child import with_json
-from support.command_line import SAMPLE, Told, quiet
+from support.command_line import SAMPLE, RecordedProgress, quiet
 
 AXES = "xyz"
 
@@ -100,9 +100,9 @@ def test_a_truncated_file_is_refused_by_its_own_name(tmp_path: Path) -> None:
 
 def test_progress_reaches_the_end_and_the_child_speaks_json(tmp_path: Path) -> None:
     shutil.copyfile(SAMPLE / "recording.c3d", tmp_path / "trial")
-    told = Told()
+    progress = RecordedProgress()
     source = RecordingSource(file="trial", filename="walk.c3d")
     task = ParseUploadTask(recording=source).model_dump(mode="json")
-    done = with_json(parse_upload.run)(task, tmp_path, told)
-    RecordingFacts.model_validate(done["summary"])
-    assert told.fractions[-1] == 1.0
+    outcome = with_json(parse_upload.run)(task, tmp_path, progress)
+    RecordingFacts.model_validate(outcome["summary"])
+    assert progress.fractions[-1] == 1.0

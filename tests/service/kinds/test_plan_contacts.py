@@ -17,7 +17,7 @@ from support.command_line import quiet
 from support.robots.scenario_bodies import box, feet, planks, task
 
 
-def asked(**change: Any) -> dict[str, Any]:
+def task_input(**change: Any) -> dict[str, Any]:
     return {"input": task([box("floor", (-1.0, 2.0), 0.0)], 0.8, 0.0) | change}
 
 
@@ -26,7 +26,7 @@ def test_the_registry_names_it() -> None:
 
 
 def test_the_scenario_can_be_planned(tmp_path: Path) -> None:
-    outcome = with_json(run)(asked(name="To the door"), tmp_path, quiet)
+    outcome = with_json(run)(task_input(name="To the door"), tmp_path, quiet)
     summary = PlanContactsSummary.model_validate(outcome["summary"])
     assert (summary.scenario.name, summary.steps, summary.scenario.robot) == ("To the door", 4, "talos")
     assert validate_scenario(summary.scenario.model_dump(mode="json"), effector_shapes("talos")).valid
@@ -38,7 +38,7 @@ def test_the_scenario_can_be_planned(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("robot", ["talos", "hrp2", "g1"])
 def test_every_robot_walks(robot: str, tmp_path: Path) -> None:
-    outcome = with_json(run)(asked(robot=robot), tmp_path, quiet)
+    outcome = with_json(run)(task_input(robot=robot), tmp_path, quiet)
     scenario = PlanContactsSummary.model_validate(outcome["summary"]).scenario
     assert validate_scenario(scenario.model_dump(mode="json"), effector_shapes(robot)).valid
 
@@ -46,9 +46,9 @@ def test_every_robot_walks(robot: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("task_", "error", "code"),
     [
-        (asked(start={"contacts": feet(0.0, 0.4)}), InvalidInput, "stance-invalid"),
+        (task_input(start={"contacts": feet(0.0, 0.4)}), InvalidInput, "stance-invalid"),
         ({"input": planks(0.6)}, NotEstimable, "contacts-unreachable"),
-        (asked(robot="nao"), NotFound, "robot-not-found"),
+        (task_input(robot="nao"), NotFound, "robot-not-found"),
     ],
 )
 def test_what_cannot_be_planned_is_refused_and_leaves_nothing(

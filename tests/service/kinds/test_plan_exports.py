@@ -16,21 +16,21 @@ def test_the_display_files_are_the_motion(walked: Planned) -> None:
     robot, arrays = load_robot("talos"), walked.arrays()
     about = json.loads((walked.folder / "poses.json").read_text())
     poses = np.frombuffer((walked.folder / "poses.f32").read_bytes(), "<f4").reshape(about["n_frames"], -1, 7)
-    shown = np.array(about["time_s"])
-    assert np.diff(shown) == pytest.approx(np.full(len(shown) - 1, 0.02))
-    assert shown[-1] == pytest.approx(walked.summary.duration_s)
+    shown_s = np.array(about["time_s"])
+    assert np.diff(shown_s) == pytest.approx(np.full(len(shown_s) - 1, 0.02))
+    assert shown_s[-1] == pytest.approx(walked.summary.duration_s)
     data = robot.model.createData()
     foot = about["links"].index("leg_right_6_link")
     joint = robot.model.getJointId("leg_right_6_joint")
-    samples = np.round(shown * 250.0).astype(int)
-    for frame in range(0, len(shown), 17):
+    samples = np.round(shown_s * 250.0).astype(int)
+    for frame in range(0, len(shown_s), 17):
         pin.forwardKinematics(robot.model, data, arrays["q"][samples[frame]])
         np.testing.assert_allclose(poses[frame, foot, :3], data.oMi[joint].translation, atol=1e-6)
     effectors = about["forces"]["effectors"]
-    forces = np.frombuffer((walked.folder / "forces.f32").read_bytes(), "<f4").reshape(len(shown), len(effectors), 6)
+    forces = np.frombuffer((walked.folder / "forces.f32").read_bytes(), "<f4").reshape(len(shown_s), len(effectors), 6)
     np.testing.assert_allclose(np.nan_to_num(forces[..., 3:]), arrays["forces"][samples], rtol=1e-6, atol=1e-4)
     ends_s = np.cumsum([phase.duration_s for phase in short_walk().phases])
-    phase = np.minimum(np.searchsorted(ends_s, shown + 1e-9, side="right"), len(ends_s) - 1)
+    phase = np.minimum(np.searchsorted(ends_s, shown_s + 1e-9, side="right"), len(ends_s) - 1)
     standing = np.array(
         [[e in {c.effector for c in short_walk().phases[p].contacts} for e in effectors] for p in phase]
     )
@@ -38,7 +38,7 @@ def test_the_display_files_are_the_motion(walked: Planned) -> None:
     np.testing.assert_array_equal(np.isnan(forces).all(axis=2), ~standing)
 
 
-def test_the_replay_is_kept(walked: Planned) -> None:
+def test_the_replay_is_an_artifact(walked: Planned) -> None:
     with np.load(walked.folder / "replay.npz", allow_pickle=False) as read:
         n = len(read["time_s"])
         assert read["q"].shape == (n, load_robot("talos").model.nq)

@@ -18,20 +18,20 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab.service.kinds.plan_receding.run import run
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.processes.child import with_json
-from support.command_line import Told
+from support.command_line import RecordedProgress
 from support.robots.plans import changed, short_walk
 
 PERIOD_S = 0.2
 FILES = {"receding.parquet", "receding.csv", "centroidal.parquet", "centroidal.csv", "scenario.json"}
 
 
-def carried_out(folder: Path, scenario: Scenario, **asked: Any) -> tuple[PlanRecedingSummary, Any]:
-    input_ = PlanRecedingInput(scenario=scenario, period_s=PERIOD_S, **asked)
+def carried_out(folder: Path, scenario: Scenario, **options: Any) -> tuple[PlanRecedingSummary, Any]:
+    input_ = PlanRecedingInput(scenario=scenario, period_s=PERIOD_S, **options)
     task = {"scenario": scenario.model_dump(mode="json"), "input": input_.model_dump(mode="json")}
     folder.mkdir(exist_ok=True)
-    told = Told()
-    outcome = with_json(run)(task, folder, told)
-    assert told.fractions[-1] == 1.0
+    progress = RecordedProgress()
+    outcome = with_json(run)(task, folder, progress)
+    assert progress.fractions[-1] == 1.0
     assert {item["name"] for item in outcome["artifacts"]} == FILES
     return PlanRecedingSummary.model_validate(outcome["summary"]), pq.read_table(folder / "receding.parquet")
 
@@ -40,7 +40,7 @@ def test_the_registry_names_it() -> None:
     assert KINDS["plan-receding"].run == f"{run.__module__}:{run.__name__}"
 
 
-def test_a_push_is_felt_and_overcome(tmp_path: Path) -> None:
+def test_a_push_moves_the_centre_of_mass_and_is_recovered_from(tmp_path: Path) -> None:
     """The velocity jumps by the push, and the motion ends where it would have without it."""
     walk = short_walk()
     calm, table = carried_out(tmp_path / "calm", walk)
@@ -61,7 +61,7 @@ def test_a_push_is_felt_and_overcome(tmp_path: Path) -> None:
     assert np.nanmedian(other["iterations"].to_numpy()) == summary.iterations_median
 
 
-def test_what_was_carried_out_is_a_plan_to_look_at(tmp_path: Path) -> None:
+def test_the_executed_motion_has_the_files_of_a_plan(tmp_path: Path) -> None:
     """Between rows the forces hold: they integrate to the next row, but for the push, and lie in the friction cones."""
     walk = short_walk()
     push = {"time_s": 1.1, "velocity_m_s": (0.0, 0.06, 0.0)}
@@ -109,6 +109,6 @@ def test_a_scenario_that_cannot_be_done_leaves_nothing(tmp_path: Path) -> None:
     "wrong",
     [{"period_s": 2.5}, {"horizon_s": 0.1}, {"pushes": [{"time_s": -1.0, "velocity_m_s": (0.0, 0.0, 0.0)}]}, {}],
 )
-def test_what_is_no_horizon_is_refused(wrong: dict[str, Any]) -> None:
+def test_an_invalid_horizon_is_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         PlanRecedingInput.model_validate({"scenario_id": "flat-walk", **wrong} if wrong else {})

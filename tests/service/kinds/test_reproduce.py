@@ -19,14 +19,14 @@ from stridelab.service.kinds.result_tables import known_references
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.running_child import IsolatedOutcome
 from stridelab.service.processes.sandbox import KernelFeatures
-from support.command_line import Told
+from support.command_line import RecordedProgress
 
 
 def test_an_item_leaves_numbers_tables_and_a_drawing(tmp_path: Path) -> None:
-    told = Told()
-    outcome = kind.run(ReproduceTask(input=ReproduceInput(item="fig-2.6", seeds=1)), tmp_path, told)
+    progress = RecordedProgress()
+    outcome = kind.run(ReproduceTask(input=ReproduceInput(item="fig-2.6", seeds=1)), tmp_path, progress)
     summary = ReproduceSummary.model_validate(outcome.summary)
-    assert told.fractions[-1] == 1.0
+    assert progress.fractions[-1] == 1.0
     assert (summary.seeds, summary.seed, summary.sampling) == (1, 0, "Seed 0.")
     assert {(claim.evidence, claim.n, claim.aim) for claim in summary.claims} == {("simulated", 1, False)}
     assert summary.thesis["axis_worse_from_hz"] == 0.4
@@ -40,7 +40,7 @@ def test_an_item_leaves_numbers_tables_and_a_drawing(tmp_path: Path) -> None:
 
 def test_the_command_line_shows_the_claims(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     reproduce_item("fig-2.5", None, None, Delivery(tmp_path / "a"))
-    shown = capsys.readouterr().out
+    output = capsys.readouterr().out
     for word in (
         "fig-2.5",
         "thesis",
@@ -51,7 +51,7 @@ def test_the_command_line_shows_the_claims(tmp_path: Path, capsys: pytest.Captur
         "bode.parquet",
         "fig-2.5.svg",
     ):
-        assert word in shown
+        assert word in output
     reproduce_item("fig-2.6", 1, 4, Delivery(tmp_path / "b", as_json=True))
     assert JobResult.model_validate_json(capsys.readouterr().out).input == {"item": "fig-2.6", "seeds": 1, "seed": 4}
 
@@ -68,7 +68,7 @@ def test_another_seed_draws_other_noise(tmp_path: Path) -> None:
     for seed in (None, 0, 7):
         request, folder = ReproduceInput(item="fig-2.6", seeds=1, seed=seed), tmp_path / str(seed)
         folder.mkdir()
-        ours.append(kind.run(ReproduceTask(input=request), folder, Told()).summary["ours"])
+        ours.append(kind.run(ReproduceTask(input=request), folder, RecordedProgress()).summary["ours"])
     assert ours[0] == ours[1] != ours[2]
 
 

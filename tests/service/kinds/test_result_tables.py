@@ -89,11 +89,11 @@ HARMLESS = ["Jane Doe", "-1.5", "+2e3", "a=b", "", "P-07", " ", "'quoted"]
 
 
 def test_a_spreadsheet_runs_no_text_of_a_table(tmp_path: Path) -> None:
-    given = np.array([*FORMULAS, *HARMLESS], dtype=object)
-    result_tables.write_table(tmp_path, "subjects", {"subject": given, "=1+1": np.arange(len(given)) - 5.0}, {})
+    texts = np.array([*FORMULAS, *HARMLESS], dtype=object)
+    result_tables.write_table(tmp_path, "subjects", {"subject": texts, "=1+1": np.arange(len(texts)) - 5.0}, {})
     with (tmp_path / "subjects.csv").open(encoding="utf-8", newline="") as file:
         header, *lines = list(csv.reader(file))
     assert header == ["subject", "'=1+1"]
     assert [line[0] for line in lines] == [f"'{text}" for text in FORMULAS] + HARMLESS
-    assert [float(line[1]) for line in lines] == (np.arange(len(given)) - 5.0).tolist(), "numbers are no text"
-    assert pq.read_table(tmp_path / "subjects.parquet")["subject"].to_pylist() == given.tolist()
+    assert [float(line[1]) for line in lines] == (np.arange(len(texts)) - 5.0).tolist(), "numbers are no text"
+    assert pq.read_table(tmp_path / "subjects.parquet")["subject"].to_pylist() == texts.tolist()

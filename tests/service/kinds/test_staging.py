@@ -73,7 +73,7 @@ def within(url: str, act: Callable[[AsyncConnection], Awaitable[Any]]) -> Any:
         async with engine.begin() as connection:
             return await act(connection)
 
-    return database.within(url, in_transaction)
+    return database.run_with_engine(url, in_transaction)
 
 
 async def store_recording(connection: AsyncConnection, blobs: BlobStore, source: Path, key: str, **fields: Any) -> None:
@@ -111,8 +111,8 @@ def test_the_task_holds_files_switches_and_the_stated_subject(
             marker_map={"l_asis": "X"},
             plate_switches={"2": {"use": False}},
         )
-        asked = EstimateComInput(recording_id="walk", latency="apply")
-        return await staging.stage_estimate_com(connection, blobs, asked, folder)
+        job_input = EstimateComInput(recording_id="walk", latency="apply")
+        return await staging.stage_estimate_com(connection, blobs, job_input, folder)
 
     task = EstimateComTask.model_validate(within(database_url, act))
     assert (folder / task.recording.file).read_bytes() == b"walk"
@@ -140,9 +140,9 @@ def test_a_simulation_becomes_a_recording_once_however_often_it_is_tried(
     (folder / "recording.c3d").write_bytes(b"c3d")
     (folder / "tracks.parquet").write_bytes(b"tracks")
     (folder / FACTS_FILE).write_text(FACTS.model_dump_json())
-    asked = SimulateRecordingInput(seed=7)
+    job_input = SimulateRecordingInput(seed=7)
     outcome = {"summary": {"speed_m_s": 1.2, "n_steps": 4}, "references": [], "artifacts": []}
-    job_row = {"id": "j1", "owner": "lab", "input": asked.model_dump(mode="json")}
+    job_row = {"id": "j1", "owner": "lab", "input": job_input.model_dump(mode="json")}
 
     async def lost(connection: AsyncConnection) -> None:
         await connection.execute(insert(job).values(id="j1", kind="simulate-recording", input={}, input_hash="h"))
@@ -150,8 +150,8 @@ def test_a_simulation_becomes_a_recording_once_however_often_it_is_tried(
         raise ConnectionError("the worker died before the commit")
 
     async def act(connection: AsyncConnection) -> Any:
-        staged = await staging.stage_input(connection, blobs, asked, folder)
-        assert SimulateRecordingTask.model_validate(staged).input == asked
+        staged = await staging.stage_input(connection, blobs, job_input, folder)
+        assert SimulateRecordingTask.model_validate(staged).input == job_input
         await connection.execute(insert(job).values(id="j1", kind="simulate-recording", input={}, input_hash="h"))
         summary = await publish(connection, blobs, job_row, outcome, folder)
         stored = (await connection.execute(select(recording))).mappings().all()
@@ -164,7 +164,7 @@ def test_a_simulation_becomes_a_recording_once_however_often_it_is_tried(
         within(database_url, lost)
     summary, stored, keys = within(database_url, act)
     assert len(stored) == 1
-    assert len(keys) == 2, "the attempt that was lost leaves no file behind that nobody owns"
+    assert len(keys) == 2, "the attempt that was lost leaves no file without an owner behind"
     assert summary == {"speed_m_s": 1.2, "n_steps": 4, "recording_id": stored[0]["id"]}
     assert stored[0]["truth_job_id"] == "j1"
     assert stored[0]["owner"] == "lab"
@@ -186,8 +186,8 @@ def test_a_comparison_gets_the_truth_of_a_recording_that_has_one(
         (tmp_path / "truth").write_bytes(b"truth")
         await blobs.put_file("results/j1/1/truth.parquet", tmp_path / "truth")
         await store_recording(connection, blobs, tmp_path / "a", "walk", truth_job_id="j1" if known else None)
-        asked = CompareEstimatorsInput(recording_id="walk", latency="apply")
-        return await KINDS["compare-estimators"].stage(connection, blobs, asked, folder)
+        job_input = CompareEstimatorsInput(recording_id="walk", latency="apply")
+        return await KINDS["compare-estimators"].stage(connection, blobs, job_input, folder)
 
     task = CompareEstimatorsTask.model_validate(within(database_url, act))
     assert task.input.latency == "apply"
@@ -204,8 +204,8 @@ def test_the_wheel_s_fit_gets_the_recording_and_its_own_options(
 ) -> None:
     async def act(connection: AsyncConnection) -> Any:
         await store_recording(connection, blobs, tmp_path / "a", "walk")
-        asked = FitCycloidInput(recording_id="walk", steps="all", latency=0.01)
-        return await staging.stage_fit_cycloid(connection, blobs, asked, folder)
+        job_input = FitCycloidInput(recording_id="walk", steps="all", latency=0.01)
+        return await staging.stage_fit_cycloid(connection, blobs, job_input, folder)
 
     task = FitCycloidTask.model_validate(within(database_url, act))
     assert (task.input.steps, task.input.latency) == ("all", 0.01)
@@ -250,8 +250,8 @@ def test_a_receding_horizon_takes_the_scenario_as_it_is_now(database_url: str, b
 
 def test_planning_contacts_stages_nothing(database_url: str, blobs: BlobStore, folder: Path) -> None:
     async def act(connection: AsyncConnection) -> Any:
-        asked = PlanContactsInput(robot="talos", terrain=ONE_STEP["terrain"], start=STANDING, goal=STANDING_AHEAD)
-        return await staging.stage_input(connection, blobs, asked, folder)
+        job_input = PlanContactsInput(robot="talos", terrain=ONE_STEP["terrain"], start=STANDING, goal=STANDING_AHEAD)
+        return await staging.stage_input(connection, blobs, job_input, folder)
 
     assert PlanContactsTask.model_validate(within(database_url, act)).input.goal.contacts[0].position_m[0] == 0.5
     assert list(folder.iterdir()) == []
@@ -259,8 +259,8 @@ def test_planning_contacts_stages_nothing(database_url: str, blobs: BlobStore, f
 
 def test_learning_stages_nothing(database_url: str, blobs: BlobStore, folder: Path) -> None:
     async def act(connection: AsyncConnection) -> Any:
-        asked = LearnReachabilityInput(robot="talos", samples=500)
-        return await staging.stage_input(connection, blobs, asked, folder)
+        job_input = LearnReachabilityInput(robot="talos", samples=500)
+        return await staging.stage_input(connection, blobs, job_input, folder)
 
     assert LearnReachabilityTask.model_validate(within(database_url, act)).input.samples == 500
     assert list(folder.iterdir()) == []

@@ -16,14 +16,14 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sweeps import MAX_POINTS, SweepInput, SweepSummary, SweepTask
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.sweep import run as sweep
-from support.command_line import Told
+from support.command_line import RecordedProgress
 from support.robots.plans import changed, short_walk
 
 
-def task(vary: dict[str, Any], scenario: Scenario | None = None, **asked: Any) -> SweepTask:
+def task(vary: dict[str, Any], scenario: Scenario | None = None, **options: Any) -> SweepTask:
     body = scenario or short_walk()
-    asked = {"solver": "ipopt", "node_rate_hz": 5.0, **asked}
-    return SweepTask(scenario=body, input=SweepInput(scenario=body, vary=vary, **asked))
+    options = {"solver": "ipopt", "node_rate_hz": 5.0, **options}
+    return SweepTask(scenario=body, input=SweepInput(scenario=body, vary=vary, **options))
 
 
 def test_the_registry_names_it() -> None:
@@ -32,13 +32,13 @@ def test_the_registry_names_it() -> None:
 
 def test_strides_by_friction(tmp_path: Path) -> None:
     """What is out of reach is refused, what slips has no motion, and what is left has one, on two processes."""
-    told = Told()
+    progress = RecordedProgress()
     vary = {"stride": (0.5, 5.0, 2), "friction": (0.002, 0.4, 2)}
-    outcome = sweep.run(task(vary), tmp_path, told, 2)
+    outcome = sweep.run(task(vary), tmp_path, progress, 2)
     summary = SweepSummary.model_validate(outcome.summary)
     table = pq.read_table(tmp_path / "sweep.parquet")
     assert {item.name for item in outcome.artifacts} == {"sweep.parquet", "sweep.csv"}
-    assert told.fractions[-1] == 1.0
+    assert progress.fractions[-1] == 1.0
     assert table["stride_m"].to_pylist() == [0.5, 0.5, 5.0, 5.0]
     assert table["friction"].to_pylist() == [0.002, 0.4, 0.002, 0.4]
     assert table["outcome"].to_pylist() == ["infeasible", "feasible", "refused", "refused"]
@@ -57,7 +57,7 @@ def test_a_process_that_dies_costs_its_own_scenarios(tmp_path: Path, monkeypatch
         yield 0, plan_chunk(items[0])
 
     monkeypatch.setattr(sweep, "map_isolated", half)
-    outcome = sweep.run(task({"timing": (1.0, 1.2, 2)}), tmp_path, Told(), 1)
+    outcome = sweep.run(task({"timing": (1.0, 1.2, 2)}), tmp_path, RecordedProgress(), 1)
     summary = SweepSummary.model_validate(outcome.summary)
     assert (summary.feasible, summary.failed) == (1, 1)
     assert summary.warnings[0].code == "sweep-points-failed"
@@ -65,9 +65,9 @@ def test_a_process_that_dies_costs_its_own_scenarios(tmp_path: Path, monkeypatch
     assert pq.read_table(tmp_path / "sweep.parquet")["outcome"].to_pylist() == ["feasible", "failed"]
 
 
-def test_what_cannot_be_varied_is_refused_before_any_work(tmp_path: Path) -> None:
+def test_an_axis_that_cannot_be_varied_is_refused_before_any_work(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput) as refusal:
-        sweep.run(task({"height": (0.1, 0.2, 2)}), tmp_path, Told())
+        sweep.run(task({"height": (0.1, 0.2, 2)}), tmp_path, RecordedProgress())
     assert refusal.value.code == "sweep-field-impossible"
     assert list(tmp_path.iterdir()) == []
 
@@ -75,7 +75,7 @@ def test_what_cannot_be_varied_is_refused_before_any_work(tmp_path: Path) -> Non
 def test_the_native_solver_is_refused_where_it_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plan_problem, "native_unavailable_reason", lambda: "It was not built.")
     with pytest.raises(NotEstimable) as refusal:
-        sweep.run(task({"timing": (1.0, 1.2, 2)}, solver="native"), tmp_path, Told())
+        sweep.run(task({"timing": (1.0, 1.2, 2)}, solver="native"), tmp_path, RecordedProgress())
     assert (refusal.value.code, refusal.value.message) == ("solver-unavailable", "It was not built.")
 
 
@@ -103,8 +103,10 @@ def test_an_invalid_input_is_named(wrong: dict[str, Any], where: str) -> None:
         SweepInput.model_validate({"scenario": short_walk(), **wrong})
 
 
-def test_the_scope_is_said(tmp_path: Path) -> None:
-    plain = SweepSummary.model_validate(sweep.run(task({"timing": (1.0, 1.0, 1)}), tmp_path, Told(), 1).summary)
+def test_the_scope_of_a_sweep_is_reported(tmp_path: Path) -> None:
+    plain = SweepSummary.model_validate(
+        sweep.run(task({"timing": (1.0, 1.0, 1)}), tmp_path, RecordedProgress(), 1).summary
+    )
     assert plain.scope == "centre of mass"
     assert SweepSummary.model_validate({**plain.model_dump(exclude={"scope"})}).scope == "centre of mass"
     with pytest.raises(ValidationError, match="more than 500"):
@@ -116,8 +118,8 @@ def test_with_the_body_its_certificate_decides(tmp_path: Path) -> None:
     vary = {"stride": (0.3, 0.8, 2)}
     for name in "ab":
         (tmp_path / name).mkdir()
-    alone = sweep.run(task(vary), tmp_path / "a", Told(), 1)
-    whole = sweep.run(task(vary, whole_body=True), tmp_path / "b", Told(), 1)
+    alone = sweep.run(task(vary), tmp_path / "a", RecordedProgress(), 1)
+    whole = sweep.run(task(vary, whole_body=True), tmp_path / "b", RecordedProgress(), 1)
     assert SweepSummary.model_validate(whole.summary).scope == "whole body"
     assert pq.read_table(tmp_path / "a" / "sweep.parquet")["outcome"].to_pylist() == ["feasible", "feasible"]
     table = pq.read_table(tmp_path / "b" / "sweep.parquet")

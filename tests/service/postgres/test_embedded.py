@@ -24,8 +24,8 @@ needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root has to give
 
 @pytest.fixture
 def folder() -> Iterator[Path]:
-    with public_folder() as made:
-        yield made
+    with public_folder() as public:
+        yield public
 
 
 @pytest.fixture
@@ -176,9 +176,9 @@ def test_long_temporary_folder_is_not_used_for_the_socket(folder: Path, monkeypa
     long = folder / ("x" * 80)
     long.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(long))
-    made = _socket_folder(None, None)
-    assert len(os.fsencode(made / ".s.PGSQL.5432")) < 100
-    made.rmdir()
+    socket_folder = _socket_folder(None, None)
+    assert len(os.fsencode(socket_folder / ".s.PGSQL.5432")) < 100
+    socket_folder.rmdir()
 
 
 @needs_root

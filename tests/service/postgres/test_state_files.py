@@ -18,7 +18,7 @@ from stridelab.errors import InvalidInput, Unavailable
 from stridelab.service.jobs.work_folder import HEARTBEAT_FILE, WorkFolder
 from stridelab.service.postgres.embedded import EmbeddedPostgres, running_url
 from stridelab.service.settings import Settings
-from support.faults.disks import mounted
+from support.faults.disks import mounted_folder
 from support.service.database import public_folder
 from support.service.processes import environment, free_port
 
@@ -51,11 +51,11 @@ def refused_start(folder: Path, *command: str, **settings: str) -> str:
         timeout=120,
         check=False,
     )
-    assert result.returncode not in (0, 1), result.stderr  # 1 would be an error that nobody thought of
+    assert result.returncode not in (0, 1), result.stderr  # 1 would be an unexpected error
     assert "Traceback" not in result.stdout + result.stderr
-    said = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
-    assert len(said) == 1, result.stderr
-    return said[0]
+    error_lines = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
+    assert len(error_lines) == 1, result.stderr
+    return error_lines[0]
 
 
 @pytest.mark.parametrize("how", DAMAGED)
@@ -90,10 +90,10 @@ def test_every_command_says_so_in_one_line(data: Path, tmp_path: Path, command: 
     good = pointer.read_bytes()
     pointer.write_bytes(b"")
     try:
-        said = refused_start(data, *(str(tmp_path / part) if part.endswith(".backup") else part for part in command))
+        message = refused_start(data, *(str(tmp_path / part) if part.endswith(".backup") else part for part in command))
     finally:
         pointer.write_bytes(good)
-    assert "state-file-damaged" in said
+    assert "state-file-damaged" in message
 
 
 @pytest.mark.parametrize("content", [b"", bytes(range(128, 256)), b"18.x"])
@@ -151,53 +151,53 @@ def test_locks_and_the_sign_of_life_may_hold_anything(data: Path, tmp_path: Path
 
 @pytest.mark.parametrize("name", ["supervisor.lock", "logs", "blobs"])
 def test_a_file_in_the_place_of_a_folder_is_named(data: Path, name: str) -> None:
-    taken = data / name
-    taken.unlink(missing_ok=True)
+    file_in_place = data / name
+    file_in_place.unlink(missing_ok=True)
     if name == "supervisor.lock":
-        taken.mkdir()
+        file_in_place.mkdir()
     else:
-        taken.write_bytes(b"")
+        file_in_place.write_bytes(b"")
     try:
-        said = refused_start(data)
+        message = refused_start(data)
     finally:
-        taken.rmdir() if taken.is_dir() else taken.unlink()
-    assert "data-folder-unusable" in said
-    assert str(taken) in said
+        file_in_place.rmdir() if file_in_place.is_dir() else file_in_place.unlink()
+    assert "data-folder-unusable" in message
+    assert str(file_in_place) in message
 
 
 def test_a_data_folder_that_is_a_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
     for command in (("serve",), ("backup", str(tmp_path / "x"))):
-        said = refused_start(tmp_path / "file", *command)
-        assert ("data-folder-unusable" if command[0] == "serve" else "no-data") in said
-    said = refused_start(tmp_path / "file" / "below")
-    assert "data-folder-unusable" in said
+        message = refused_start(tmp_path / "file", *command)
+        assert ("data-folder-unusable" if command[0] == "serve" else "no-data") in message
+    message = refused_start(tmp_path / "file" / "below")
+    assert "data-folder-unusable" in message
 
 
 def test_a_read_only_data_folder_is_named() -> None:
-    with public_folder() as folder, mounted(folder / "disk", "size=1m") as disk:
+    with public_folder() as folder, mounted_folder(folder / "disk", "size=1m") as disk:
         subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
         for place in (disk, disk / "data"):
-            said = refused_start(place)
-            assert "data-folder-unusable" in said
-            assert "Read-only" in said
-            assert "STRIDELAB_DATA_DIR" in said
+            message = refused_start(place)
+            assert "data-folder-unusable" in message
+            assert "Read-only" in message
+            assert "STRIDELAB_DATA_DIR" in message
         worker = refused_start(disk, "worker", STRIDELAB_DATABASE_URL="postgresql://x@127.0.0.1:9/y")
         assert "data-folder-unusable" in worker
 
 
 @pytest.mark.parametrize("with_database", [False, True])
-def test_a_full_disk_is_told_at_the_start(with_database: bool) -> None:
-    with public_folder() as folder, mounted(folder / "disk", "size=128m,mode=755") as disk:
+def test_a_full_disk_is_reported_at_the_start(with_database: bool) -> None:
+    with public_folder() as folder, mounted_folder(folder / "disk", "size=128m,mode=755") as disk:
         if with_database:
             server = EmbeddedPostgres(disk / "data")
             server.start()
             server.stop()
         free = shutil.disk_usage(disk).free
         (disk / "ballast").write_bytes(b"\0" * (free - (8192 if with_database else 30_000_000)))
-        said = refused_start(disk / "data")
-        assert "disk-full" in said
-        assert str(disk / "data") in said
+        message = refused_start(disk / "data")
+        assert "disk-full" in message
+        assert str(disk / "data") in message
         (disk / "ballast").unlink()
         server = EmbeddedPostgres(disk / "data")
         server.start()
@@ -230,5 +230,5 @@ def test_a_cut_off_line_of_credentials_is_named(tmp_path: Path) -> None:
     (tmp_path / "credentials").write_text("endpoint=http://objects:8333\naccess_k")
     with pytest.raises(InvalidInput, match="name=value"):
         _ = Settings(blob_credentials_file=tmp_path / "credentials").blob_options
-    said = refused_start(tmp_path / "data", STRIDELAB_API_TOKEN_FILE=str(tmp_path / "none"))
-    assert "secret-unreadable" in said
+    message = refused_start(tmp_path / "data", STRIDELAB_API_TOKEN_FILE=str(tmp_path / "none"))
+    assert "secret-unreadable" in message

@@ -86,7 +86,7 @@ def test_own_errors_keep_their_class_code_and_places(run: Run) -> None:
         ("die_before_a_grandchild", "crashed", "computation-crashed"),
     ],
 )
-def test_other_ends_have_names(run: Run, function: str, state: str, code: str) -> None:
+def test_other_ends_of_a_child_have_their_own_codes(run: Run, function: str, state: str, code: str) -> None:
     outcome = run(function)
     assert outcome.state == state
     assert outcome.problem is not None
@@ -183,24 +183,24 @@ def test_cancelling_the_caller_kills_the_child(with_pool: Any, tmp_path: Path) -
     with_pool(act)
 
 
-def test_only_the_end_of_a_long_log_is_kept(run: Run) -> None:
+def test_a_long_log_is_cut_to_its_end(run: Run) -> None:
     outcome = run("chatter", {"bytes": 3_000_000})
     assert outcome.value == {"written": 3_000_000}
     assert len(outcome.log_tail) == LOG_TAIL_BYTES
     assert outcome.log_tail.endswith("last words\n")
 
 
-def test_child_is_modest_and_knows_no_secrets(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_child_has_low_priority_and_no_secrets(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STRIDELAB_API_TOKEN", "secret")
     monkeypatch.setenv("STRIDELAB_DATABASE_URL", "postgresql://secret")
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
     monkeypatch.setenv("STRIDELAB_NATIVE_PATH", "a folder")
-    seen = run("environment").value
-    assert [name for name in seen["names"] if name.startswith(("STRIDELAB_", "AWS_"))] == ["STRIDELAB_NATIVE_PATH"]
-    assert seen["nice"] == min(19, os.nice(0) + 10)
-    assert seen["session"]
-    assert seen["cwd"]
-    assert seen["threads"] == "1"
+    child = run("environment").value
+    assert [name for name in child["names"] if name.startswith(("STRIDELAB_", "AWS_"))] == ["STRIDELAB_NATIVE_PATH"]
+    assert child["nice"] == min(19, os.nice(0) + 10)
+    assert child["session"]
+    assert child["cwd"]
+    assert child["threads"] == "1"
 
 
 def test_a_child_that_somebody_waits_for_keeps_its_rank(run: Run) -> None:
@@ -208,7 +208,7 @@ def test_a_child_that_somebody_waits_for_keeps_its_rank(run: Run) -> None:
 
 
 @pytest.mark.parametrize("niceness", [0, 3])
-def test_a_pool_says_how_far_its_children_yield(niceness: int, tmp_path: Path) -> None:
+def test_the_niceness_of_the_children_is_that_of_the_pool(niceness: int, tmp_path: Path) -> None:
     async def one() -> IsolatedOutcome:
         async with IsolatedPool(niceness=niceness) as pool:
             return await pool.run(
@@ -232,7 +232,7 @@ def test_every_task_has_a_child_of_its_own(with_pool: Any, tmp_path: Path) -> No
     assert outcomes[4].state == "crashed"
 
 
-def test_nothing_is_left_of_the_children(with_pool: Any, tmp_path: Path) -> None:
+def test_no_process_of_the_children_remains(with_pool: Any, tmp_path: Path) -> None:
     before = 0
 
     async def act(pool: IsolatedPool) -> None:
@@ -255,7 +255,7 @@ def test_nothing_is_left_of_the_children(with_pool: Any, tmp_path: Path) -> None
     with_pool(counted)
 
 
-def test_dead_nursery_is_replaced_and_its_children_count_as_killed(with_pool: Any, tmp_path: Path) -> None:
+def test_a_dead_fork_server_is_replaced_and_its_children_count_as_killed(with_pool: Any, tmp_path: Path) -> None:
     ask: dict[str, Any] = {"timeout_s": 30.0, "memory_mb": 500}
 
     async def act(pool: IsolatedPool) -> tuple[IsolatedOutcome, IsolatedOutcome]:
@@ -270,7 +270,7 @@ def test_dead_nursery_is_replaced_and_its_children_count_as_killed(with_pool: An
     assert after.value == {"sum": 2}
 
 
-def test_one_that_died_unnoticed_is_replaced(with_pool: Any, tmp_path: Path) -> None:
+def test_a_fork_server_that_died_unnoticed_is_replaced(with_pool: Any, tmp_path: Path) -> None:
     async def act(pool: IsolatedPool) -> IsolatedOutcome:
         os.kill(pool._fork_server.pid, signal.SIGKILL)
         time.sleep(0.2)  # the loop hears nothing of it
@@ -281,7 +281,7 @@ def test_one_that_died_unnoticed_is_replaced(with_pool: Any, tmp_path: Path) -> 
     assert with_pool(act).value == {"sum": 2}
 
 
-def test_nursery_that_hangs_is_replaced_and_the_task_is_done(with_pool: Any, tmp_path: Path) -> None:
+def test_a_fork_server_that_hangs_is_replaced_and_the_task_is_done(with_pool: Any, tmp_path: Path) -> None:
     ask: dict[str, Any] = {"timeout_s": 30.0, "memory_mb": 500}
 
     async def act(pool: IsolatedPool) -> tuple[IsolatedOutcome, int, int]:
@@ -312,6 +312,6 @@ def test_what_is_imported_ahead_is_there_and_starts_no_thread(monkeypatch: pytes
             ask["on_progress"] = lambda _fraction, text: heard.append(text)
             return (await pool.run("support.service.computations:inheritance", task, tmp_path, **ask)).value
 
-    found = asyncio.run(inside())
+    inheritance = asyncio.run(inside())
     assert heard == ["start: waiting for the libraries"]  # the first task of a process that has just been started
-    assert found == {"missing": [], "threads_of_the_nursery": 1}
+    assert inheritance == {"missing": [], "threads_of_the_nursery": 1}

@@ -18,20 +18,20 @@ print(os.nice(0))
 
 def test_a_process_and_its_session_are_nicer() -> None:
     group = Path("/proc/self/autogroup")
-    shown = f"{ASK}print(open({str(group)!r}).read())" if group.exists() else ASK
-    asked = subprocess.run(
-        [sys.executable, "-c", f"import os; os.nice(-os.nice(0)) if os.geteuid() == 0 else None\n{shown}"],
+    program = f"{ASK}print(open({str(group)!r}).read())" if group.exists() else ASK
+    run = subprocess.run(
+        [sys.executable, "-c", f"import os; os.nice(-os.nice(0)) if os.geteuid() == 0 else None\n{program}"],
         start_new_session=True,
         capture_output=True,
         text=True,
         check=True,
     )
-    nice, *session = asked.stdout.split("\n", 1)
+    nice, *session = run.stdout.split("\n", 1)
     assert int(nice) >= priority.NICENESS
     assert not group.exists() or f"nice {priority.NICENESS}" in session[0]
 
 
-def test_a_kernel_that_is_asked_too_often_is_asked_again_and_then_no_more() -> None:
+def test_refused_calls_to_the_kernel_are_repeated_a_few_times_only() -> None:
     group, refused = mock.Mock(spec=Path), BlockingIOError()
     with mock.patch.object(priority.time, "sleep") as slept:
         group.write_text.side_effect = [refused, refused, 2]
@@ -45,6 +45,6 @@ def test_a_kernel_that_is_asked_too_often_is_asked_again_and_then_no_more() -> N
 
 
 def test_without_permission_a_live_process_keeps_its_rank() -> None:
-    with mock.patch.object(priority.os, "setpriority", side_effect=PermissionError()) as asked:
+    with mock.patch.object(priority.os, "setpriority", side_effect=PermissionError()) as setpriority:
         priority.raise_priority()
-    asked.assert_called_once_with(os.PRIO_PROCESS, 0, priority.LIVE_NICENESS)
+    setpriority.assert_called_once_with(os.PRIO_PROCESS, 0, priority.LIVE_NICENESS)

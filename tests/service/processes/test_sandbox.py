@@ -81,8 +81,8 @@ def test_a_confined_child_reaches_nothing_but_its_folder(spool: Path, others: di
 
 def test_without_a_sandbox_the_same_attempts_succeed(spool: Path, others: dict[str, Any]) -> None:
     """What the test above refuses is the sandbox's doing: nothing else stands in the way."""
-    found = run("attempts", others, spool, sandbox=None).value
-    reached = {name for name, ended in found.items() if ended == DONE}
+    outcomes = run("attempts", others, spool, sandbox=None).value
+    reached = {name for name, ended in outcomes.items() if ended == DONE}
     assert reached >= {
         *("read /etc/passwd", "read another file", "list another folder", "write another file", "make another file"),
         *("truncate another file", "remove another file", "link another file", "lead to another file"),
@@ -107,8 +107,8 @@ def test_a_confined_child_does_its_work_within_its_limits(spool: Path) -> None:
 
 @whole_sandbox
 def test_a_plan_may_listen_and_start_programs_and_nothing_more(spool: Path) -> None:
-    found = run("serve_a_moment", {}, spool, Sandbox(programs=True, server=True)).value
-    assert found == {
+    outcomes = run("serve_a_moment", {}, spool, Sandbox(programs=True, server=True)).value
+    assert outcomes == {
         "listen": DONE,
         "listen on a port of its choice": "EACCES",
         "connect": "EPERM",
@@ -199,25 +199,25 @@ try:
 except Exception as error:
     print(json.dumps([type(error).__name__, getattr(error, "code", None)]))
     sys.exit()
-found = []
+outcomes = []
 def attempt(act):
     try:
-        act(); found.append("done")
+        act(); outcomes.append("done")
     except OSError as error:
-        found.append(error.strerror)
+        outcomes.append(error.strerror)
 (folder / "a").mkdir()
 (folder / "a" / "x").write_text("x")
 attempt(lambda: (folder / "a" / "x").rename(folder / "x"))
 attempt(lambda: Path("/etc/passwd").read_bytes())
 import socket
 attempt(lambda: socket.socket().close())
-print(json.dumps(found))
+print(json.dumps(outcomes))
 """
     environment = os.environ | {"STRIDELAB_SANDBOX": mode}
-    said = subprocess.run(
+    run = subprocess.run(
         [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True, timeout=60
     )
-    return tuple(json.loads(said.stdout))
+    return tuple(json.loads(run.stdout))
 
 
 @whole_sandbox
@@ -253,7 +253,7 @@ def test_switched_off_it_forbids_nothing(spool: Path) -> None:
         (KernelFeatures(7, filters=True), "auto", ()),
     ],
 )
-def test_what_is_missing_is_said_once_at_the_start(
+def test_missing_confinement_is_reported_once_at_the_start(
     kernel: KernelFeatures, mode: str, missing: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(KernelFeatures, "detect_features", staticmethod(lambda: kernel))
@@ -262,9 +262,9 @@ def test_what_is_missing_is_said_once_at_the_start(
         confinement.prepare_confinement(settings)
     assert [line["missing"] for line in lines] == ([list(missing)] if missing else [])
     assert set(confinement.active_layers(settings)) == set(LAYERS) - set(missing)
-    said = doctor_says(settings)
-    assert said.ok
-    assert all(name in said.detail for name in LAYERS)
+    message = doctor_says(settings)
+    assert message.ok
+    assert all(name in message.detail for name in LAYERS)
 
 
 def test_a_service_that_requires_the_sandbox_does_not_start_without(monkeypatch: pytest.MonkeyPatch) -> None:

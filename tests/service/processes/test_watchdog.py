@@ -1,4 +1,4 @@
-"""Silence is told from want of processor time; heartbeats pass through a pipe; what hangs is replaced."""
+"""Hanging processes are distinguished from starved ones; heartbeats pass through a pipe; hanging ones are replaced."""
 
 import asyncio
 import contextlib
@@ -52,12 +52,12 @@ class Clock:
 
 
 def verdict_after(silence: ResponseWatchdog, clock: Clock, limit_s: float) -> tuple[str | None, float]:
-    """What is said of a process that is looked at five times a second, and when."""
+    """First failure reported for a process that is checked five times a second, and when."""
     began_s = clock.now_s
     while clock.now_s - began_s < limit_s:
         clock.now_s += 0.2
-        if (said := silence.failure_state()) is not None:
-            return said, clock.now_s - began_s
+        if (failure := silence.failure_state()) is not None:
+            return failure, clock.now_s - began_s
     return None, limit_s
 
 
@@ -66,20 +66,20 @@ def test_a_process_that_waits_and_does_not_answer_hangs(idle: subprocess.Popen[b
     silence = ResponseWatchdog(idle.pid, clock=clock)
     assert verdict_after(silence, clock, STARTING_S - 1) == (None, STARTING_S - 1)
     silence.record_answer()
-    said, after_s = verdict_after(silence, clock, 60.0)
-    assert said == "hangs"
+    failure, after_s = verdict_after(silence, clock, 60.0)
+    assert failure == "hangs"
     assert HUNG_S <= after_s < HUNG_S + 2
     silence.record_answer()
     assert silence.failure_state() is None
 
 
-def test_a_stopped_process_is_known_sooner_even_before_its_first_answer(idle: subprocess.Popen[bytes]) -> None:
+def test_a_stopped_process_is_detected_sooner_even_before_its_first_answer(idle: subprocess.Popen[bytes]) -> None:
     os.kill(idle.pid, signal.SIGSTOP)
     while psutil.Process(idle.pid).status() != psutil.STATUS_STOPPED:
         time.sleep(0.01)
     clock = Clock()
-    said, after_s = verdict_after(ResponseWatchdog(idle.pid, clock=clock), clock, 60.0)
-    assert said == "stopped"
+    failure, after_s = verdict_after(ResponseWatchdog(idle.pid, clock=clock), clock, 60.0)
+    assert failure == "stopped"
     assert STOPPED_S <= after_s < STOPPED_S + 2
 
 
@@ -90,15 +90,15 @@ def test_a_process_that_waits_for_a_processor_has_more_time(
     monkeypatch.setattr(watchdog, "_queued_s", lambda _: 0.95 * clock.now_s)  # a twentieth of a processor
     silence = ResponseWatchdog(idle.pid, clock=clock)
     silence.record_answer()
-    said, after_s = verdict_after(silence, clock, 1000.0)
-    assert said == "hangs"
+    failure, after_s = verdict_after(silence, clock, 1000.0)
+    assert failure == "hangs"
     assert HUNG_S * CERTAIN_FACTOR - 1 < after_s <= HUNG_S * CERTAIN_FACTOR + 1
     monkeypatch.setattr(watchdog, "_queued_s", lambda _: 0.5 * clock.now_s)
     silence.record_answer()
     assert verdict_after(silence, clock, 1000.0)[1] == pytest.approx(2 * HUNG_S, abs=2.5)
 
 
-def test_a_watcher_that_was_held_up_blames_nobody(idle: subprocess.Popen[bytes]) -> None:
+def test_a_delayed_watchdog_ends_no_process(idle: subprocess.Popen[bytes]) -> None:
     clock = Clock()
     silence = ResponseWatchdog(idle.pid, clock=clock)
     silence.record_answer()
@@ -138,9 +138,9 @@ def test_heartbeats_come_through_an_inherited_pipe_and_never_block(monkeypatch: 
     assert set(os.read(reading, 1 << 16)) == set(b".")
     os.close(reading)
     monkeypatch.setenv(heartbeat.VARIABLE, str(writing))
-    asyncio.run(heartbeat.write_heartbeats())  # nobody reads: it returns
+    asyncio.run(heartbeat.write_heartbeats())  # the pipe has no reader: it returns
     os.close(writing)
-    asyncio.run(heartbeat.write_heartbeats())  # nobody asked for it
+    asyncio.run(heartbeat.write_heartbeats())  # no pipe was given
 
 
 @pytest.mark.parametrize("how", ["stopped", "hangs"])
@@ -152,8 +152,8 @@ def test_a_program_without_heartbeats_is_started_again(
     (tmp_path / "beating.py").write_text(BEATING, encoding="utf-8")
     environment = {**os.environ, "PYTHONPATH": ":".join([str(tmp_path), *sys.path])}
     program = _SupervisedProgram("beating", tmp_path / "x.log", environment)
-    said: list[str] = []
-    program.keep_running(said.append)
+    log_lines: list[str] = []
+    program.keep_running(log_lines.append)
     assert program.process is not None
     assert program.watchdog is not None
     program.watchdog._hung_s = 2.0
@@ -161,14 +161,14 @@ def test_a_program_without_heartbeats_is_started_again(
     deadline = time.monotonic() + 60.0
     try:
         while (program.watchdog is None or not program.watchdog._has_answered) and time.monotonic() < deadline:
-            program.keep_running(said.append)
+            program.keep_running(log_lines.append)
             time.sleep(0.05)
         if how == "stopped":
             program.process.send_signal(signal.SIGSTOP)
         while (program.process is None or program.process.pid == first) and time.monotonic() < deadline:
-            program.keep_running(said.append)
+            program.keep_running(log_lines.append)
             time.sleep(0.1)
-        assert said == [f"beating {'is stopped' if how == 'stopped' else 'does not respond'}: restarting it."]
+        assert log_lines == [f"beating {'is stopped' if how == 'stopped' else 'does not respond'}: restarting it."]
         assert program.process is not None
         assert program.process.pid != first
     finally:

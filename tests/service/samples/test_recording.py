@@ -25,7 +25,7 @@ from stridelab.service.jobs import retention
 from stridelab.service.samples import recording as bundled
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.tables import job, recording
-from support.service.database import within
+from support.service.database import run_with_engine
 
 SAMPLE = bundled.sample_folder()
 INDEX = json.loads((SAMPLE / bundled.INDEX_FILE).read_text())
@@ -65,13 +65,13 @@ def test_the_shipped_tables_are_those_of_a_fresh_run(fresh: Path, name: str) -> 
 def test_the_index_is_that_of_a_fresh_run_and_of_this_contract(fresh: Path) -> None:
     now = json.loads((fresh / bundled.INDEX_FILE).read_text())
     assert {p.name for p in fresh.iterdir()} | {"README.md"} == {p.name for p in SAMPLE.iterdir()}
-    for job_id, done in INDEX["jobs"].items():
-        assert now["jobs"][job_id]["input"] == done["input"]
-        assert now["jobs"][job_id]["result"]["summary"].keys() == done["result"]["summary"].keys()
+    for job_id, indexed_job in INDEX["jobs"].items():
+        assert now["jobs"][job_id]["input"] == indexed_job["input"]
+        assert now["jobs"][job_id]["result"]["summary"].keys() == indexed_job["result"]["summary"].keys()
         assert [a["name"] for a in now["jobs"][job_id]["result"]["artifacts"]] == [
-            a["name"] for a in done["result"]["artifacts"]
+            a["name"] for a in indexed_job["result"]["artifacts"]
         ]
-        for artifact in done["result"]["artifacts"]:
+        for artifact in indexed_job["result"]["artifacts"]:
             assert (SAMPLE / artifact["name"]).stat().st_size == artifact["bytes"]
     RecordingFacts.model_validate(INDEX["facts"])
     truth, estimate = (INDEX["jobs"][key] for key in (bundled.TRUTH_JOB, bundled.ESTIMATE_JOB))
@@ -97,7 +97,7 @@ def test_seeding_twice_at_once_and_again_leaves_one_sample(database_url: str, tm
             jobs = (await connection.execute(select(job))).mappings().all()
         return at_once, again, [dict(row) for row in rows], {row["id"]: dict(row) for row in jobs}
 
-    at_once, again, rows, jobs = within(database_url, act)
+    at_once, again, rows, jobs = run_with_engine(database_url, act)
     assert sorted(at_once) == [False, False, True]
     assert again is False
     assert [row["id"] for row in rows] == [bundled.SAMPLE_ID]
@@ -127,7 +127,7 @@ def test_an_older_or_damaged_sample_is_replaced(database_url: str, tmp_path: Pat
             count = (await connection.execute(select(func.count()).select_from(recording))).scalar_one()
             return replaced, repaired, count
 
-    assert within(database_url, act) == (True, True, 1)
+    assert run_with_engine(database_url, act) == (True, True, 1)
     assert (tmp_path / f"recordings/{bundled.SAMPLE_ID}/recording.c3d").is_file()
 
 
@@ -137,8 +137,8 @@ def test_retention_leaves_the_sample_alone(database_url: str, tmp_path: Path) ->
     async def act(engine: AsyncEngine) -> Any:
         await bundled.seed_sample(engine, blobs)
         async with engine.connect() as connection:
-            gone = await retention.remove_old_jobs(connection, blobs, timedelta(seconds=-1))
+            removed = await retention.remove_old_jobs(connection, blobs, timedelta(seconds=-1))
             orphans = await retention.remove_orphans(connection, blobs, timedelta(seconds=-1))
-        return gone, orphans, await bundled.seed_sample(engine, blobs)
+        return removed, orphans, await bundled.seed_sample(engine, blobs)
 
-    assert within(database_url, act) == ([], [], False)
+    assert run_with_engine(database_url, act) == ([], [], False)

@@ -14,13 +14,13 @@ from stridelab.service.samples import scenarios
 from stridelab.service.samples.scenario_bodies import ONE_STEP
 from stridelab.service.settings import Settings
 from stridelab.service.storage.tables import scenario
-from support.service.database import within
+from support.service.database import run_with_engine
 
 
 async def rows(engine: AsyncEngine) -> dict[str, dict[str, Any]]:
     async with engine.connect() as connection:
-        found = (await connection.execute(select(scenario))).mappings().all()
-    return {row["id"]: dict(row) for row in found}
+        stored_rows = (await connection.execute(select(scenario))).mappings().all()
+    return {row["id"]: dict(row) for row in stored_rows}
 
 
 def write(folder: Path, stem: str, **changes: Any) -> None:
@@ -33,7 +33,7 @@ def test_seeding_at_once_and_again_leaves_every_file_once(database_url: str) -> 
         first = await rows(engine)
         return at_once, first, await scenarios.seed_scenarios(engine), await rows(engine)
 
-    at_once, first, again, second = within(database_url, act)
+    at_once, first, again, second = run_with_engine(database_url, act)
     assert sorted(at_once) == [False, False, False, True]
     assert again is False
     assert first == second
@@ -50,7 +50,7 @@ def test_a_service_has_them_from_the_start(database_url: str, tmp_path: Path) ->
         async with app.router.lifespan_context(app):
             return await rows(engine)
 
-    assert within(database_url, act).keys() == scenarios.bundled_scenarios().keys()
+    assert run_with_engine(database_url, act).keys() == scenarios.bundled_scenarios().keys()
 
 
 def test_rows_follow_their_files(database_url: str, tmp_path: Path) -> None:
@@ -67,7 +67,7 @@ def test_rows_follow_their_files(database_url: str, tmp_path: Path) -> None:
         assert await scenarios.seed_scenarios(engine, tmp_path)
         return before, await rows(engine)
 
-    before, after = within(database_url, act)
+    before, after = run_with_engine(database_url, act)
     assert after.keys() == {"stays", "changes", "comes"}
     assert after["stays"] == before["stays"]
     assert after["changes"]["body"]["name"] == "after"
@@ -86,14 +86,14 @@ def test_a_damaged_row_is_repaired_and_users_scenarios_stay(database_url: str, t
             await connection.execute(insert(scenario).values(id=users, body=ONE_STEP))
         assert await scenarios.seed_scenarios(engine, tmp_path)
         (tmp_path / "walk.json").unlink()
-        kept = await rows(engine)
+        repaired_rows = await rows(engine)
         assert await scenarios.seed_scenarios(engine, tmp_path)
-        return kept, await rows(engine)
+        return repaired_rows, await rows(engine)
 
-    kept, left = within(database_url, act)
-    assert kept["walk"]["body"]["name"] == ONE_STEP["name"]
-    assert left == {users: kept[users]}
-    assert left[users]["bundled"] is False
+    repaired_rows, deleted_rows = run_with_engine(database_url, act)
+    assert repaired_rows["walk"]["body"]["name"] == ONE_STEP["name"]
+    assert deleted_rows == {users: repaired_rows[users]}
+    assert deleted_rows[users]["bundled"] is False
 
 
 @pytest.mark.parametrize("stem", ["0" * 32, "Walk", "a b", "a_b", "a.b", "-a", "x" * 65, "schön"])
@@ -112,8 +112,8 @@ def test_a_users_id_is_never_that_of_a_file() -> None:
 def test_a_damaged_file_is_not_seeded(database_url: str, tmp_path: Path) -> None:
     (tmp_path / "walk.json").write_text('{"name": "x"}', encoding="utf-8")
     with pytest.raises(ValueError, match="robot"):
-        within(database_url, lambda engine: scenarios.seed_scenarios(engine, tmp_path))
-    assert within(database_url, rows) == {}
+        run_with_engine(database_url, lambda engine: scenarios.seed_scenarios(engine, tmp_path))
+    assert run_with_engine(database_url, rows) == {}
 
 
 def test_the_robot_of_most_scenarios_comes_first() -> None:

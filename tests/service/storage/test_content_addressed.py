@@ -1,4 +1,4 @@
-"""Uploads by content: kept while a recording uses them, swept when their process died before the row was written."""
+"""Uploads by content: stored while a recording uses them, removed if their process died before the row was written."""
 
 from datetime import timedelta
 from pathlib import Path
@@ -9,7 +9,7 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.content_addressed import delete_if_unused, remove_unused, upload_key
 from stridelab.service.storage.tables import recording
-from support.service.database import within
+from support.service.database import run_with_engine
 from support.service.stored_rows import facts
 
 
@@ -33,4 +33,4 @@ def test_an_upload_without_a_recording_is_swept_once_it_is_old(database_url: str
         assert await blobs.exists(used)
         assert not await blobs.exists(unused)
 
-    within(database_url, scenario)
+    run_with_engine(database_url, scenario)

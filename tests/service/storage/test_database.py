@@ -12,13 +12,13 @@ from stridelab.service.settings import Settings
 from stridelab.service.storage import database
 from stridelab.service.storage.database import database_url, make_engine, parse_url
 from stridelab.service.storage.migrate import MIGRATIONS, all_revisions, engine_of, is_migrated, migrate
-from support.service.database import TestDatabases, differences, within
+from support.service.database import TestDatabases, run_with_engine, schema_differences
 
 
 def test_migrations_make_exactly_the_declared_tables(database_url: str) -> None:
     engine = engine_of(database_url)
     with engine.connect() as connection:
-        assert differences(connection) == []
+        assert schema_differences(connection) == []
     engine.dispose()
 
 
@@ -96,11 +96,11 @@ def test_who_is_frozen_in_a_transaction_holds_a_lock_for_a_while_only(
     asyncio.run(act())
 
 
-def test_options_of_the_address_are_kept(database_url: str) -> None:
+def test_options_of_the_database_address_are_preserved(database_url: str) -> None:
     async def shown(engine: AsyncEngine) -> list[str]:
         async with engine.connect() as connection:
             names = ("statement_timeout", "idle_in_transaction_session_timeout")
             return [(await connection.execute(text(f"SHOW {name}"))).scalar_one() for name in names]
 
     mark = "&" if "?" in database_url else "?"
-    assert within(f"{database_url}{mark}options=-c%20statement_timeout%3D7000", shown) == ["7s", "2min"]
+    assert run_with_engine(f"{database_url}{mark}options=-c%20statement_timeout%3D7000", shown) == ["7s", "2min"]

@@ -27,18 +27,18 @@ PUBLISHING = ("INSERT INTO recording ", "UPDATE recording SET", "finished_at=now
 
 
 def store_on(system: VolatileFileSystem, folder: Path) -> BlobStore:
-    made = BlobStore.from_url(folder.as_uri())
-    return BlobStore(made.backend, made.folder, system)
+    store = BlobStore.from_url(folder.as_uri())
+    return BlobStore(store.backend, store.folder, system)
 
 
 def test_a_file_is_lost_where_nothing_is_synchronised(tmp_path: Path) -> None:
     """The simulation can lose a file: otherwise the tests below would show nothing."""
     (tmp_path / "file").write_bytes(b"content")
-    for syncs, kept in ((False, {}), (True, {"results/a/1/x": b"content"})):
+    for syncs, remaining in ((False, {}), (True, {"results/a/1/x": b"content"})):
         system = VolatileFileSystem(tmp_path / f"blobs-{syncs}", syncs=syncs)
         store = store_on(system, tmp_path / f"blobs-{syncs}")
         asyncio.run(store.put_file("results/a/1/x", tmp_path / "file"))
-        assert system.after_power_cut() == kept
+        assert system.after_power_cut() == remaining
 
 
 @pytest.mark.parametrize("left_out", ["file", "folder", "parent"])
@@ -86,12 +86,12 @@ def system(tmp_path: Path) -> VolatileFileSystem:
 
 @pytest.fixture
 def cuts(system: VolatileFileSystem) -> Iterator[Cuts]:
-    made = Cuts(system)
-    heard = (("before_cursor_execute", made.executed), ("commit", made.committed))
+    power_cuts = Cuts(system)
+    heard = (("before_cursor_execute", power_cuts.executed), ("commit", power_cuts.committed))
     for name, act in heard:
         event.listen(sqlalchemy.Engine, name, act)
     try:
-        yield made
+        yield power_cuts
     finally:
         for name, act in heard:
             event.remove(sqlalchemy.Engine, name, act)
@@ -104,8 +104,8 @@ def test_uploads_and_changes_are_on_the_disk_when_they_are_committed(
     monkeypatch.setattr(BlobStore, "from_url", lambda *_: store)
     with served(database_url, tmp_path / "data") as lab, lab.http() as http:
         cuts.disks.clear()
-        made = [upload(http, content).json() for _ in range(2)]  # the second one finds the file of the first
-        first = made[0]["id"]
+        recordings = [upload(http, content).json() for _ in range(2)]  # the second one finds the file of the first
+        first = recordings[0]["id"]
         assert http.patch(f"/api/v1/recordings/{first}", json={"plates": {"1": {"use": False}}}).status_code == 200
     assert len(cuts.disks) == 3
     with psycopg.connect(database_url) as connection:
@@ -117,7 +117,7 @@ def test_uploads_and_changes_are_on_the_disk_when_they_are_committed(
         assert disk[blob] == content
     after_both, after_change = cuts.disks[1], cuts.disks[2]
     assert any(key.startswith(f"recordings/{first}/") for key in after_both)
-    for disk, recording in ((after_both, made[1]["id"]), (after_change, first)):
+    for disk, recording in ((after_both, recordings[1]["id"]), (after_change, first)):
         key = rows[recording]
         assert disk[key] == (tmp_path / "blobs" / key).read_bytes()
 
@@ -125,7 +125,7 @@ def test_uploads_and_changes_are_on_the_disk_when_they_are_committed(
 def test_a_file_that_was_never_synchronised_is_when_another_recording_uses_it(
     tmp_path: Path, system: VolatileFileSystem
 ) -> None:
-    """Whoever wrote it was killed before; the second upload of the bytes does not store them again."""
+    """Its writer was killed before; the second upload of the bytes does not store them again."""
     content, store = b"the same bytes", store_on(system, tmp_path / "blobs")
     (tmp_path / "file").write_bytes(content)
     sha256 = hashlib.sha256(content).hexdigest()

@@ -6,9 +6,9 @@ import psycopg
 import pytest
 
 from stridelab.service.storage.migrate import all_revisions, engine_of, is_migrated, migrate
-from support.service.database import TestDatabases, differences, migrate_to
+from support.service.database import TestDatabases, migrate_to, schema_differences
 from support.service.processes import Jobs, assert_sound, worker
-from support.service.stored_rows import fill, rows
+from support.service.stored_rows import fill_tables, read_rows
 
 OLD_QUEUE = Path(__file__).parents[2] / "support" / "service" / "procrastinate-3.10.sql"
 DELIVER = (
@@ -27,8 +27,8 @@ def test_scenarios_and_jobs_of_revision_0001(postgres: TestDatabases) -> None:
         migrate(url)
         assert is_migrated(url)
         with psycopg.connect(url) as new:
-            kept = new.execute("SELECT body, bundled, updated_at = created_at FROM scenario").fetchall()
-            assert kept == [({"a": 1}, False, True)]
+            scenario_rows = new.execute("SELECT body, bundled, updated_at = created_at FROM scenario").fetchall()
+            assert scenario_rows == [({"a": 1}, False, True)]
             assert new.execute("SELECT id, kind, scenario_id FROM job").fetchall() == [("j", "estimate-com", None)]
             new.execute("UPDATE job SET scenario_id = 's'")
             new.execute("DELETE FROM scenario")
@@ -37,22 +37,24 @@ def test_scenarios_and_jobs_of_revision_0001(postgres: TestDatabases) -> None:
 
 @pytest.mark.parametrize("revision", all_revisions()[:-1])
 def test_every_row_survives_the_way_from(postgres: TestDatabases, tmp_path: Path, revision: str) -> None:
-    """All that an earlier version kept is there afterwards, value for value, and the tables are the declared ones."""
+    """All rows of an earlier version are there afterwards, value for value, and the tables are the declared ones."""
     with postgres.fresh(migrated=False) as url:
         migrate_to(url, revision)
-        fill(url, tmp_path / "blobs")
-        before = rows(url)
+        fill_tables(url, tmp_path / "blobs")
+        before = read_rows(url)
         migrate(url)
-        after = rows(url)
-        for table, kept in before.items():
-            for old in kept:
+        after = read_rows(url)
+        for table, rows_before in before.items():
+            for old in rows_before:
                 old.pop("queue_id", None)  # the row of the queue that revision 0009 drops
-            assert [{name: new[name] for name in old} for old, new in zip(kept, after[table], strict=True)] == kept
+            assert [
+                {name: new[name] for name in old} for old, new in zip(rows_before, after[table], strict=True)
+            ] == rows_before
         migrate(url)  # nothing is left to do
-        assert rows(url) == after
+        assert read_rows(url) == after
         engine = engine_of(url)
         with engine.connect() as connection:
-            assert differences(connection) == []
+            assert schema_differences(connection) == []
         engine.dispose()
 
 
@@ -93,8 +95,8 @@ def test_jobs_in_flight_in_the_old_queue_are_run_by_the_new_one(postgres: TestDa
         migrate(url)
         with psycopg.connect(url, autocommit=True) as new:
             for catalogue, name in (("pg_class", "relname"), ("pg_proc", "proname"), ("pg_type", "typname")):
-                left = f"SELECT {name} FROM {catalogue} WHERE {name} LIKE '%procrastinate%'"
-                assert new.execute(left.encode()).fetchall() == []
+                leftovers = f"SELECT {name} FROM {catalogue} WHERE {name} LIKE '%procrastinate%'"
+                assert new.execute(leftovers.encode()).fetchall() == []
             lanes = "SELECT DISTINCT lane FROM job WHERE kind = %s"
             assert new.execute(lanes, ("plan-motion",)).fetchall() == [("long",)]
             assert new.execute(lanes, ("work",)).fetchall() == [("short",)]
@@ -102,8 +104,8 @@ def test_jobs_in_flight_in_the_old_queue_are_run_by_the_new_one(postgres: TestDa
         jobs = Jobs(url)
         with worker(url, tmp_path / "w", STRIDELAB_BLOB_URL=(tmp_path / "blobs").as_uri()):
             ended = {name: jobs.until_final(name) for name in states}
-        found = {name: (record.state, record.attempt) for name, record in ended.items()}
-        assert found == {
+        outcomes = {name: (record.state, record.attempt) for name, record in ended.items()}
+        assert outcomes == {
             "waiting": ("succeeded", 1),
             "fetched": ("succeeded", 1),
             "redelivered": ("succeeded", 2),

@@ -12,7 +12,7 @@ from stridelab.simulation.human.body_model import build_body, landmark_tracks, s
 @pytest.mark.parametrize(
     ("height_m", "mass_kg", "sex"), [(1.71, 60.0, "female"), (1.85, 92.0, "male"), (1.3, 28.0, "female")]
 )
-def test_upright_body_is_as_tall_and_heavy_as_asked(height_m: float, mass_kg: float, sex: Sex) -> None:
+def test_the_upright_body_has_the_requested_stature_and_mass(height_m: float, mass_kg: float, sex: Sex) -> None:
     body = build_body(height_m, mass_kg, sex)
     landmarks = landmark_tracks(body, body.neutral_pose()[None])
     assert landmarks["head_top"][0, 2] == pytest.approx(height_m, abs=1e-12)

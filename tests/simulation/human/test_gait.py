@@ -121,9 +121,9 @@ def test_quiet_standing_rests_over_the_pressure(quiet_standing: Walk) -> None:
 
 def test_mean_vertical_force_over_whole_strides_is_the_weight(steady_walk: Walk) -> None:
     strikes = [s.strike_s - steady_walk.plan.record_from_s for s in steady_walk.plan.stances if s.side == "left"]
-    seen = [t for t in strikes if 0.0 <= t <= steady_walk.duration_s]
+    strikes_inside = [t for t in strikes if 0.0 <= t <= steady_walk.duration_s]
     t = steady_walk.truth.time_s
-    mean = steady_walk.force_n[(t >= seen[0]) & (t < seen[-1]), 2].mean()
+    mean = steady_walk.force_n[(t >= strikes_inside[0]) & (t < strikes_inside[-1]), 2].mean()
     assert mean == pytest.approx(steady_walk.body.mass_kg * 9.81, rel=0.005)
 
 

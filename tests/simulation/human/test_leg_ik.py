@@ -24,14 +24,14 @@ def test_angles_come_back_from_the_pose_of_the_foot(
     q[i["l_knee"]], q[i["l_ankle_flexion"]], q[i["l_ankle_inversion"]] = knee, flexion, inversion
     pin.forwardKinematics(BODY.model, data, q)
     hip_pose, foot, pelvis = (data.oMi[BODY.joint[name]] for name in ("l_thigh", "l_foot", "pelvis"))
-    found = leg_angles(
+    angles = leg_angles(
         BODY.proportions,
         hip_pose.translation[None],
         Rotation.from_matrix(pelvis.rotation[None]),
         foot.translation[None],
         Rotation.from_matrix(foot.rotation[None]),
     )
-    np.testing.assert_allclose(found.hip_rad[0], hip, atol=1e-9)
+    np.testing.assert_allclose(angles.hip_rad[0], hip, atol=1e-9)
     np.testing.assert_allclose(
-        [found.knee_rad[0], found.flexion_rad[0], found.inversion_rad[0]], [knee, flexion, inversion], atol=1e-7
+        [angles.knee_rad[0], angles.flexion_rad[0], angles.inversion_rad[0]], [knee, flexion, inversion], atol=1e-7
     )

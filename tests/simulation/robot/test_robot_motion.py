@@ -21,22 +21,22 @@ MOTIONS = ["robot_walk", "brisk_walk", "robot_run"]
 
 @pytest.fixture(params=MOTIONS)
 def motion(request: pytest.FixtureRequest) -> RobotWalk:
-    found: RobotWalk = request.getfixturevalue(request.param)
-    return found
+    walk: RobotWalk = request.getfixturevalue(request.param)
+    return walk
 
 
 def soles(moved: RobotWalk) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Place and rotation of both contact frames over time, by pinocchio."""
     model, frames = with_contact_frames(moved.robot)
     data = model.createData()
-    found: dict[str, tuple[list, list]] = {"left": ([], []), "right": ([], [])}
+    tracks: dict[str, tuple[list, list]] = {"left": ([], []), "right": ([], [])}
     for q in moved.motion.q:
         pin.framesForwardKinematics(model, data, q)
-        for side, (places, rotations) in found.items():
+        for side, (places, rotations) in tracks.items():
             pose = data.oMf[frames[f"{side}_foot"]]
             places.append(pose.translation.copy())
             rotations.append(pose.rotation.copy())
-    return {side: (np.array(places), np.array(rotations)) for side, (places, rotations) in found.items()}
+    return {side: (np.array(places), np.array(rotations)) for side, (places, rotations) in tracks.items()}
 
 
 def richardson(track: np.ndarray) -> np.ndarray:
@@ -65,8 +65,8 @@ def test_velocities_and_accelerations_are_those_of_the_configurations(motion: Ro
             ahead = pin.difference(model, m.q[k + 2], m.q[k + 2 + i])
             behind = pin.difference(model, m.q[k + 2], m.q[k + 2 - i])
             velocity[k] += weight * (ahead - behind) / (12.0 * DT)
-    for found, exact in ((velocity, m.v[2:-2]), (richardson(m.v), m.a[2:-2])):
-        error = np.abs(found - exact).max(axis=1)
+    for computed, exact in ((velocity, m.v[2:-2]), (richardson(m.v), m.a[2:-2])):
+        error = np.abs(computed - exact).max(axis=1)
         assert np.percentile(error, 90) < 0.01 * np.abs(exact).max()
         assert np.median(error) < 1e-3 * np.abs(exact).max()
 
@@ -82,7 +82,7 @@ def test_impulse_of_the_contact_wrench_is_the_change_of_momentum(motion: RobotWa
     assert np.abs(turning - (about_origin[-1] - about_origin[0])).max() < 3e-4 * np.abs(t.moment_nm).max()
 
 
-def test_wrench_is_what_newton_euler_finds_at_the_floating_base(motion: RobotWalk) -> None:
+def test_the_wrench_is_that_of_newton_euler_at_the_floating_base(motion: RobotWalk) -> None:
     """Recursive Newton-Euler over the tree, an algorithm that knows nothing of momenta."""
     model, t, m = motion.robot.model, motion.truth, motion.motion
     data = model.createData()
@@ -132,8 +132,8 @@ def test_zero_moment_point_stays_where_it_was_planned(
     """The soles reach 97 mm forwards and 62 mm sideways: the walk needs no forces that the ground cannot give."""
     moved: RobotWalk = request.getfixturevalue(name)
     t = moved.truth
-    found = zmp_of_motion(t.com_m, t.acceleration_m_s2, t.momentum_rate_nm, t.mass_kg)
-    error_mm = 1e3 * np.abs(found - moved.load.zmp_m).max(axis=0)
+    zmp_m = zmp_of_motion(t.com_m, t.acceleration_m_s2, t.momentum_rate_nm, t.mass_kg)
+    error_mm = 1e3 * np.abs(zmp_m - moved.load.zmp_m).max(axis=0)
     assert np.all(error_mm < [x_mm, y_mm])
 
 
@@ -213,7 +213,7 @@ def test_seeds_vary_the_walk_and_repeat_it() -> None:
 def test_same_seed_same_walk_and_another_seed_another_one() -> None:
     gait = gait_for(0.0, 2.0)
     first, other = simulate_walk(gait, 0), simulate_walk(gait, 1)
-    assert simulate_walk(gait, 0) is first, "kept for the next caller"
+    assert simulate_walk(gait, 0) is first, "cached for the next caller"
     again = simulate_walk.__wrapped__(gait, 0)
     np.testing.assert_array_equal(first.motion.q, again.motion.q)
     np.testing.assert_array_equal(first.truth.moment_nm, again.truth.moment_nm)
@@ -244,7 +244,7 @@ def test_footprints_out_of_reach_are_named_with_their_instant() -> None:
     assert refusal.value.code == "robot-out-of-reach"
 
 
-def test_speed_and_duration_are_those_asked_for() -> None:
+def test_speed_and_duration_are_those_requested() -> None:
     gait = gait_for(0.5, 8.0)
     assert gait.duration_s == pytest.approx(8.0)
     assert gait.step_length_m / gait.step_time_s == pytest.approx(0.5)

@@ -29,7 +29,7 @@ Answer = TypeVar("Answer")
 
 
 def run(work: Coroutine[None, None, Answer]) -> Answer:
-    """What ``work`` returns."""
+    """Run ``work`` in the loop and return its result."""
     with ThreadPoolExecutor(1) as thread:
         return thread.submit(lambda: asyncio.run(work)).result()
 
@@ -83,7 +83,7 @@ START = """async (base) => {
     window.ownScene = new Scene(document.querySelector("iframe"), layout, values);
     return { links: layout.bodies, time_s: layout.time_s };
 }"""
-TOLD = """(frames) => frames.map((at) => {
+SENT_POSES = """(frames) => frames.map((at) => {
     const scene = window.ownScene;
     scene.interpolate(at);
     return scene.layout.bodies.flatMap(([, k]) => [...scene.row.slice(k, k + 3), ...scene.quaternionAt(k)]);
@@ -106,16 +106,16 @@ class ScenePoses:
 
     def __init__(self, page: Page, address: str) -> None:
         self._page = page
-        said: dict[str, Any] = page.evaluate(START, address)
-        self.links = [name for name, _ in said["links"]]
-        self.time_s = np.array(said["time_s"])
+        session: dict[str, Any] = page.evaluate(START, address)
+        self.links = [name for name, _ in session["links"]]
+        self.time_s = np.array(session["time_s"])
 
-    def told(self, time_s: np.ndarray) -> np.ndarray:
+    def as_sent(self, time_s: np.ndarray) -> np.ndarray:
         """Poses ``(n, links, 7)`` at instants, as they are handed to viser."""
-        rows = self._page.evaluate(TOLD, self._frames(time_s).tolist())
+        rows = self._page.evaluate(SENT_POSES, self._frames(time_s).tolist())
         return np.array(rows, dtype=float).reshape(len(time_s), -1, 7)
 
-    def drawn(self, time_s: float) -> np.ndarray:
+    def as_drawn(self, time_s: float) -> np.ndarray:
         """Poses ``(links, 7)`` of the nodes of the picture."""
         (at,) = self._frames(np.array([time_s]))
         return np.array(self._page.evaluate(DRAWN, float(at)), dtype=float).reshape(-1, 7)
@@ -178,8 +178,8 @@ def until(page: Page, holds: Callable[[], bool]) -> None:
 
 def nodes(page: Page, *names: str) -> dict[str, Any]:
     """Position, quaternion and scale of nodes, as they are drawn."""
-    found: dict[str, Any] = page.evaluate(NODES, list(names))
-    return found
+    poses: dict[str, Any] = page.evaluate(NODES, list(names))
+    return poses
 
 
 def drag(page: Page, node: str, to_m: tuple[float, float, float]) -> None:

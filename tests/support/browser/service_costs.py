@@ -1,4 +1,4 @@
-"""What a service that answers browsers costs: traffic, processor time and memory.
+"""Costs of a service that answers browsers: traffic, processor time and memory.
 
 What the processes of a running service that answer browsers cost: processor time and memory.
 
@@ -41,15 +41,15 @@ class Consumption:
 
     @staticmethod
     def of(pid: int | None) -> "Consumption":
-        """Those of the service with the process ``pid``."""
-        found: dict[str, psutil.Process] = {}
+        """The processes of the service with the process ``pid``."""
+        processes: dict[str, psutil.Process] = {}
         for process in psutil.Process(pid).children(recursive=True):
             line = process.cmdline()
             for name, module in ANSWERING.items():
                 if line[-2:] == ["-m", module] and "stridelab.service.processes.parent_death" not in line:
-                    found[name] = process
-        assert set(found) == set(ANSWERING), found
-        return Consumption(found)
+                    processes[name] = process
+        assert set(processes) == set(ANSWERING), processes
+        return Consumption(processes)
 
     def cpu_s(self) -> float:
         """Processor seconds of all of them so far."""
@@ -70,18 +70,18 @@ LONG = {126: 2, 127: 8}
 
 @dataclass
 class Wire:
-    """One connection; ``said`` and ``heard`` are the data frames of its websocket, by the service and by the page."""
+    """One connection: data frames of its websocket, ``messages_down`` by the service, ``messages_up`` by the page."""
 
     down_bytes: int = 0
     up_bytes: int = 0
-    said: int = 0
-    heard: int = 0
+    messages_down: int = 0
+    messages_up: int = 0
     is_socket: bool = False
 
 
 @dataclass
 class Meter:
-    """What has passed since the start; ``url`` is where the service is reached through the door.
+    """Traffic since the start; ``url`` is the address of the service behind the counting proxy.
 
     Of a connection that has sent ``up_at_most`` bytes nothing more is let through until the number is taken away.
     """
@@ -97,18 +97,18 @@ class Meter:
 
     @property
     def answer_bytes(self) -> int:
-        """Those of them outside websockets, which ask now and then whether the other side is there."""
+        """Bytes by the service outside websockets, whose keep-alive messages are not of interest."""
         return sum(wire.down_bytes for wire in self.wires if not wire.is_socket)
 
     @property
-    def said(self) -> int:
+    def messages_down(self) -> int:
         """Messages by the service through websockets."""
-        return sum(wire.said for wire in self.wires)
+        return sum(wire.messages_down for wire in self.wires)
 
     @property
-    def heard(self) -> int:
+    def messages_up(self) -> int:
         """Messages to the service through websockets."""
-        return sum(wire.heard for wire in self.wires)
+        return sum(wire.messages_up for wire in self.wires)
 
 
 @contextlib.contextmanager
@@ -162,11 +162,11 @@ async def _carry(source: asyncio.StreamReader, sink: asyncio.StreamWriter, wire:
             else:
                 wire.down_bytes += len(piece)
             if wire.is_socket:
-                found = frames.count(piece)
+                n_frames = frames.count(piece)
                 if up is not None:
-                    wire.heard += found
+                    wire.messages_up += n_frames
                 else:
-                    wire.said += found
+                    wire.messages_down += n_frames
             sink.write(piece)
             await sink.drain()
     finally:
@@ -189,19 +189,19 @@ class Frames:
             if not mark:
                 return 0
             self._opened, self._rest = True, rest
-        found = 0
+        n_frames = 0
         while True:
             passed = min(self._skip, len(self._rest))
             self._skip, self._rest = self._skip - passed, self._rest[passed:]
             if self._skip or len(self._rest) < 2:
-                return found
+                return n_frames
             first, second = self._rest[0], self._rest[1]
             long = LONG.get(second & 0x7F, 0)
             if len(self._rest) < 2 + long:
-                return found
+                return n_frames
             length = int.from_bytes(self._rest[2 : 2 + long]) if long else second & 0x7F
             self._skip = 2 + long + (4 if second & 0x80 else 0) + length
-            found += (first & 0x0F) in FINAL_AND_FIRST
+            n_frames += (first & 0x0F) in FINAL_AND_FIRST
 
 
 ADMIN = "a-secret-of-the-lab"
@@ -224,9 +224,9 @@ class Lab:
 
     def wait_until_prepared(self, robot: str) -> None:
         """Until then the viewer's pages show how far the robot's files are."""
-        while (found := self.admin.get(f"/api/v1/robots/{robot}/preparation").json())["state"] == "preparing":
+        while (preparation := self.admin.get(f"/api/v1/robots/{robot}/preparation").json())["state"] == "preparing":
             time.sleep(0.1)
-        assert found["state"] == "ready", found
+        assert preparation["state"] == "ready", preparation
 
     def audited(self, scenario_id: str) -> list[tuple[str, str]]:
         items = self.admin.get("/api/v1/audit").json()["items"]
@@ -236,10 +236,10 @@ class Lab:
 @contextmanager
 def viewer_lab(postgres: TestDatabases, data: Path, **environment: str) -> Iterator[Lab]:
     """Such a service with an empty database; ``environment`` is the viewer's."""
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        viewer_url = f"http://127.0.0.1:{taken.getsockname()[1]}"
+    with socket.create_server(("127.0.0.1", 0)) as reserved:
+        viewer_url = f"http://127.0.0.1:{reserved.getsockname()[1]}"
     with postgres.fresh() as url, served(url, data, api_token=ADMIN, viewer_url=viewer_url) as running:
-        given = {
+        variables = {
             **os.environ,
             "STRIDELAB_API_TOKEN": ADMIN,
             "STRIDELAB_HOST": "127.0.0.1",
@@ -247,7 +247,7 @@ def viewer_lab(postgres: TestDatabases, data: Path, **environment: str) -> Itera
             "STRIDELAB_VIEWER_URL": viewer_url,
             **environment,
         }
-        viewer = subprocess.Popen([sys.executable, "-m", "stridelab_web.viewer"], env=given)
+        viewer = subprocess.Popen([sys.executable, "-m", "stridelab_web.viewer"], env=variables)
         try:
             with running.http(headers={"Authorization": f"Bearer {ADMIN}"}, timeout=120) as admin:
                 yield Lab(running, admin)

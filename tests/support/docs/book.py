@@ -60,8 +60,10 @@ def _all(page: Path) -> Iterator[Token]:
 
 def blocks(page: Path) -> list[Block]:
     """All code blocks, fenced or indented."""
-    found = [t for t in tokens(page) if t.type in {"fence", "code_block"}]
-    return [Block(page, (t.map or [0])[0] + (2 if t.type == "fence" else 1), t.info.strip(), t.content) for t in found]
+    code_tokens = [t for t in tokens(page) if t.type in {"fence", "code_block"}]
+    return [
+        Block(page, (t.map or [0])[0] + (2 if t.type == "fence" else 1), t.info.strip(), t.content) for t in code_tokens
+    ]
 
 
 def inline_code(page: Path) -> list[str]:
@@ -78,19 +80,19 @@ def links(page: Path) -> list[str]:
 
 def slug(heading: str) -> str:
     """How mkdocs names the anchor of a heading."""
-    kept = re.sub(r"[^\w\s-]", "", heading.lower()).strip()
-    return re.sub(r"[-\s]+", "-", kept)
+    words = re.sub(r"[^\w\s-]", "", heading.lower()).strip()
+    return re.sub(r"[-\s]+", "-", words)
 
 
 def anchors(page: Path) -> set[str]:
     """Anchors of a page's headings; the second of one name has ``_1``, as mkdocs has it."""
-    found: set[str] = set()
+    slugs: set[str] = set()
     for opening, inside in pairwise(tokens(page)):
         if opening.type == "heading_open":
             name = slug("".join(t.content for t in inside.children or () if t.type in {"text", "code_inline"}))
             again = (f"{name}_{k}" for k in range(1, 100))
-            found.add(name if name not in found else next(n for n in again if n not in found))
-    return found
+            slugs.add(name if name not in slugs else next(n for n in again if n not in slugs))
+    return slugs
 
 
 ASSIGNMENT = re.compile(r"([A-Za-z_]\w*)=(.*)", re.DOTALL)
@@ -154,20 +156,20 @@ def _substituted(line: str) -> tuple[str, list[str]]:
 
 
 def _command(words: list[str], fed_by: Command | None) -> Command:
-    kept: list[str] = []
+    arguments: list[str] = []
     place = iter(words)
     for word in place:
         if set(word) <= set("<>&"):
             next(place, None)  # where it is read from or written to
         else:
-            kept.append(word)
+            arguments.append(word)
     assigned = {}
-    while kept and (found := ASSIGNMENT.fullmatch(kept[0])):
-        assigned[found[1]] = found[2]
-        kept.pop(0)
-    if kept and kept[0] == "export":
-        assigned |= {m[1]: m[2] for word in kept[1:] if (m := ASSIGNMENT.fullmatch(word))}
-    return Command(kept[0] if kept else "", tuple(kept[1:]), assigned, fed_by)
+    while arguments and (assignment := ASSIGNMENT.fullmatch(arguments[0])):
+        assigned[assignment[1]] = assignment[2]
+        arguments.pop(0)
+    if arguments and arguments[0] == "export":
+        assigned |= {m[1]: m[2] for word in arguments[1:] if (m := ASSIGNMENT.fullmatch(word))}
+    return Command(arguments[0] if arguments else "", tuple(arguments[1:]), assigned, fed_by)
 
 
 def each_of(paths: Iterable[Path]) -> Callable[[Callable[[Path], None]], Callable[[], None]]:
@@ -221,10 +223,10 @@ _VARIABLE = re.compile(r"\$\{([A-Z_]+)(?::-([^}]*))?\}")
 
 
 def compose(*files: Path) -> dict[str, Any]:
-    """All files in one; a part that two of them define would have to be merged, and none is."""
+    """All compose files merged into one; fails if two of them define the same part."""
     merged: dict[str, Any] = {}
     for file in files:
-        text = _VARIABLE.sub(lambda found: found[2] or "", file.read_text(encoding="utf-8"))
+        text = _VARIABLE.sub(lambda match: match[2] or "", file.read_text(encoding="utf-8"))
         for part, content in yaml.safe_load(text).items():
             if isinstance(content, dict):
                 twice = set(merged.setdefault(part, {})) & set(content)

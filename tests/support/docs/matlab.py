@@ -31,20 +31,20 @@ class Reader:
     def value(self, text: str) -> Any:
         self.tokens, at = [], 0
         while text[at:].strip():
-            found = TOKEN.match(text, at)
-            assert found, f"not read: {text[at:]}"
-            self.tokens.append(found.group(1))
-            at = found.end()
+            token = TOKEN.match(text, at)
+            assert token, f"not read: {text[at:]}"
+            self.tokens.append(token.group(1))
+            at = token.end()
         answer = self._compared()
         assert not self.tokens, f"not read: {self.tokens} of {text}"
         return answer
 
     def _compared(self) -> Any:
-        left = self._single()
+        first_value = self._single()
         if self.tokens and self.tokens[0] in ("~=", "=="):
             same, right = self.tokens.pop(0) == "==", self._single()
-            return (left == right) is same
-        return left
+            return (first_value == right) is same
+        return first_value
 
     def _single(self) -> Any:
         token = self.tokens.pop(0)
@@ -61,13 +61,13 @@ class Reader:
         return self._named(token)
 
     def _until(self, close: str) -> list[Any]:
-        found = []
+        values = []
         while self.tokens[0] != close:
-            found.append(self._compared())
+            values.append(self._compared())
             if self.tokens[0] == ",":
                 self.tokens.pop(0)
         self.tokens.pop(0)
-        return found
+        return values
 
     def _named(self, token: str) -> Any:
         if token in ENUMERATION:
@@ -126,7 +126,7 @@ def _body(lines: Iterator[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class Form:
-    """What ``MultipartFormProvider`` sends: names with texts or files, in pieces without a length."""
+    """A multipart form as ``MultipartFormProvider`` sends it: names with texts or files, chunked."""
 
     parts: tuple[tuple[str, str | Path], ...]
 

@@ -42,12 +42,12 @@ def models() -> dict[str, type[BaseModel]]:
         importlib.import_module(m.name)
         for m in pkgutil.walk_packages(stridelab.schemas.__path__, f"{stridelab.schemas.__name__}.")
     ]
-    found = [value for module in modules for value in vars(module).values() if isinstance(value, type)]
-    return {model.__name__: model for model in found if issubclass(model, BaseModel) and model is not BaseModel}
+    classes = [value for module in modules for value in vars(module).values() if isinstance(value, type)]
+    return {model.__name__: model for model in classes if issubclass(model, BaseModel) and model is not BaseModel}
 
 
 def operation(method: str, path: str) -> dict[str, Any] | None:
-    """What the service does at a path, whose variable parts may be anything."""
+    """Description of the operation at a path, whose variable parts may have any value."""
     fits = [
         (template.count("{"), methods[method.lower()])
         for template, methods in description()["paths"].items()
@@ -72,13 +72,13 @@ class Call:
 
 
 def complaints(call: Call) -> list[str]:
-    """What is wrong with a call: its path, method, query, JSON body or form fields."""
-    what, found = f"{call.method} {call.path}", operation(call.method, call.path)
-    if found is None:
+    """Faults of a call: its path, method, query, JSON body or form fields."""
+    what, described = f"{call.method} {call.path}", operation(call.method, call.path)
+    if described is None:
         return [f"there is no {what}"]
-    known = {p["name"] for p in found.get("parameters", []) if p["in"] == "query"}
+    known = {p["name"] for p in described.get("parameters", []) if p["in"] == "query"}
     wrong = [f"{what} has no query parameter {name}" for name in set(parse_qs(urlsplit(call.url).query)) - known]
-    content = found.get("requestBody", {}).get("content", {})
+    content = described.get("requestBody", {}).get("content", {})
     if call.body is not None:
         if "application/json" not in content:
             wrong.append(f"{what} reads no JSON")
@@ -92,8 +92,8 @@ def complaints(call: Call) -> list[str]:
 
 def answers(call: Call, path: list[str]) -> bool:
     """Whether the answer to a call, where all goes well, has a field of a field of it."""
-    found = operation(call.method, call.path) or {}
-    good = [answer for status, answer in found.get("responses", {}).items() if status.startswith("2")]
+    described = operation(call.method, call.path) or {}
+    good = [answer for status, answer in described.get("responses", {}).items() if status.startswith("2")]
     schemas = [content["schema"] for answer in good for content in answer.get("content", {}).values()]
     return any(_has(schema, path) for schema in schemas)
 
@@ -139,19 +139,19 @@ ADDRESS = re.compile(r"^(?:\$\w+|https?://(?:127\.0\.0\.1|localhost|lab)(?::\d+)
 
 def resolved(arguments: tuple[str, ...]) -> tuple[Any, str, list[str]]:
     """The sub-command that arguments name, its name, and what is left of them; None where there is no such command."""
-    found, rest, name = get_command(app), list(arguments), "stridelab"
-    while (inner := getattr(found, "commands", None)) and rest and not (rest[0].startswith("-") or rest[0].isupper()):
-        name, found = f"{name} {rest[0]}", inner.get(rest.pop(0))
-    return found, name, rest
+    command, rest, name = get_command(app), list(arguments), "stridelab"
+    while (inner := getattr(command, "commands", None)) and rest and not (rest[0].startswith("-") or rest[0].isupper()):
+        name, command = f"{name} {rest[0]}", inner.get(rest.pop(0))
+    return command, name, rest
 
 
 def check_stridelab(command: Command) -> list[str]:
     """Sub-command, options and values, as the program itself reads them."""
-    found, name, rest = resolved(command.arguments)
-    if found is None:
+    option_command, name, rest = resolved(command.arguments)
+    if option_command is None:
         return [f"there is no {name}"]
     try:
-        found.make_context(name, rest)
+        option_command.make_context(name, rest)
     except typer.Exit:
         return []
     except USAGE_ERROR as error:
@@ -161,10 +161,10 @@ def check_stridelab(command: Command) -> list[str]:
 
 def check_synopsis(command: Command) -> list[str]:
     """Sub-command and names of options."""
-    found, name, rest = resolved(command.arguments)
-    if found is None:
+    synopsis_command, name, rest = resolved(command.arguments)
+    if synopsis_command is None:
         return [f"there is no {name}"]
-    known = {flag for p in found.params for flag in (*p.opts, *p.secondary_opts)} | {"--help"}
+    known = {flag for p in synopsis_command.params for flag in (*p.opts, *p.secondary_opts)} | {"--help"}
     return [f"{name} has no {word}" for word in rest if word.startswith("--") and word not in known]
 
 
@@ -198,7 +198,7 @@ def check_curl(command: Command) -> list[str]:
 
 
 def check_jq(command: Command) -> list[str]:
-    """What is picked from the answer of a call is in it."""
+    """Check that the selected field is in the answer of the call."""
     picked = [word for word in command.arguments if re.fullmatch(r"(?:\.[a-z_]\w*)+", word)]
     call = call_of(command.fed_by) if command.fed_by and command.fed_by.program == "curl" else ""
     if isinstance(call, str):
@@ -227,7 +227,7 @@ CHECKS = {"stridelab": check_stridelab, "curl": check_curl, "jq": check_jq, "mak
 
 
 def check_command(command: Command) -> list[str]:
-    """What is wrong with one command of a shell."""
+    """Faults of one shell command."""
     wrong = [f"{name} is no setting" for name in command.assigned if not known_variable(name)]
     program = re.sub(r"^(?:\.\./)*\.venv/bin/", "", command.program)
     if program in CHECKS:
@@ -236,10 +236,10 @@ def check_command(command: Command) -> list[str]:
         wrong += check_file(program)
     elif program and program not in FOREIGN:
         wrong.append(f"{program} is not known to this test")
-    kept = [
+    paths = [
         word for word in command.arguments if re.match(r"(?:\.\./)*(?:models|docs|deploy|scripts|tests)/[^*]*$", word)
     ]
-    return wrong + [complaint for name in kept for complaint in check_file(name)]
+    return wrong + [complaint for name in paths for complaint in check_file(name)]
 
 
 def known_variable(name: str) -> bool:

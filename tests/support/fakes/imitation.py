@@ -18,7 +18,7 @@ KIND = "imitate"
 
 def imitation_result() -> tuple[dict[str, Any], dict[str, bytes]]:
     """Summary and files."""
-    given = robots.scenario()
+    scenario = robots.scenario()
     replay = ReplaySummary(
         completed=True, com_error_rms_m=0.0016, com_error_max_m=0.0033, foot_slip_max_m=0.001,
         landing_error_max_m=0.002, torque_ratio_max=0.7, real_time_factor=4.0, remarks=[],
@@ -34,7 +34,7 @@ def imitation_result() -> tuple[dict[str, Any], dict[str, bytes]]:
     names = ("name", "unit", "person", "scaled", "robot", "n_person", "n_robot")
     costs = {"com_excursion_m": 0.005, "acceleration_m2_s3": 1.7, "torque_squared_nm2s": 179000.0}
     summary = ImitateSummary(
-        scenario=given,
+        scenario=scenario,
         certificate=CertificateSummary(passed=True, checks=[]),
         replay=replay,
         comparison=[ComparedQuantity(**dict(zip(names, row, strict=True))) for row in rows],
@@ -58,4 +58,6 @@ def imitation_result() -> tuple[dict[str, Any], dict[str, bytes]]:
             columns[f"{who}_{name}"] = np.where(share > 0.8, np.nan, size * np.cos(2.0 * np.pi * share))
     file = io.BytesIO()
     pq.write_table(pa.table(columns), file)
-    return summary.model_dump(mode="json"), robots.plan_files(given, replay=True) | {"curves.parquet": file.getvalue()}
+    return summary.model_dump(mode="json"), robots.plan_files(scenario, replay=True) | {
+        "curves.parquet": file.getvalue()
+    }

@@ -218,5 +218,5 @@ def _step(k: int) -> FittedStep:
 
 
 def _rival(space: str, model: str, parameters: int, rms_mm: float, held_out_mm: float, aic: float) -> Rival:
-    given = {"space": space, "model": model, "parameters": parameters}
-    return Rival.model_validate({**given, "rms_mm": rms_mm, "held_out_mm": held_out_mm, "aic": aic})
+    fields = {"space": space, "model": model, "parameters": parameters}
+    return Rival.model_validate({**fields, "rms_mm": rms_mm, "held_out_mm": held_out_mm, "aic": aic})

@@ -63,7 +63,7 @@ def truth_m(time_s: np.ndarray) -> np.ndarray:
 
 
 def comparison_summary(*, with_truth: bool) -> CompareEstimatorsSummary:
-    """What the tables show."""
+    """Summary of a comparison."""
     return CompareEstimatorsSummary(
         window_s=WINDOW_S, rate_hz=RATE_HZ, segment_table="carried", mass_kg=60.0, latency_s=0.012, latency_sd_s=0.002,
         latency_applied_s=0.012, reference="truth" if with_truth else "geometry",
@@ -92,21 +92,21 @@ def tables(*, with_truth: bool) -> dict[str, bytes]:
     bode: dict[str, Any] = {"frequency_hz": lines}
     for k, name in enumerate(("geometry", "force", "axis")):
         bode |= {f"{name}_gain_db": -20.0 * k - 400 * (lines > 30), f"{name}_phase_rad": 0.1 * k + 0 * lines}
-    made = {"comparison": over_time, "spectra": spectra, "contributions": shares, "bode": bode}
-    return {f"{stem}.parquet": _parquet(columns) for stem, columns in made.items()}
+    by_name = {"comparison": over_time, "spectra": spectra, "contributions": shares, "bode": bode}
+    return {f"{stem}.parquet": _parquet(columns) for stem, columns in by_name.items()}
 
 
 def comparison_result(given: dict[str, Any], files: dict[str, bytes], *, with_truth: bool) -> JobResult:
     """The result of a succeeded comparison; its methods come in the order of a mapping that keeps none."""
-    made = comparison_summary(with_truth=with_truth).model_dump(mode="json")
-    made["methods"] = dict(sorted(made["methods"].items(), key=lambda item: (len(item[0]), item[0])))
+    summary = comparison_summary(with_truth=with_truth).model_dump(mode="json")
+    summary["methods"] = dict(sorted(summary["methods"].items(), key=lambda item: (len(item[0]), item[0])))
     artifacts = [Artifact(name=name, media_type="application/x", bytes=len(content)) for name, content in files.items()]
     return JobResult(
         kind=COMPARISON_KIND,
         input=given,
         versions={"stridelab": "0.1.0"},
         references=[],
-        summary=made,
+        summary=summary,
         artifacts=artifacts,
     )
 
@@ -206,7 +206,7 @@ PEOPLE = (
 
 
 def population_summary() -> StudyPopulationSummary:
-    """What the page shows."""
+    """Summary of a study."""
     return StudyPopulationSummary(
         subjects=[_subject(*person) for person in PEOPLE],
         correlations=[
@@ -264,30 +264,30 @@ def _pair(
 _NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
 
 
-def listed_recordings(kept: Iterable[Recording], query: Mapping[str, str]) -> dict[str, Any]:
+def listed_recordings(stored: Iterable[Recording], query: Mapping[str, str]) -> dict[str, Any]:
     """The page of recordings that ``query`` asks for; a cursor is the number of those before it."""
-    found = [one for one in reversed(list(kept)) if query.get("session_id") in (None, one.session_id)]
+    matching = [one for one in reversed(list(stored)) if query.get("session_id") in (None, one.session_id)]
     if "subject_id" in query:
-        found = [one for one in found if one.subject_id == query["subject_id"]]
+        matching = [one for one in matching if one.subject_id == query["subject_id"]]
     if "linked" in query:
-        found = [one for one in found if (one.subject_id is not None) == (query["linked"] == "true")]
+        matching = [one for one in matching if (one.subject_id is not None) == (query["linked"] == "true")]
     start, limit = int(query.get("cursor", 0)), int(query.get("limit", 50))
-    shown = [one.model_dump(mode="json") for one in found[start : start + limit]]
-    return {"items": shown, "next": str(start + limit) if len(found) > start + limit else None}
+    items = [one.model_dump(mode="json") for one in matching[start : start + limit]]
+    return {"items": items, "next": str(start + limit) if len(matching) > start + limit else None}
 
 
 class FakeSubjects:
     """Persons by their id."""
 
     def __init__(self, recordings: Mapping[str, Recording]) -> None:
-        self.kept: dict[str, Subject] = {}
+        self.stored: dict[str, Subject] = {}
         self._recordings = recordings
 
     def add(self, name: str | None = "P07", **fields: Any) -> Subject:
         """A person."""
-        made = Subject(subject_id=f"s{uuid.uuid4().hex[:12]}", created_at=_NOW, name=name, **fields)
-        self.kept[made.subject_id] = made
-        return made
+        subject = Subject(subject_id=f"s{uuid.uuid4().hex[:12]}", created_at=_NOW, name=name, **fields)
+        self.stored[subject.subject_id] = subject
+        return subject
 
     def routes(self, root: str) -> list[Route]:
         """The calls below ``root``."""
@@ -302,23 +302,23 @@ class FakeSubjects:
 
     async def _all(self, request: Request) -> Response:
         if request.method == "GET":
-            newest = [self._shown(one) for one in reversed(self.kept.values())]
+            newest = [self._shown(one) for one in reversed(self.stored.values())]
             return JSONResponse({"items": newest, "next": None})
-        given = SubjectInput.model_validate(await request.json())
-        return JSONResponse(self.add(**given.model_dump()).model_dump(mode="json"), 201)
+        subject_input = SubjectInput.model_validate(await request.json())
+        return JSONResponse(self.add(**subject_input.model_dump()).model_dump(mode="json"), 201)
 
     async def _one(self, request: Request) -> Response:
         key = request.path_params["id"]
-        if key not in self.kept:
-            said = Problem(title="404", status=404, code="subject-not-found", detail="There is no such subject.")
-            return Response(said.model_dump_json(), 404, media_type="application/problem+json")
+        if key not in self.stored:
+            problem = Problem(title="404", status=404, code="subject-not-found", detail="There is no such subject.")
+            return Response(problem.model_dump_json(), 404, media_type="application/problem+json")
         if request.method == "DELETE":
-            del self.kept[key]
+            del self.stored[key]
             return Response(status_code=204)
         if request.method == "PATCH":
-            given = SubjectInput.model_validate(await request.json()).model_dump(exclude_unset=True)
-            self.kept[key] = self.kept[key].model_copy(update=given)
-        return JSONResponse(self._shown(self.kept[key]))
+            changes = SubjectInput.model_validate(await request.json()).model_dump(exclude_unset=True)
+            self.stored[key] = self.stored[key].model_copy(update=changes)
+        return JSONResponse(self._shown(self.stored[key]))
 
 
 CORNERS_M = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1], [0.05, 0.05]])

@@ -137,28 +137,28 @@ def display_times_s(given: Scenario) -> np.ndarray:
 def poses(given: Scenario) -> np.ndarray:
     """``poses.f32`` as an array ``(frames, links, 7)``."""
     t = display_times_s(given)
-    found = np.zeros((len(t), len(LINKS), 7), dtype="<f4")
-    found[:, :, 3] = 1.0
-    found[:, 0, :3] = np.column_stack([0.1 * t, 0 * t, 0.9 + 0.02 * t])
-    found[:, 1, :3] = np.column_stack([0.1 * t, 0 * t + 0.09, 0.05 + 0.03 * t])
-    found[:, 2] = foot_pose(t)
-    found[:, 3, :3] = np.column_stack([0.2 + 0.1 * t, 0 * t - 0.5, 0 * t + 1.05])
-    return found
+    array = np.zeros((len(t), len(LINKS), 7), dtype="<f4")
+    array[:, :, 3] = 1.0
+    array[:, 0, :3] = np.column_stack([0.1 * t, 0 * t, 0.9 + 0.02 * t])
+    array[:, 1, :3] = np.column_stack([0.1 * t, 0 * t + 0.09, 0.05 + 0.03 * t])
+    array[:, 2] = foot_pose(t)
+    array[:, 3, :3] = np.column_stack([0.2 + 0.1 * t, 0 * t - 0.5, 0 * t + 1.05])
+    return array
 
 
 def forces(given: Scenario) -> np.ndarray:
     """``forces.f32`` as an array ``(frames, effectors, 6)``, NaN where nothing touches."""
     t = display_times_s(given)
-    found = np.full((len(t), len(EFFECTORS), 6), np.nan, dtype="<f4")
+    array = np.full((len(t), len(EFFECTORS), 6), np.nan, dtype="<f4")
     start_s = 0.0
     for phase in given.phases:
         there = (t >= start_s - 1e-9) & (t < start_s + phase.duration_s - 1e-9)
         start_s += phase.duration_s
         for contact in phase.contacts:
             k = EFFECTORS.index(contact.effector)
-            found[there, k, :3] = contact.position_m
-            found[there, k, 3:] = (5.0, 0.0, 20.0) if contact.effector == "right_hand" else (10.0, -5.0, 400.0)
-    return found
+            array[there, k, :3] = contact.position_m
+            array[there, k, 3:] = (5.0, 0.0, 20.0) if contact.effector == "right_hand" else (10.0, -5.0, 400.0)
+    return array
 
 
 def centroidal(given: Scenario) -> dict[str, np.ndarray]:
@@ -218,7 +218,7 @@ def plan_files(given: Scenario, *, whole_body: bool = True, replay: bool = False
     sink = io.BytesIO()
     pq.write_table(pa.table(centroidal(given)), sink)
     bare = Scenario(**{name: getattr(given, name) for name in Scenario.model_fields})
-    found = {"scenario.json": bare.model_dump_json().encode(), "centroidal.parquet": sink.getvalue()}
+    contents = {"scenario.json": bare.model_dump_json().encode(), "centroidal.parquet": sink.getvalue()}
     if whole_body:
         about = {
             "robot": given.robot,
@@ -227,12 +227,12 @@ def plan_files(given: Scenario, *, whole_body: bool = True, replay: bool = False
             "links": list(LINKS),
             "forces": {"file": "forces.f32", "effectors": list(EFFECTORS)},
         }
-        found |= {
+        contents |= {
             "poses.json": json.dumps(about).encode(),
             "poses.f32": poses(given).tobytes(),
             "forces.f32": forces(given).tobytes(),
         }
-    return found | (replayed(given) if replay else {})
+    return contents | (replayed(given) if replay else {})
 
 
 def plan_result(given: dict[str, Any], files: dict[str, bytes]) -> JobResult:
@@ -349,7 +349,7 @@ def robots(reason: str | None = None) -> list[RobotSummary]:
 
 
 def refusal(given: Scenario) -> list[tuple[str, str]]:
-    """What the fake judge finds wrong."""
+    """Problem body with the faults of the fake validation."""
     return [
         (f"phases[{k}].contacts[{contact.effector}]", "The foot stands on nothing.")
         for k, phase in enumerate(given.phases)
@@ -359,7 +359,7 @@ def refusal(given: Scenario) -> list[tuple[str, str]]:
 
 
 def support(k: int, phase: ScenarioPhase) -> PhaseSupport:
-    """How the fake judge says that a phase is held: not at rest on the right foot alone."""
+    """Support of a phase by the fake validation: not at rest on the right foot alone."""
     feet = [contact for contact in phase.contacts if "foot" in contact.effector]
     alone = [foot.effector for foot in feet] == ["right_foot"]
     x, y, z = feet[0].position_m
@@ -373,7 +373,7 @@ def region(phase: ScenarioPhase) -> list[tuple[float, float]]:
 
 
 def check(given: Scenario) -> ScenarioCheck:
-    """What the fake judge says."""
+    """Answer of the fake validation."""
     wrong = refusal(given)
     margins = [
         ContactMargin(phase=k, effector=c.effector, surface="ground", height_m=0.0, edge_m=0.04, reach_m=0.25)

@@ -54,7 +54,7 @@ class Loop(httpx.BaseTransport):
             content = await answer.aread()
             return httpx.Response(answer.status_code, headers=answer.headers, content=content, request=request)
 
-        # A thread of its own: whoever asks may run in an event loop.
+        # A thread of its own: the caller may run in an event loop.
         with ThreadPoolExecutor(1) as pool:
             return pool.submit(asyncio.run, ask()).result()
 
@@ -112,9 +112,9 @@ class FakeService:
 
     def add_scenario(self, *, bundled: bool = False, given: Scenario | None = None) -> StoredScenario:
         """A stored scenario."""
-        kept = robots.stored(given or robots.scenario(), bundled=bundled)
-        self.scenarios[kept.id] = kept
-        return kept
+        stored_scenario = robots.stored(given or robots.scenario(), bundled=bundled)
+        self.scenarios[stored_scenario.id] = stored_scenario
+        return stored_scenario
 
     def add_plan(
         self,
@@ -126,8 +126,8 @@ class FakeService:
     ) -> Job:
         """A finished plan."""
         job = self.add_job("plan-motion", "succeeded")
-        shown = given or robots.scenario()
-        self.plans[job.id] = robots.plan_files(shown, whole_body=whole_body, replay=replay)
+        planned_scenario = given or robots.scenario()
+        self.plans[job.id] = robots.plan_files(planned_scenario, whole_body=whole_body, replay=replay)
         self.inputs[job.id] = {"scenario_id": scenario_id}
         return job
 
@@ -149,7 +149,7 @@ class FakeService:
         self.jobs[job_id] = self.jobs[job_id].model_copy(update=fields)
 
     async def run(self, job_id: str) -> None:
-        """Take a job through its life, unless somebody cancels it."""
+        """Take a job through its states, unless it is cancelled."""
         for fraction in (0.0, 0.25, 0.5, 0.75):
             await asyncio.sleep(self.step_s)
             if self.jobs[job_id].state == "cancelled":
@@ -160,41 +160,41 @@ class FakeService:
             return
         if self.jobs[job_id].kind == "plan-motion":
             self.plans[job_id] = robots.plan_files(self.scenarios[self.inputs[job_id]["scenario_id"]])
-        done = {"state": "succeeded", "has_result": True, "progress": Progress(fraction=1.0)}
-        self.change(job_id, **done, started_at=_NOW, finished_at=_NOW)
+        changes = {"state": "succeeded", "has_result": True, "progress": Progress(fraction=1.0)}
+        self.change(job_id, **changes, started_at=_NOW, finished_at=_NOW)
 
     def result(self, job_id: str) -> JobResult:
         """The result of a succeeded job."""
         job = self.jobs[job_id]
-        given = self.inputs.get(job_id, {"recording_id": job.recording_id})
+        job_input = self.inputs.get(job_id, {"recording_id": job.recording_id})
         if job_id in self.results:
             return self.results[job_id]
         if job_id in self.plans:
             receding = self.jobs[job_id].kind == "plan-receding"
-            made = robots.receding_result if receding else robots.plan_result
-            found = made(given, self.plans[job_id])
+            make_result = robots.receding_result if receding else robots.plan_result
+            job_result = make_result(job_input, self.plans[job_id])
             if job_id in self.stopped:
-                kept = {"stopped": self.stopped[job_id].model_dump(), "certificate": None, "replay": None}
-                found.summary.update(kept)
-            return found
+                early_summary = {"stopped": self.stopped[job_id].model_dump(), "certificate": None, "replay": None}
+                job_result.summary.update(early_summary)
+            return job_result
         if job_id in self.comparisons:
             with_truth, files = self.comparisons[job_id]
-            return results.comparison_result(given, files, with_truth=with_truth)
+            return results.comparison_result(job_input, files, with_truth=with_truth)
         known = results.RESULTS | {recorded_walk.KIND: recorded_walk.result, reachability.KIND: reachability.result}
         if job.kind in known:
-            return known[job.kind](given)
+            return known[job.kind](job_input)
         versions = {"stridelab": "0.1.0", "numpy": "2.4"}
         if job.kind == "simulate-recording":
             summary = {"recording_id": next(iter(self.recordings)), "speed_m_s": 1.2, "n_steps": 6, "warnings": []}
             return JobResult(
-                kind=job.kind, input=given, versions=versions, references=[], summary=summary, artifacts=[]
+                kind=job.kind, input=job_input, versions=versions, references=[], summary=summary, artifacts=[]
             )
         artifacts = [
             Artifact(name="com.parquet", media_type="application/vnd.apache.parquet", bytes=len(self.com)),
             Artifact(name="com.csv", media_type="text/csv", bytes=12345),
         ]
         return JobResult(
-            kind=job.kind, input=given, versions=versions, references=["dumas2007"],
+            kind=job.kind, input=job_input, versions=versions, references=["dumas2007"],
             summary=SUMMARY, artifacts=artifacts,
         )  # fmt: skip
 
@@ -241,8 +241,8 @@ class FakeService:
         content = await file.read()
         await form.close()
         if not content.startswith(b"\x02P"):
-            said = f"{name} is neither a C3D file nor a ZIP."
-            return _problem(422, "not-a-recording", said, [(name, "no C3D header")])
+            reason = f"{name} is neither a C3D file nor a ZIP."
+            return _problem(422, "not-a-recording", reason, [(name, "no C3D header")])
         digest = hashlib.sha256(content).hexdigest()
         same = [known for known in self.recordings.values() if known.sha256 == digest]
         if same and "reuse" in request.query_params:
@@ -276,14 +276,14 @@ class FakeService:
 
     async def _jobs(self, request: Request) -> Response:
         query = request.query_params
-        found = [
+        matching = [
             job
             for job in reversed(self.jobs.values())
             if all(getattr(job, key) == query[key] for key in ("state", "kind", "scenario_id") if key in query)
             and query.get("recording_id", job.recording_id) in {job.recording_id, *self._pooled(job)}
         ]
         limit = int(query.get("limit", 50))
-        return _answer({"items": [j.model_dump(mode="json") for j in found[:limit]], "next": None})
+        return _answer({"items": [j.model_dump(mode="json") for j in matching[:limit]], "next": None})
 
     async def _health(self, _: Request) -> Response:
         return _answer(Health(version="0.1.0", uptime_s=12.5).model_dump(mode="json"))
@@ -293,9 +293,9 @@ class FakeService:
             refused = _problem(429, "queue-full", "200 jobs are waiting already.")
             refused.headers["Retry-After"] = str(self.busy)
             return refused
-        given = await request.json()
-        job = self.add_job(request.path_params["kind"], recording_id=given.get("recording_id"))
-        self.inputs[job.id] = given
+        job_input = await request.json()
+        job = self.add_job(request.path_params["kind"], recording_id=job_input.get("recording_id"))
+        self.inputs[job.id] = job_input
         asyncio.get_running_loop().create_task(self.run(job.id))
         return _answer(job.model_dump(mode="json"), 202)
 
@@ -311,11 +311,11 @@ class FakeService:
         key = request.path_params["id"]
 
         async def stream() -> Any:
-            seen = None
+            last_state = None
             for seq in range(10_000):
                 job = self.jobs[key]
-                if job != seen:
-                    seen = job
+                if job != last_state:
+                    last_state = job
                     event = JobEvent(seq=seq, at=_NOW, state=job.state, attempt=1, progress=job.progress)
                     yield f"id: {seq}\nevent: progress\ndata: {event.model_dump_json()}\n\n"
                 if job.state in ("succeeded", "cancelled", "failed"):
@@ -331,8 +331,8 @@ class FakeService:
         if request.method == "GET":
             newest = [s.model_dump(mode="json") for s in reversed(self.scenarios.values())]
             return _answer({"items": newest[: int(request.query_params.get("limit", 50))], "next": None})
-        given = Scenario.model_validate(await request.json())
-        return _answer(self.add_scenario(given=given).model_dump(mode="json"), 201)
+        new_scenario = Scenario.model_validate(await request.json())
+        return _answer(self.add_scenario(given=new_scenario).model_dump(mode="json"), 201)
 
     async def _scenario(self, request: Request) -> Response:
         key = request.path_params["id"]
@@ -343,10 +343,10 @@ class FakeService:
                 return _problem(409, "scenario-read-only", "This scenario is a sample and cannot be changed.")
             if request.headers.get("if-match", "*") not in ("*", self.scenarios[key].etag):
                 return _problem(412, "scenario-changed", "This scenario has been changed elsewhere since it was read.")
-            given = Scenario.model_validate(await request.json())
-            if wrong := robots.refusal(given):
+            new_scenario = Scenario.model_validate(await request.json())
+            if wrong := robots.refusal(new_scenario):
                 return _problem(422, "scenario-invalid", "This scenario cannot be used.", wrong)
-            self.scenarios[key] = robots.stored(given, key=key)
+            self.scenarios[key] = robots.stored(new_scenario, key=key)
         return _answer(self.scenarios[key].model_dump(mode="json"))
 
     async def _check(self, request: Request) -> Response:
@@ -357,8 +357,8 @@ class FakeService:
         return _answer(Solvers(auto="casadi", solvers=[native]).model_dump(mode="json"))
 
     async def _robots(self, _: Request) -> Response:
-        found = robots.robots(None if self.robot_refusal is None else self.robot_refusal[2])
-        return _answer({"items": [item.model_dump(mode="json") for item in found], "next": None})
+        listed = robots.robots(None if self.robot_refusal is None else self.robot_refusal[2])
+        return _answer({"items": [item.model_dump(mode="json") for item in listed], "next": None})
 
     async def _robot(self, _: Request) -> Response:
         if self.robot_refusal is not None:

@@ -24,7 +24,7 @@ from support.fakes.service import FakeService
 
 
 def anybody(scope: Scope, scenario_id: str, owner: str | None) -> ScenarioRight:
-    """A service without a token: everybody changes everything."""
+    """Rights of a service without tokens: every caller may change everything."""
     return ScenarioRight(ANONYMOUS_KEY)
 
 
@@ -59,8 +59,8 @@ def without_line_breaks(answer: httpx.Response) -> httpx.Response:
 
 def make_client(fake: FakeService, **config: Any) -> Caller:
     """A caller of the web app over ``fake``."""
-    given: dict[str, Any] = {"scenario_right": anybody, "transport": httpx.ASGITransport(app=fake.app()), **config}
-    return Caller(create_web(WebConfig("http://127.0.0.1", "0.1.0", **given)))
+    arguments: dict[str, Any] = {"scenario_right": anybody, "transport": httpx.ASGITransport(app=fake.app()), **config}
+    return Caller(create_web(WebConfig("http://127.0.0.1", "0.1.0", **arguments)))
 
 
 STARTED_WITHIN_S = 180.0
@@ -68,7 +68,7 @@ STARTED_WITHIN_S = 180.0
 
 @dataclass(frozen=True)
 class Lab:
-    """Where it listens, and what it shows."""
+    """Addresses of a running web app, and the fake service behind it."""
 
     url: str
     fake: FakeService
@@ -114,8 +114,8 @@ def running_labs() -> Iterator[Callable[[], Lab]]:
 
 
 def _free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        return int(taken.getsockname()[1])
+    with socket.create_server(("127.0.0.1", 0)) as reserved:
+        return int(reserved.getsockname()[1])
 
 
 def _wait_for(url: str, process: subprocess.Popen[bytes]) -> None:

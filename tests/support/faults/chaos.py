@@ -44,7 +44,7 @@ STARTS = "SELECT sum(attempt - 1), max(attempt) FROM job WHERE kind = 'work'"
 
 @dataclass
 class Run:
-    """What happened so far."""
+    """State and counts of a run."""
 
     service: Service
     work_s: float
@@ -69,12 +69,12 @@ class Run:
                 while True:
                     try:
                         task = {"work_s": self.work_s, "number": number}
-                        done = await store.submit("work", task, idempotency_key=f"chaos-{number}")
+                        submission = await store.submit("work", task, idempotency_key=f"chaos-{number}")
                         break
                     except (OperationalError, DriverError, OSError):
                         self.again += 1
                         await asyncio.sleep(0.2)
-                self.accepted.append(done.job_id)
+                self.accepted.append(submission.job_id)
                 while number % 10 == 9 and self._open() > WAITING:
                     await asyncio.sleep(0.3)
         finally:
@@ -116,34 +116,36 @@ def _is_child(process: psutil.Process) -> bool:
 
 
 def run(jobs: int, kills: int, *, work_s: float, pause_s: tuple[float, float], limit_s: float) -> str:
-    """Do it; returns what to write down. Raises ``AssertionError`` naming every job that was lost, doubled or stuck."""
+    """Run the jobs under kills; return the report. Raises ``AssertionError`` naming jobs lost, doubled or stuck."""
     began = time.monotonic()
     with running_service(**SETTINGS) as service:
-        made = Run(service, work_s)
-        submitting = threading.Thread(target=made.submit, args=(jobs,), daemon=True)
+        chaos = Run(service, work_s)
+        submitting = threading.Thread(target=chaos.submit, args=(jobs,), daemon=True)
         submitting.start()
-        while made.killed.total() < kills:
+        while chaos.killed.total() < kills:
             time.sleep(random.uniform(*pause_s))
-            assert time.monotonic() - began < limit_s, f"{made.killed.total()} kills in {limit_s} s"
+            assert time.monotonic() - began < limit_s, f"{chaos.killed.total()} kills in {limit_s} s"
             try:
-                made.kill(random.choices(list(VICTIMS), list(VICTIMS.values()))[0])
+                chaos.kill(random.choices(list(VICTIMS), list(VICTIMS.values()))[0])
             except psutil.NoSuchProcess:
                 continue
         submitting.join(max(0.0, limit_s - (time.monotonic() - began)))
-        assert not made.failure, made.failure
-        assert len(made.accepted) == jobs, f"{len(made.accepted)} of {jobs} accepted in {limit_s} s"
-        while made.counts() != {"succeeded": jobs}:
-            assert time.monotonic() - began < limit_s, f"after {limit_s} s: {made.counts()}"
+        assert not chaos.failure, chaos.failure
+        assert len(chaos.accepted) == jobs, f"{len(chaos.accepted)} of {jobs} accepted in {limit_s} s"
+        while chaos.counts() != {"succeeded": jobs}:
+            assert time.monotonic() - began < limit_s, f"after {limit_s} s: {chaos.counts()}"
             time.sleep(0.5)
-        assert len(set(made.accepted)) == jobs
-        assert_sound(service.url, service.folder / "blobs", made.accepted)
+        assert len(set(chaos.accepted)) == jobs
+        assert_sound(service.url, service.folder / "blobs", chaos.accepted)
         with psycopg.connect(service.url) as connection:
-            found = connection.execute("SELECT sum(attempt - 1), max(attempt) FROM job WHERE kind = 'work'").fetchone()
-        repeated, most = found or (0, 0)
-    victims = ", ".join(f"{count} {kind}" for kind, count in sorted(made.killed.items()))
+            retries = connection.execute(
+                "SELECT sum(attempt - 1), max(attempt) FROM job WHERE kind = 'work'"
+            ).fetchone()
+        repeated, most = retries or (0, 0)
+    victims = ", ".join(f"{count} {kind}" for kind, count in sorted(chaos.killed.items()))
     return (
         f"{jobs} jobs under {kills} kills ({victims}): all finished exactly once in {time.monotonic() - began:.0f} s; "
-        f"{repeated} second starts, at most {most} starts of one job; {made.again} submissions sent again"
+        f"{repeated} second starts, at most {most} starts of one job; {chaos.again} submissions sent again"
     )
 
 
@@ -156,14 +158,14 @@ def _range(text: str | None, number: int) -> list[int]:
 
 def main() -> None:
     """Entry point."""
-    asked = argparse.ArgumentParser(prog="make chaos", description=__doc__)
-    asked.add_argument("--jobs", type=int, default=10_000)
-    asked.add_argument("--kills", type=int, default=100)
-    asked.add_argument("--work", type=float, default=0.2, help="seconds that one job computes")
-    asked.add_argument("--pause", type=float, default=15.0, help="mean seconds between two kills")
-    asked.add_argument("--limit", type=float, default=6 * 3600.0, help="seconds until the run counts as stuck")
-    asked.add_argument("--seed", type=int, default=None)
-    numbered = asked.add_argument_group(
+    parser = argparse.ArgumentParser(prog="make chaos", description=__doc__)
+    parser.add_argument("--jobs", type=int, default=10_000)
+    parser.add_argument("--kills", type=int, default=100)
+    parser.add_argument("--work", type=float, default=0.2, help="seconds that one job computes")
+    parser.add_argument("--pause", type=float, default=15.0, help="mean seconds between two kills")
+    parser.add_argument("--limit", type=float, default=6 * 3600.0, help="seconds until the run counts as stuck")
+    parser.add_argument("--seed", type=int, default=None)
+    numbered = parser.add_argument_group(
         "COMMITs that are lost or late (support.faults.commits), instead of random kills"
     )
     numbered.add_argument("--schedule", type=int, action="append", help=f"one of 0 to {len(SCHEDULES) - 1}")
@@ -171,20 +173,23 @@ def main() -> None:
     numbered.add_argument("--pair", type=int, action="append", help=f"one of 0 to {NUMBERS - 1}, with two jobs")
     numbered.add_argument("--pairs", help="a range of these, as 0:100, or 'all'")
     numbered.add_argument("--at-once", type=int, default=4, help="schedules that run at the same time")
-    given = asked.parse_args()
-    chosen = [*(given.schedule or []), *_range(given.schedules, len(SCHEDULES))]
-    pairs = [*(given.pair or []), *_range(given.pairs, NUMBERS)]
+    arguments = parser.parse_args()
+    chosen = [*(arguments.schedule or []), *_range(arguments.schedules, len(SCHEDULES))]
+    pairs = [*(arguments.pair or []), *_range(arguments.pairs, NUMBERS)]
     if pairs:
         with tempfile.TemporaryDirectory() as folder:
-            sys.exit(run_schedules(pairs, Path(folder), given.at_once, "--pair", run_numbered_pair))
+            sys.exit(run_schedules(pairs, Path(folder), arguments.at_once, "--pair", run_numbered_pair))
     if chosen:
         with tempfile.TemporaryDirectory() as folder:
-            sys.exit(run_schedules(chosen, Path(folder), given.at_once))
-    seed = given.seed if given.seed is not None else random.randrange(10**6)
+            sys.exit(run_schedules(chosen, Path(folder), arguments.at_once))
+    seed = arguments.seed if arguments.seed is not None else random.randrange(10**6)
     random.seed(seed)
-    pause_s = (0.2 * given.pause, 1.8 * given.pause)
+    pause_s = (0.2 * arguments.pause, 1.8 * arguments.pause)
     print(f"seed {seed}", flush=True)
-    print(run(given.jobs, given.kills, work_s=given.work, pause_s=pause_s, limit_s=given.limit), flush=True)
+    print(
+        run(arguments.jobs, arguments.kills, work_s=arguments.work, pause_s=pause_s, limit_s=arguments.limit),
+        flush=True,
+    )
 
 
 if __name__ == "__main__":

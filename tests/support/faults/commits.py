@@ -30,7 +30,7 @@ from typing import Final, Literal
 
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service.storage.database import parse_url
-from support.service.database import TestDatabases, databases, remove_orphans_now, socket_of, within
+from support.service.database import TestDatabases, databases, remove_orphans_now, run_with_engine, socket_of
 from support.service.processes import Jobs, assert_sound, wait_until, worker
 
 Fault = Literal["lost request", "lost answer", "late request", "late answer", "cut after"]
@@ -143,7 +143,7 @@ class CommitProxy:
 
 @dataclass
 class _Connection:
-    """One client's connection, and what is known of its transaction."""
+    """One client's connection and the state of its transaction."""
 
     near: socket.socket
     far: socket.socket
@@ -246,11 +246,11 @@ def _shut(one: socket.socket) -> None:
 @contextlib.contextmanager
 def commit_proxy(target: str, plan: Plan | None = None) -> Iterator[CommitProxy]:
     """A proxy to the Unix socket ``target`` until the end of the block."""
-    made = CommitProxy(target, plan)
+    proxy = CommitProxy(target, plan)
     try:
-        yield made
+        yield proxy
     finally:
-        made.close()
+        proxy.close()
 
 
 Signal = Literal["no signal", "SIGTERM", "SIGSTOP", "SIGKILL"]
@@ -263,12 +263,12 @@ TRANSACTIONS: Final[dict[str, str]] = {
 HAND_BACK: Final = r"UPDATE job SET .*returned=\(job\.returned \+"
 STALL_S: Final = 3.0
 DELAY_S: Final = 6.0
-"""Longer than a worker that is told to stop waits for its jobs, and than a silent one is waited for."""
+"""Longer than a stopping worker waits for its jobs, and than the stall time of a silent one."""
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """One job, one transaction, what becomes of its COMMIT, and what the worker is sent at that moment."""
+    """One job, one transaction, the fault of its COMMIT, and the signal to the worker at that moment."""
 
     kind: str
     transaction: str
@@ -325,10 +325,10 @@ def run(schedule: Schedule, url: str, folder: Path) -> str:
             assert record.error["code"] == "stopped", record.error
         assert record.state in FINAL_STATES
         assert_sound(url, folder / "blobs", [job_id])
-        removed = within(url, lambda engine: remove_orphans_now(engine, folder / "blobs"))
+        removed = run_with_engine(url, lambda engine: remove_orphans_now(engine, folder / "blobs"))
         assert_sound(url, folder / "blobs", [job_id])
-        kept = list((folder / "blobs" / "results").rglob("*.csv"))
-        assert len(kept) == 1, f"{len(kept)} files after the janitor"
+        result_files = list((folder / "blobs" / "results").rglob("*.csv"))
+        assert len(result_files) == 1, f"{len(result_files)} files after the janitor"
         starts = jobs.get(job_id).attempt
     return f"{record.state} after {starts} starts, {len(removed)} prefixes left to the janitor"
 
@@ -361,12 +361,12 @@ def run_all(
         began = time.monotonic()
         try:
             with server.fresh() as url:
-                said = run_one(number, url, folder / str(number))
+                report = run_one(number, url, folder / str(number))
         except Exception as error:
-            said = f"FAILED: {error or ''.join(traceback.format_exception(error))}"
+            report = f"FAILED: {error or ''.join(traceback.format_exception(error))}"
             with lock:
                 failed.append(number)
-        say(f"schedule {number} {said} [{time.monotonic() - began:.0f} s]")
+        say(f"schedule {number} {report} [{time.monotonic() - began:.0f} s]")
 
     with ThreadPoolExecutor(at_once) as threads:
         list(threads.map(one, numbers))

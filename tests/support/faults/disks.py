@@ -52,18 +52,18 @@ class VolatileFileSystem:
             return {str(path.relative_to(self._root)): content for path, content in self._below(self._root)}
 
     def _below(self, folder: Path) -> list[tuple[Path, bytes]]:
-        found: list[tuple[Path, bytes]] = []
+        contents: list[tuple[Path, bytes]] = []
         for name, inode in self._entries.get(folder, {}).items():
             path = folder / name
             if path in self._entries or path.is_dir():
-                found += self._below(path)
+                contents += self._below(path)
             else:
-                found.append((path, self._content.get(inode, b"")))
-        return found
+                contents.append((path, self._content.get(inode, b"")))
+        return contents
 
 
 @contextmanager
-def mounted(folder: Path, options: str) -> Iterator[Path]:
+def mounted_folder(folder: Path, options: str) -> Iterator[Path]:
     """A file system in memory at ``folder``, which is made; the test is skipped where this machine mounts none."""
     folder.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", options, "stridelab-test", str(folder)]

@@ -40,7 +40,7 @@ class Hosts:
         return ("ip", "netns", "exec", f"{self.name}-b")
 
     def pull(self) -> None:
-        """Pull the cable: packets are lost, and nobody is told."""
+        """Pull the cable: packets are lost without an error to either side."""
         _ip("-n", f"{self.name}-a", "link", "set", _CABLE, "down")
 
     def plug(self) -> None:
@@ -53,8 +53,8 @@ def hosts() -> Iterator[Hosts]:
     """Skips the test where a process may not make network namespaces."""
     if shutil.which("ip") is None or os.geteuid() != 0:
         pytest.skip("hosts need root and the ip command")
-    made = Hosts(f"lab{uuid.uuid4().hex[:8]}")
-    here, there = f"{made.name}-a", f"{made.name}-b"
+    new_hosts = Hosts(f"lab{uuid.uuid4().hex[:8]}")
+    here, there = f"{new_hosts.name}-a", f"{new_hosts.name}-b"
     if subprocess.run(["ip", "netns", "add", here], capture_output=True, check=False).returncode:
         pytest.skip("this machine allows no network namespaces")
     try:
@@ -64,7 +64,7 @@ def hosts() -> Iterator[Hosts]:
             _ip("-n", name, "addr", "add", f"{address}/30", "dev", _CABLE)
             _ip("-n", name, "link", "set", _CABLE, "up")
             _ip("-n", name, "link", "set", "lo", "up")
-        yield made
+        yield new_hosts
     finally:
         for name in (here, there):
             subprocess.run(["ip", "netns", "del", name], capture_output=True, check=False)
@@ -75,7 +75,7 @@ def _ip(*words: str) -> None:
 
 
 class Cut:
-    """While it is pulled, bytes are taken from nobody and given to nobody, as with a cable that lies on the floor."""
+    """While the cable is pulled, no bytes are read or forwarded, as with an unplugged cable."""
 
     def __init__(self, target: str, address: str, port: int = 0) -> None:
         self._target = target
@@ -135,11 +135,11 @@ class Cut:
 @contextlib.contextmanager
 def relay(target: str) -> Iterator[Cut]:
     """A relay to a server's Unix socket, on a TCP port of the loopback address."""
-    made = Cut(target, "127.0.0.1")
+    cut = Cut(target, "127.0.0.1")
     try:
-        yield made
+        yield cut
     finally:
-        made.close()
+        cut.close()
 
 
 if __name__ == "__main__":

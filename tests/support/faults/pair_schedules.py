@@ -28,7 +28,7 @@ from support.faults.commits import (
     commit_proxy,
     through_proxy,
 )
-from support.service.database import remove_orphans_now, socket_of, within
+from support.service.database import remove_orphans_now, run_with_engine, socket_of
 from support.service.processes import Jobs, assert_sound, wait_until, worker
 
 KINDS: Final = (
@@ -37,7 +37,7 @@ KINDS: Final = (
 )
 COMMITS: Final = range(1, 11)
 DELAYS_S: Final = (1.0, 6.0)
-"""Shorter and longer than the stall time, and than a worker that is told to stop waits for its jobs."""
+"""Shorter and longer than the stall time, and than a stopping worker waits for its jobs."""
 LATER_S: Final = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.3, 1.7, 2.2)
 _ALL: Final = list(product(KINDS, COMMITS, FAULTS, SIGNALS, DELAYS_S, LATER_S))
 random.Random(35).shuffle(_ALL)
@@ -70,12 +70,12 @@ def run_pair(schedule: PairSchedule, url: str, folder: Path) -> str:
     """Do it on an empty database; returns what happened. Raises ``AssertionError`` naming all that is wrong."""
     jobs, blobs = Jobs(url), {"STRIDELAB_BLOB_URL": (folder / "blobs").as_uri(), "STRIDELAB_STALL_S": str(STALL_S)}
     ids = [jobs.submit(kind) for kind in schedule.kinds]
-    seen = pid = 0
+    n_seen = pid = 0
 
     def is_chosen(_text: str) -> bool:
-        nonlocal seen
-        seen += 1
-        return seen == schedule.commit
+        nonlocal n_seen
+        n_seen += 1
+        return n_seen == schedule.commit
 
     def send() -> None:
         if schedule.signal != "no signal":
@@ -105,12 +105,12 @@ def run_pair(schedule: PairSchedule, url: str, folder: Path) -> str:
         states = [record.state for record in ended]
         assert states == [ENDS[kind] for kind in schedule.kinds], f"{states}: {[record.error for record in ended]}"
         assert_sound(url, folder / "blobs", ids)
-        removed = within(url, lambda engine: remove_orphans_now(engine, folder / "blobs"))
+        removed = run_with_engine(url, lambda engine: remove_orphans_now(engine, folder / "blobs"))
         assert_sound(url, folder / "blobs", ids)
         files = len(list((folder / "blobs" / "results").rglob("*.csv")))
         assert files == len(ids), f"{files} files after the janitor"
         starts = [jobs.get(job_id).attempt for job_id in ids]
-    what = f"struck {proxy.commits[schedule.commit - 1][:60]!r}" if struck else f"not reached, {seen} COMMITs"
+    what = f"struck {proxy.commits[schedule.commit - 1][:60]!r}" if struck else f"not reached, {n_seen} COMMITs"
     return f"{what}; {starts} starts, {len(removed)} prefixes left to the janitor"
 
 

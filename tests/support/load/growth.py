@@ -40,7 +40,7 @@ WARM: Final = 1 / 3
 
 @dataclass
 class Sample:
-    """What there is at one moment; memory in MB of what a process shares with none."""
+    """Resources at one moment; memory is the unshared memory of a process in MB."""
 
     accepted: int
     memory_mb: dict[str, float] = field(default_factory=dict)
@@ -79,8 +79,8 @@ def look(service: Service, accepted: int) -> Sample:
     return sample
 
 
-def growth(values: list[float]) -> float:
-    """What the values have grown by from first to last, along the line of their median slope (Theil and Sen)."""
+def fit_growth(values: list[float]) -> float:
+    """Growth from the first to the last value along the line of their median slope (Theil and Sen)."""
     slopes = [(late - early) / (j - i) for i, early in enumerate(values) for j, late in enumerate(values) if j > i]
     return statistics.median(slopes) * (len(values) - 1) if slopes else 0.0
 
@@ -100,7 +100,7 @@ class Soak:
     worse: int = 0
 
     def run(self) -> None:
-        """Do it; the first and the last look find all done. Raises where a job is lost, doubled or stuck."""
+        """Run the load; no job runs at the first and last sample. Raises if a job is lost, doubled or stuck."""
         asyncio.run(self._round(0))
         self._settle()
         for number in range(max(3, round(self.seconds / self.round_s))):
@@ -136,7 +136,7 @@ class Soak:
                 f"| open files of the {role} | {first.files.get(role, 0)} | {last.files[role]} | {fitted:+.1f} "
                 f"| {FILES:.0f} |"
             )
-        connections = growth([float(sample.connections) for sample in self._counted()])
+        connections = fit_growth([float(sample.connections) for sample in self._counted()])
         lines.append(
             f"| connections | {first.connections} | {last.connections} | {connections:+.1f} | {CONNECTIONS:.0f} |"
         )
@@ -153,26 +153,26 @@ class Soak:
         """Everything that has grown by more than it may."""
         first, last = self.samples[0], self.samples[-1]
         jobs = last.accepted - first.accepted
-        found = [f"{self.worse} answers with 5xx, or none"] if self.worse else []
+        faults = [f"{self.worse} answers with 5xx, or none"] if self.worse else []
         for name, most in (("memory_mb", MEMORY_MB), ("files", FILES)):
             for role, fitted in self._fitted(name).items():
                 if fitted > most:
-                    found.append(f"{name} of the {role} has grown by {fitted:.1f}")
-        if growth([float(sample.connections) for sample in self._counted()]) > CONNECTIONS:
-            found.append("there are more and more connections")
+                    faults.append(f"{name} of the {role} has grown by {fitted:.1f}")
+        if fit_growth([float(sample.connections) for sample in self._counted()]) > CONNECTIONS:
+            faults.append("there are more and more connections")
         if last.scratch > first.scratch:
-            found.append(f"{last.scratch} folders of work in progress, and nothing is in progress")
+            faults.append(f"{last.scratch} folders of work in progress, and nothing is in progress")
         for name, rows in last.rows.items():
             if rows - first.rows[name] > self._rows_at_most(name):
-                found.append(f"{rows - first.rows[name]} rows of {name} for {jobs} jobs")
+                faults.append(f"{rows - first.rows[name]} rows of {name} for {jobs} jobs")
         if last.blobs - first.blobs > FILES_PER_JOB * jobs:
-            found.append(f"{last.blobs - first.blobs} files for {jobs} jobs")
-        return found
+            faults.append(f"{last.blobs - first.blobs} files for {jobs} jobs")
+        return faults
 
     def _rows_at_most(self, name: str) -> float:
         first, last = self.samples[0], self.samples[-1]
-        told = (last.computed_s - first.computed_s) / PROGRESS_S if name == "job_event" else 0.0
-        return ROWS_PER_JOB.get(name, 0) * (last.accepted - first.accepted) + told
+        progress_rows = (last.computed_s - first.computed_s) / PROGRESS_S if name == "job_event" else 0.0
+        return ROWS_PER_JOB.get(name, 0) * (last.accepted - first.accepted) + progress_rows
 
     def _counted(self) -> list[Sample]:
         """Samples after the warm-up, taken while there was work."""
@@ -182,7 +182,7 @@ class Soak:
     def _fitted(self, name: str) -> dict[str, float]:
         counted = [getattr(sample, name) for sample in self._counted()]
         roles = set.intersection(*(set(values) for values in counted))
-        return {role: growth([float(values[role]) for values in counted]) for role in ROLES if role in roles}
+        return {role: fit_growth([float(values[role]) for values in counted]) for role in ROLES if role in roles}
 
 
 LIGHT: tuple[str, dict[str, object]] = ("reproduce", {"item": "fig-2.5"})
@@ -191,17 +191,17 @@ LIGHT: tuple[str, dict[str, object]] = ("reproduce", {"item": "fig-2.5"})
 
 def main() -> None:
     """Entry point."""
-    asked = argparse.ArgumentParser(prog="make soak", description=__doc__)
-    asked.add_argument("--minutes", type=float, default=30.0)
-    asked.add_argument("--clients", type=int, default=10)
-    asked.add_argument("--round", type=float, default=20.0, help="seconds between two looks")
-    asked.add_argument("--light", action="store_true", help="jobs that compute nothing")
-    given = asked.parse_args()
+    parser = argparse.ArgumentParser(prog="make soak", description=__doc__)
+    parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--clients", type=int, default=10)
+    parser.add_argument("--round", type=float, default=20.0, help="seconds between two looks")
+    parser.add_argument("--light", action="store_true", help="jobs that compute nothing")
+    arguments = parser.parse_args()
     light = running_service(STRIDELAB_API_TOKEN=ADMIN)  # the tests' worker, and the real web server's logins
-    with light if given.light else real_service() as service:
+    with light if arguments.light else real_service() as service:
         os.nice(NICENESS)
-        task = LIGHT if given.light else TASK
-        soak = Soak(service, users(service.port, 2), task, 60 * given.minutes, given.round, given.clients)
+        task = LIGHT if arguments.light else TASK
+        soak = Soak(service, users(service.port, 2), task, 60 * arguments.minutes, arguments.round, arguments.clients)
         began = time.monotonic()
         soak.run()
         minutes = (time.monotonic() - began) / 60

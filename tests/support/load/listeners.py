@@ -68,12 +68,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--listeners", type=int, default=500)
     parser.add_argument("--seconds", type=float, default=20.0)
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     os.nice(5)
-    limits = {"STRIDELAB_ADDRESS_CONNECTION_LIMIT": str(asked.listeners + 100), "STRIDELAB_RATE_LIMIT_HZ": "0"}
+    limits = {"STRIDELAB_ADDRESS_CONNECTION_LIMIT": str(arguments.listeners + 100), "STRIDELAB_RATE_LIMIT_HZ": "0"}
     psutil.Process().rlimit(psutil.RLIMIT_NOFILE, (4096, psutil.Process().rlimit(psutil.RLIMIT_NOFILE)[1]))
     with running_service(**limits) as service:
-        asyncio.run(measure(service, asked.listeners, asked.seconds))
+        asyncio.run(measure(service, arguments.listeners, arguments.seconds))
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ RESTS_S = 3.0
 
 @dataclass(frozen=True)
 class Answer:
-    """What came back."""
+    """Answer of the service."""
 
     status: int
     headers: dict[str, str]
@@ -116,7 +116,7 @@ MANY: Final = 100
 
 @dataclass
 class Tally:
-    """What was seen."""
+    """Counts and latencies."""
 
     took_s: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
     statuses: Counter[tuple[str, int]] = field(default_factory=Counter)
@@ -237,9 +237,9 @@ class Load:
             async with asyncio.timeout(FOLLOWED_S), line.stream(f"/api/v1/jobs/{job_id}/events") as (status, chunks):
                 is_first = True
                 async for chunk in chunks:
-                    told = chunk.count(b"\ndata: ")
-                    tally.events += told
-                    if told and is_first:
+                    n_events = chunk.count(b"\ndata: ")
+                    tally.events += n_events
+                    if n_events and is_first:
                         tally.note("follow", Answer(status, {}, b""), time.perf_counter() - due_at)
                         is_first = False
         except TimeoutError:
@@ -249,7 +249,7 @@ class Load:
 
     async def _single(self, line: Connection, ends_at: float, tally: Tally) -> list[str]:
         """Submit one job at a time and wait until it starts; returns those that did."""
-        made = []
+        job_ids = []
         while time.perf_counter() < ends_at:
             began = time.perf_counter()
             job_id = await self._submit(line, tally)
@@ -257,10 +257,10 @@ class Load:
                 while (await self._job(line, job_id))["state"] == "queued":
                     await asyncio.sleep(0.2)
                 tally.waited_s.append(time.perf_counter() - began)
-                made.append(job_id)
+                job_ids.append(job_id)
             await asyncio.sleep(2.0)
         line.close()
-        return made
+        return job_ids
 
     async def _job(self, line: Connection, job_id: str | None) -> Any:
         return (await line.call("GET", f"/api/v1/jobs/{job_id}")).json()
@@ -276,7 +276,7 @@ NICENESS: Final = 5
 
 
 def users(port: int, number: int) -> tuple[str, ...]:
-    """Tokens of somebody with many jobs, somebody with a single one, and ``number`` others."""
+    """Tokens of a user with many jobs, of one with a single job, and of ``number`` others."""
 
     async def make() -> tuple[str, ...]:
         line = Connection(port, ADMIN)
@@ -300,17 +300,21 @@ def _own_s(process: psutil.Process) -> float:
 
 def _in_the_server(folder: Path, route: str) -> list[float]:
     """Milliseconds that the web server itself took for answers of ``route``, from its log, in order of size."""
-    found = []
+    lags = []
     for line in (folder / "logs" / "api.log").read_text(encoding="utf-8").splitlines():
         if f'"{route}"' in line and line.startswith("{"):
-            told: dict[str, Any] = json.loads(line)
-            if told.get("event") == "request" and told["route"] == route and told["method"] == "GET":
-                found.append(float(told["took_ms"]))
-    return sorted(found)
+            line_fields: dict[str, Any] = json.loads(line)
+            if (
+                line_fields.get("event") == "request"
+                and line_fields["route"] == route
+                and line_fields["method"] == "GET"
+            ):
+                lags.append(float(line_fields["took_ms"]))
+    return sorted(lags)
 
 
 def report(tally: Tally, clients: int, seconds: float, web_s: float, inside_ms: list[float]) -> str:
-    """What to write down."""
+    """Report of the load test."""
     late_ms = sorted(1e3 * late for late in tally.late_s)
     refusals = ", ".join(f"{n} {code}" for code, n in sorted(tally.refusals.items())) or "none"
     around = (
@@ -331,22 +335,22 @@ def report(tally: Tally, clients: int, seconds: float, web_s: float, inside_ms: 
 
 def main() -> None:
     """Entry point."""
-    asked = argparse.ArgumentParser(prog="make load", description=__doc__)
-    asked.add_argument("--clients", type=int, default=200)
-    asked.add_argument("--seconds", type=float, default=120.0)
-    asked.add_argument("--users", type=int, default=8, help="users that the clients share")
-    given = asked.parse_args()
+    parser = argparse.ArgumentParser(prog="make load", description=__doc__)
+    parser.add_argument("--clients", type=int, default=200)
+    parser.add_argument("--seconds", type=float, default=120.0)
+    parser.add_argument("--users", type=int, default=8, help="users that the clients share")
+    arguments = parser.parse_args()
     with real_service() as service:
         os.nice(NICENESS)
-        tokens = users(service.port, given.users)
+        tokens = users(service.port, arguments.users)
         web = service.member("stridelab.service.api")
         time.sleep(10.0)  # what is got ready after the start
         before = _own_s(web)
-        load = Load(service.port, tokens, TASK, given.clients, given.seconds)
+        load = Load(service.port, tokens, TASK, arguments.clients, arguments.seconds)
         tally = asyncio.run(load.run())
         web_s = _own_s(web) - before
         inside_ms = _in_the_server(service.folder, "/jobs/{job_id}")
-    sys.stdout.write(report(tally, given.clients, given.seconds, web_s, inside_ms) + "\n")
+    sys.stdout.write(report(tally, arguments.clients, arguments.seconds, web_s, inside_ms) + "\n")
     if tally.worse:
         raise SystemExit(1)
 

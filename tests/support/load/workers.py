@@ -28,7 +28,7 @@ from support.service.processes import BRISK, Jobs, worker
 
 @contextmanager
 def pinned(core: int) -> Iterator[None]:
-    """What is started meanwhile runs on one core only."""
+    """Processes started in the block run on one core only."""
     before = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {core})
     try:
@@ -52,23 +52,23 @@ def batch_s(url: str, folder: Path, cores: list[int], jobs: int, turns: int) -> 
         for core in cores:
             with pinned(core):
                 workers.enter_context(worker(url, folder / f"core-{core}"))
-        made = Jobs(url)
+        job_table = Jobs(url)
         for _ in cores:  # all are there before it begins
-            made.until_final(made.submit("crunch", turns=turns))
+            job_table.until_final(job_table.submit("crunch", turns=turns))
         time.sleep(3.0)
         ids = asyncio.run(_submit(url, jobs, turns))
-        records = [made.until_final(job_id, timeout_s=3600.0) for job_id in ids]
+        records = [job_table.until_final(job_id, timeout_s=3600.0) for job_id in ids]
     assert {record.state for record in records} == {"succeeded"}
     ends = [record.finished_at for record in records if record.finished_at]
     starts = [record.started_at for record in records if record.started_at]
     return (max(ends) - min(starts)).total_seconds()
 
 
-def add_options(asked: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of ``compare_speeds``."""
-    asked.add_argument("--jobs", type=int, default=20)
-    asked.add_argument("--turns", type=int, default=20_000_000, help="size of a job; a million is about 0.05 s")
-    asked.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--jobs", type=int, default=20)
+    parser.add_argument("--turns", type=int, default=20_000_000, help="size of a job; a million is about 0.05 s")
+    parser.add_argument("--rounds", type=int, default=2)
 
 
 def compare_speeds(given: argparse.Namespace) -> None:
@@ -80,7 +80,7 @@ def compare_speeds(given: argparse.Namespace) -> None:
     psutil.cpu_percent()
     time.sleep(2.0)
     busy, load = psutil.cpu_percent(), os.getloadavg()[0]
-    with databases() as made, made.fresh() as url, public_folder() as folder:
+    with databases() as test_databases, test_databases.fresh() as url, public_folder() as folder:
         for _ in range(given.rounds):
             one.append(batch_s(url, folder, cores[:1], given.jobs, given.turns))
             two.append(batch_s(url, folder, cores, given.jobs, given.turns))
@@ -107,7 +107,7 @@ def delay_s(url: str, settings: dict[str, str], folder: Path) -> float:
     with ExitStack() as stack:
         pair = {name: stack.enter_context(worker(url, folder / name, **settings)) for name in "ab"}
         beat_s = float(settings["STRIDELAB_HEARTBEAT_S"])
-        time.sleep(2.0 * beat_s + 3.0)  # a worker that has just come takes nobody's job
+        time.sleep(2.0 * beat_s + 3.0)  # a new worker requeues no jobs
         job_id = jobs.submit("long-work", work_s=600.0, diary=str(folder / "diary"), name="orphan")
         jobs.until_running(job_id)
         holder = next(name for name in pair if any((folder / name / "work").glob("*/*/")))
@@ -124,22 +124,22 @@ def measure_delays(kills: int) -> None:
     with databases() as server, tempfile.TemporaryDirectory() as scratch:
         for name, settings in SETTINGS.items():
             with server.fresh() as url:
-                found = [delay_s(url, dict(settings), Path(scratch, f"{name} {k}")) for k in range(kills)]
-            sys.stdout.write(f"settings {name}: {', '.join(f'{s:.1f}' for s in sorted(found))} s\n")
+                delays_s = [delay_s(url, dict(settings), Path(scratch, f"{name} {k}")) for k in range(kills)]
+            sys.stdout.write(f"settings {name}: {', '.join(f'{s:.1f}' for s in sorted(delays_s))} s\n")
             sys.stdout.flush()
 
 
 def main() -> None:
     """Entry point."""
-    asked = argparse.ArgumentParser(description=__doc__)
-    measurements = asked.add_subparsers(dest="measurement", required=True)
+    parser = argparse.ArgumentParser(description=__doc__)
+    measurements = parser.add_subparsers(dest="measurement", required=True)
     add_options(measurements.add_parser("speed", prog="scripts/two-workers"))
     measurements.add_parser("orphans", prog="scripts/orphans").add_argument("kills", type=int, nargs="?", default=3)
-    given = asked.parse_args()
-    if given.measurement == "speed":
-        compare_speeds(given)
+    arguments = parser.parse_args()
+    if arguments.measurement == "speed":
+        compare_speeds(arguments)
     else:
-        measure_delays(given.kills)
+        measure_delays(arguments.kills)
 
 
 if __name__ == "__main__":

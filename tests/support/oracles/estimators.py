@@ -123,6 +123,6 @@ def fit_without_offset(path_m: np.ndarray, guess: Wheel, theta_rad: np.ndarray) 
         return np.hstack([shape, np.vstack([np.diag(u[0] - u[1] * c), np.diag(u[1] * s)])])
 
     start = np.r_[guess.R_m, guess.r_m, guess.z0_m, theta_rad]
-    found = least_squares(residual, start, jacobian, x_scale="jac", xtol=1e-12, ftol=1e-12)
-    R, r, z0 = found.x[:3].tolist()
-    return Wheel(R_m=R, r_m=r, z0_m=z0, x0_m=0.0), np.hypot(found.fun[:n], found.fun[n:])
+    solution = least_squares(residual, start, jacobian, x_scale="jac", xtol=1e-12, ftol=1e-12)
+    R, r, z0 = solution.x[:3].tolist()
+    return Wheel(R_m=R, r_m=r, z0_m=z0, x0_m=0.0), np.hypot(solution.fun[:n], solution.fun[n:])

@@ -56,7 +56,7 @@ def step_matrices(h):
     return A, B, -B[:, 2]
 
 
-def exists(problem: CentroidalProblem) -> Answer:
+def motion_exists(problem: CentroidalProblem) -> Answer:
     """Whether any forces in their cones lead a motion from the start of ``problem`` to rest at its end."""
     assert problem.terminal == "rest"
     assert problem.bounds.com_height_m is None
@@ -128,7 +128,7 @@ def exists(problem: CentroidalProblem) -> Answer:
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
-    found = clarabel.DefaultSolver(
+    solver = clarabel.DefaultSolver(
         sparse.diags(effort).tocsc(),
         np.zeros(column),
         sparse.vstack([equal, inside]).tocsc(),
@@ -136,7 +136,7 @@ def exists(problem: CentroidalProblem) -> Answer:
         cones,
         settings,
     ).solve()
-    return ANSWERS.get(str(found.status), "unknown")
+    return ANSWERS.get(str(solver.status), "unknown")
 
 
 FEASIBLE, NO_SOLUTION = 0, 2
@@ -150,8 +150,8 @@ def best_objective(
     plan = build_schedule(ends, limits, rooms, steps, first)
     if plan is None:
         return None
-    found = [_solved(plan, ends, limits, chosen, len(plan.feet)) for chosen in _assignments(plan, ends, limits)]
-    return min((value for value in found if value is not None), default=None)
+    objectives = [_solved(plan, ends, limits, chosen, len(plan.feet)) for chosen in _assignments(plan, ends, limits)]
+    return min((value for value in objectives if value is not None), default=None)
 
 
 def _assignments(plan: Schedule, ends: StartAndGoal, limits: RobotLimits) -> Iterator[Assignment]:
@@ -232,16 +232,16 @@ def _solved(plan: Schedule, ends: StartAndGoal, limits: RobotLimits, chosen: Ass
         if plan.nodes[plan.feet[k]].fixed is None:
             off = np.zeros((2, 8 * n))
             off[:, 6 * n + 2 * k : 6 * n + 2 * k + 2] = np.eye(2)
-            wanted = _even_m(ends, limits, k, len(plan.feet) - 1, plan.nodes[plan.feet[k]].effector)
-            at_most(place(k)[:2] - off, wanted)
-            at_most(-place(k)[:2] - off, -wanted)
+            target_m = _even_m(ends, limits, k, len(plan.feet) - 1, plan.nodes[plan.feet[k]].effector)
+            at_most(place(k)[:2] - off, target_m)
+            at_most(-place(k)[:2] - off, -target_m)
     cost = np.concatenate([np.zeros(6 * n), np.ones(2 * n)])
     bounds = [(None, None)] * (6 * n) + [(0, None)] * (2 * n)
-    found = linprog(
+    solution = linprog(
         cost, np.vstack(A), np.concatenate(b), np.vstack(equal), np.concatenate([np.ravel(v) for v in to]), bounds
     )
-    assert found.status in {FEASIBLE, NO_SOLUTION}, found.message
-    return float(found.fun) if found.status == FEASIBLE else None
+    assert solution.status in {FEASIBLE, NO_SOLUTION}, solution.message
+    return float(solution.fun) if solution.status == FEASIBLE else None
 
 
 def _even_m(ends: StartAndGoal, limits: RobotLimits, k: int, steps: int, effector: str) -> np.ndarray:

@@ -30,7 +30,7 @@ from stridelab.walking.steps import GaitStep
 
 
 def masked_record(rate_hz: float, n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """One axis: geometry always, force in one window, in it a flight without an axis; and what is measured."""
+    """One axis with geometry throughout, force in one window with a flight in it, and the measured samples."""
     rng = np.random.default_rng(seed)
     t = np.arange(n) / rate_hz
     c, a = 3 + 1.2 * t + 0.03 * np.sin(10 * t), -3 * np.sin(10 * t)
@@ -76,7 +76,7 @@ class Motion:
         return np.cross(self.com.at(t), self.force(t)) + self.momentum.at(t, 1)
 
     def wrench_track(self, t: np.ndarray, window: Window, late_s: float = 0.0, read_late_s: float = 0.0) -> WrenchTrack:
-        """What plates see whose clock is ``late_s`` late, read ``read_late_s`` later; NaN outside the window."""
+        """Wrench of plates whose clock is ``late_s`` late, read ``read_late_s`` later; NaN outside the window."""
         shifted = t - late_s + read_late_s
         complete = (t >= window.start_s) & (t <= window.end_s)
         hole = np.where(complete, 0.0, np.nan)[:, None]
@@ -148,7 +148,7 @@ class Walked:
         return self.wheel.position_m(self.theta_rad)
 
 
-def walked(wheel: Wheel = HUMAN, theta0_rad: float = -4.0, turns: float = 1.1, unevenness: float = 0.0) -> Walked:
+def rolled_wheel(wheel: Wheel = HUMAN, theta0_rad: float = -4.0, turns: float = 1.1, unevenness: float = 0.0) -> Walked:
     """At 100 Hz from ``theta0_rad`` on; the clock is uneven by that share of its speed."""
     omega = 2 * np.pi / PERIOD_S
     t = 7.0 + np.arange(round(100 * turns * PERIOD_S) + 1) / 100.0
@@ -269,7 +269,7 @@ def plain_walk(com_m: Points | None = None, velocity_m_s: Points | None = None, 
         com_m = np.column_stack([SPEED_M_S * time_s, np.zeros_like(time_s), np.full_like(time_s, HEIGHT_M)])
     if velocity_m_s is None:
         velocity_m_s = np.gradient(com_m, time_s, axis=0, edge_order=2)
-    given: dict[str, object] = {
+    arguments: dict[str, object] = {
         "covariance": None,
         "varying_sd_m": 0.001,
         "feet": {side: plain_foot(side, time_s) for side in ("left", "right")},
@@ -277,7 +277,7 @@ def plain_walk(com_m: Points | None = None, velocity_m_s: Points | None = None, 
         "mass_kg": MASS_KG,
         "stature_m": 1.8,
     }
-    return WalkMotion(time_s=time_s, com_m=com_m, velocity_m_s=velocity_m_s, **(given | fields))  # type: ignore[arg-type]
+    return WalkMotion(time_s=time_s, com_m=com_m, velocity_m_s=velocity_m_s, **(arguments | fields))  # type: ignore[arg-type]
 
 
 def plain_foot(side: Side, time_s: np.ndarray) -> FootMotion:

@@ -111,15 +111,15 @@ class FlatFootedWalk:
 
 def during(motion: WalkMotion, start_s: float, end_s: float) -> WalkMotion:
     """The part of a motion from ``start_s`` to ``end_s``."""
-    kept = (motion.time_s >= start_s) & (motion.time_s <= end_s)
+    inside = (motion.time_s >= start_s) & (motion.time_s <= end_s)
     return replace(
         motion,
-        time_s=motion.time_s[kept],
-        com_m=motion.com_m[kept],
-        velocity_m_s=motion.velocity_m_s[kept],
-        momentum_per_kg=motion.momentum_per_kg[kept],
+        time_s=motion.time_s[inside],
+        com_m=motion.com_m[inside],
+        velocity_m_s=motion.velocity_m_s[inside],
+        momentum_per_kg=motion.momentum_per_kg[inside],
         feet={
-            side: FootMotion(foot.heel_m[kept], foot.outline_m[kept], foot.force_n[kept])
+            side: FootMotion(foot.heel_m[inside], foot.outline_m[inside], foot.force_n[inside])
             for side, foot in motion.feet.items()
         },
     )

@@ -61,7 +61,7 @@ _FRAMES: Final = 20
 
 @dataclass(frozen=True)
 class Reader:
-    """What is fuzzed: files that it reads, and the reading of one."""
+    """A fuzzed reader: seed files and the function that reads one."""
 
     seeds: tuple[bytes, ...]
     read: Callable[[bytes, Path], object]
@@ -178,7 +178,7 @@ def _csv() -> str:
     return devices + head + "\n".join(_rows(",", frame=True)) + "\n"
 
 
-def mutated(seed: bytes, random_: random.Random) -> bytes:
+def mutated_input(seed: bytes, random_: random.Random) -> bytes:
     """``seed`` with one to eight changes."""
     raw = bytearray(seed)
     for _ in range(random_.choice((1, 1, 1, 2, 4, 8))):
@@ -210,11 +210,11 @@ def inputs(name: str, reader: Reader, first: int = 0) -> Iterator[tuple[int, byt
     number = first
     while True:
         random_ = random.Random(f"{name} {number}")
-        yield number, mutated(random_.choice(reader.seeds), random_)
+        yield number, mutated_input(random_.choice(reader.seeds), random_)
         number += 1
 
 
-def outcome(reader: Reader, raw: bytes, folder: Path, *, timeout_s: float = TIMEOUT_S) -> str:
+def read_in_child(reader: Reader, raw: bytes, folder: Path, *, timeout_s: float = TIMEOUT_S) -> str:
     """``read``, ``refused``, or what went wrong, of one input in a child process."""
     report = folder / "report"
     report.write_bytes(b"")
@@ -223,10 +223,10 @@ def outcome(reader: Reader, raw: bytes, folder: Path, *, timeout_s: float = TIME
         _child(reader, raw, folder, report)
     deadline = time.monotonic() + timeout_s
     while time.monotonic() < deadline:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            said = report.read_text(encoding="utf-8")
-            return said if os.WIFEXITED(status) and said else f"died of status {status}: {said}"
+        ended_pid, status = os.waitpid(child, os.WNOHANG)
+        if ended_pid:
+            report_text = report.read_text(encoding="utf-8")
+            return report_text if os.WIFEXITED(status) and report_text else f"died of status {status}: {report_text}"
         time.sleep(0.001)
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
@@ -241,26 +241,26 @@ def _child(reader: Reader, raw: bytes, folder: Path, report: Path) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         reader.read(raw, folder)
-        said = "read"
+        report_text = "read"
     except (StridelabError, ValidationError):
-        said = "refused"
+        report_text = "refused"
     except BaseException:
-        said = traceback.format_exc(limit=-4)
-    report.write_text(said, encoding="utf-8")
+        report_text = traceback.format_exc(limit=-4)
+    report.write_text(report_text, encoding="utf-8")
     os._exit(0)
 
 
 def fuzz(
     name: str, reader: Reader, folder: Path, *, count: int, seconds: float, first: int = 0
 ) -> tuple[dict[str, int], list[Finding]]:
-    """Run inputs from ``first`` on for ``count`` or ``seconds``; how many were read and refused, what was found."""
+    """Run inputs from ``first`` on for ``count`` or ``seconds``; return counts by outcome, and the failures."""
     ends = time.monotonic() + seconds
     counts = {"read": 0, "refused": 0}
     findings: list[Finding] = []
     for number, raw in inputs(name, reader, first):
         if number >= first + count or time.monotonic() > ends:
             return counts, findings
-        how = outcome(reader, raw, folder)
+        how = read_in_child(reader, raw, folder)
         if how in counts:
             counts[how] += 1
         else:
@@ -275,13 +275,13 @@ def main() -> int:
     options.add_argument("--count", type=int, default=sys.maxsize, help="inputs per reader")
     options.add_argument("--first", type=int, default=0, help="number of the first input, where another run ended")
     options.add_argument("--reader", help="only this one")
-    asked = options.parse_args()
+    arguments = options.parse_args()
     bad = 0
     with tempfile.TemporaryDirectory(prefix="stridelab-fuzz-") as place:
         for name, reader in readers(Path(place)).items():
-            if asked.reader in (None, name):
+            if arguments.reader in (None, name):
                 counts, findings = fuzz(
-                    name, reader, Path(place), count=asked.count, seconds=asked.seconds, first=asked.first
+                    name, reader, Path(place), count=arguments.count, seconds=arguments.seconds, first=arguments.first
                 )
                 bad += len(findings)
                 print(

@@ -215,8 +215,8 @@ class RecordedWalk:
 
     def between(self, start_s: float, end_s: float) -> tuple[np.ndarray, np.ndarray]:
         """Instants and path from ``start_s`` to ``end_s``."""
-        kept = (self.estimate.time_s >= start_s - 1e-6) & (self.estimate.time_s <= end_s + 1e-6)
-        return self.estimate.time_s[kept], self.path_m[kept]
+        inside = (self.estimate.time_s >= start_s - 1e-6) & (self.estimate.time_s <= end_s + 1e-6)
+        return self.estimate.time_s[inside], self.path_m[inside]
 
 
 def walks(gait: Path, group: str) -> list[RecordedWalk]:

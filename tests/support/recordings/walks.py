@@ -37,12 +37,12 @@ class Contact:
 
 def contacts(n_steps: int) -> list[Contact]:
     """Stance k of alternating feet: it starts at k times 0.5 s - 0.3 s, 0.6 m further each time."""
-    found = []
+    phases = []
     for k in range(n_steps):
         side = "lr"[k % 2]
         y = 0.1 if side == "l" else -0.1
-        found.append(Contact(side, STEP_S * k - 0.3, STEP_S * k - 0.3 + STANCE_S, np.array([STEP_M * k, y, 0.0])))
-    return found
+        phases.append(Contact(side, STEP_S * k - 0.3, STEP_S * k - 0.3 + STANCE_S, np.array([STEP_M * k, y, 0.0])))
+    return phases
 
 
 def foot_position(stances: list[Contact], time_s: np.ndarray) -> np.ndarray:
@@ -136,7 +136,7 @@ def moving_body(
     return MovingBody(recording, com, beside(time_s))
 
 
-def smooth(time_s: Series, start_s: float, end_s: float) -> Series:
+def smooth_step(time_s: Series, start_s: float, end_s: float) -> Series:
     """From 0 to 1 with no velocity and no acceleration at either end."""
     x = np.clip((time_s - start_s) / (end_s - start_s), 0.0, 1.0)
     return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x**2))
@@ -145,7 +145,9 @@ def smooth(time_s: Series, start_s: float, end_s: float) -> Series:
 def sit_to_stand() -> MovingBody:
     """Sits until 1.5 s (nine tenths on a chair beside the plate), has left the chair at 1.9 s, stands from 2.8 s on."""
     return moving_body(
-        lambda t: 0.62 + 0.35 * smooth(t, 1.4, 2.8), lambda t: 0.9 * (1.0 - smooth(t, 1.5, 1.9)), duration_s=4.5
+        lambda t: 0.62 + 0.35 * smooth_step(t, 1.4, 2.8),
+        lambda t: 0.9 * (1.0 - smooth_step(t, 1.5, 1.9)),
+        duration_s=4.5,
     )
 
 
@@ -258,7 +260,7 @@ def recording(tracks: dict[str, np.ndarray], **fields: object) -> Recording:
     return replace(bare, **fields)  # type: ignore[arg-type]
 
 
-def mirrored(tracks: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def mirrored_tracks(tracks: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The body seen in a mirror: y changes sign, sides swap names."""
     other = {"l_": "r_", "r_": "l_"}
     return {other.get(name[:2], name[:2]) + name[2:]: track * [1.0, -1.0, 1.0] for name, track in tracks.items()}

@@ -36,7 +36,7 @@ SOLE_DROP_M = 0.05
 
 @dataclass
 class Humanoid:
-    """What of the humanoid is changed; ``R_root`` turns the axes of its root link (columns: ahead, left, up)."""
+    """Changes to the humanoid; ``R_root`` turns the axes of its root link (columns: ahead, left, up)."""
 
     sides: tuple[str, str] = ("left", "right")
     foot: str = FOOT

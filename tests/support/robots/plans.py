@@ -33,7 +33,7 @@ from stridelab.service.kinds.plan_motion import run as plan_motion
 from stridelab.service.processes.child import with_json
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.motion import WholeBodyMotion, WholeBodyStopped
-from support.command_line import Told
+from support.command_line import RecordedProgress
 
 RATE_HZ = 250.0
 FEET = ("left_foot", "right_foot")
@@ -139,7 +139,7 @@ class Planned(NamedTuple):
     folder: Path
     outcome: Outcome
     summary: PlanMotionSummary
-    told: Told
+    progress: RecordedProgress
 
     def columns(self, table: str, *names: str) -> np.ndarray:
         read = pq.read_table(self.folder / table)
@@ -150,10 +150,10 @@ class Planned(NamedTuple):
             return dict(read)
 
 
-def run(folder: Path, scenario: Scenario, **asked: Any) -> Planned:
-    told = Told()
-    outcome = plan_motion.run(plan_task(scenario, **asked), folder, told)
-    return Planned(folder, outcome, PlanMotionSummary.model_validate(outcome.summary), told)
+def run(folder: Path, scenario: Scenario, **arguments: Any) -> Planned:
+    progress = RecordedProgress()
+    outcome = plan_motion.run(plan_task(scenario, **arguments), folder, progress)
+    return Planned(folder, outcome, PlanMotionSummary.model_validate(outcome.summary), progress)
 
 
 def short_walk() -> Scenario:
@@ -168,17 +168,17 @@ def changed(scenario: Scenario, change: Callable[[dict[str, Any]], object]) -> S
     return Scenario.model_validate(body)
 
 
-def plan_task(scenario: Scenario | None = None, **asked: Any) -> PlanMotionTask:
+def plan_task(scenario: Scenario | None = None, **arguments: Any) -> PlanMotionTask:
     body = scenario or short_walk()
-    return PlanMotionTask(scenario=body, input=PlanMotionInput(scenario=body, **asked))
+    return PlanMotionTask(scenario=body, input=PlanMotionInput(scenario=body, **arguments))
 
 
 def stopping_after(time_s: float) -> Callable[[], Any]:
     """A controller whose motion ends at ``time_s``, for want of torque in a knee."""
 
     class Stopping:
-        def run(self, *asked: Any) -> WholeBodyMotion:
-            motion = WholeBodyController().run(*asked)
+        def run(self, *arguments: Any) -> WholeBodyMotion:
+            motion = WholeBodyController().run(*arguments)
             n = round(time_s * motion.rate_hz) + 1
             cut = {name: value[:n] for name, value in vars(motion).items() if isinstance(value, np.ndarray)}
             forces_n = {name: forces[:n] for name, forces in motion.forces_n.items()}

@@ -78,9 +78,9 @@ SHAPES = {
 
 
 def contact(scenario: Made, phase: int, effector: str) -> Made:
-    found: Made
-    (found,) = (c for c in scenario["phases"][phase]["contacts"] if c["effector"] == effector)
-    return found
+    match: Made
+    (match,) = (c for c in scenario["phases"][phase]["contacts"] if c["effector"] == effector)
+    return match
 
 
 def everywhere(scenario: Made, effector: str, place: tuple[float, float, float], **change: Any) -> None:
@@ -98,9 +98,9 @@ def judged(scenario: Made, change: Change, shapes: Mapping[str, EffectorShape] =
 
 def faults(report: ValidationReport) -> list[tuple[str, str]]:
     """Places and messages, which go on after the place: no message begins with a capital letter."""
-    found = [(fault.where, fault.message) for fault in report.faults]
-    assert not any(message[0].isupper() for _, message in found)
-    return found
+    listed_faults = [(fault.where, fault.message) for fault in report.faults]
+    assert not any(message[0].isupper() for _, message in listed_faults)
+    return listed_faults
 
 
 Task = dict[str, Any]
@@ -141,13 +141,13 @@ def random_task(rng: np.random.Generator, kind: str, most: int = 5) -> Task:
         length = 0.8 if i == number else float(rng.uniform(0.24, 0.45))
         terrain.append(box(f"part {i}", (x + gap, x + gap + length), top))
         x += gap + length
-    made = task(terrain, x - 0.4, top)
+    planned_task = task(terrain, x - 0.4, top)
     if kind == "rail":
-        _with_rail(made, x - 0.4, top)
-    return made
+        _with_rail(planned_task, x - 0.4, top)
+    return planned_task
 
 
-def _with_rail(made: Task, x_m: float, z_m: float) -> None:
+def _with_rail(planned_task: Task, x_m: float, z_m: float) -> None:
     """A rail parallel to the way, the right hand on it at both ends."""
     slope, radius = z_m / x_m, 0.02
     a = math.atan(slope)
@@ -156,16 +156,18 @@ def _with_rail(made: Task, x_m: float, z_m: float) -> None:
         return [x, -0.5, 0.8 + slope * x]
 
     ends = [[x + radius * math.sin(a), -0.5, 0.8 + slope * x - radius * math.cos(a)] for x in (-0.4, x_m + 0.8)]
-    made["terrain"].append(
+    planned_task["terrain"].append(
         {"name": "rail", "kind": "rail", "from_m": ends[0], "to_m": ends[1], "radius_m": radius, "friction": 0.6}
     )
     wxyz = [math.cos(a / 2), 0.0, -math.sin(a / 2), 0.0]
     for end, x in (("start", 0.2), ("goal", x_m + 0.2)):
-        made[end]["contacts"].append({"effector": "right_hand", "position_m": line(x), "orientation_wxyz": wxyz})
+        planned_task[end]["contacts"].append(
+            {"effector": "right_hand", "position_m": line(x), "orientation_wxyz": wxyz}
+        )
 
 
 def com_height_m(robot: Robot) -> float:
-    """Of the CoM above the soles, in the reference posture."""
+    """Height of the CoM above the soles in the reference posture."""
     return float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2])
 
 

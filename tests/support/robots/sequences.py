@@ -218,8 +218,8 @@ def push_boundary(problem: CentroidalProblem, plan: CentroidalPlan, time_s: floa
 
     if recovered(MOST_M_S):
         return Boundary(MOST_M_S, np.inf)
-    held, lost = 0.0, MOST_M_S
-    while lost - held > CLOSE_M_S:
-        middle = 0.5 * (held + lost)
-        held, lost = (middle, lost) if recovered(middle) else (held, middle)
-    return Boundary(held, lost)
+    held_m_s, lost_m_s = 0.0, MOST_M_S
+    while lost_m_s - held_m_s > CLOSE_M_S:
+        middle = 0.5 * (held_m_s + lost_m_s)
+        held_m_s, lost_m_s = (middle, lost_m_s) if recovered(middle) else (held_m_s, middle)
+    return Boundary(held_m_s, lost_m_s)

@@ -1,4 +1,4 @@
-"""Computations for tests: what a job's child is told to run, well-behaved and otherwise."""
+"""Computations for tests: functions for a job's child process, some of which misbehave."""
 
 import ctypes
 import os

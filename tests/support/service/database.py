@@ -46,8 +46,8 @@ def public_folder() -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def within(url: str, act: Callable[[AsyncEngine], Awaitable[Any]]) -> Any:
-    """What ``act`` returns of an engine on ``url``, in a loop of its own."""
+def run_with_engine(url: str, act: Callable[[AsyncEngine], Awaitable[Any]]) -> Any:
+    """Run ``act`` with an engine on ``url`` in a loop of its own and return its result."""
 
     async def inside() -> Any:
         engine = make_engine(url)
@@ -70,7 +70,7 @@ class TestDatabases:
 
     @contextmanager
     def fresh(self, *, migrated: bool = True) -> Iterator[str]:
-        """URL of a new database; dropped at the end, whoever still holds a connection."""
+        """URL of a new database; dropped at the end even if connections are open."""
         name = f"stridelab_test_{os.getpid()}_{next(_numbers)}"
         template = self.template if migrated else "template1"
         self.admin.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"')
@@ -86,9 +86,9 @@ class TestDatabases:
 @contextmanager
 def _server() -> Iterator[str]:
     """URL of the server under test: STRIDELAB_TEST_DATABASE_URL (a superuser's), or an embedded one."""
-    given = os.environ.get("STRIDELAB_TEST_DATABASE_URL")
-    if given:
-        yield given
+    stated_url = os.environ.get("STRIDELAB_TEST_DATABASE_URL")
+    if stated_url:
+        yield stated_url
         return
     with public_folder() as folder:
         server = EmbeddedPostgres(folder)
@@ -109,11 +109,11 @@ def databases() -> Iterator[TestDatabases]:
     with _server() as url:
         template = f"stridelab_template_{os.getpid()}_{next(_numbers)}"
         with psycopg.connect(url, autocommit=True) as admin:
-            made = TestDatabases(admin, url, template)
+            test_databases = TestDatabases(admin, url, template)
             admin.execute(f'CREATE DATABASE "{template}"')
             try:
-                migrate(made._url(template))
-                yield made
+                migrate(test_databases._url(template))
+                yield test_databases
             finally:
                 admin.execute(f'DROP DATABASE "{template}" WITH (FORCE)')
 
@@ -126,7 +126,7 @@ def migrate_to(url: str, revision: str) -> None:
     engine.dispose()
 
 
-def differences(connection: sqlalchemy.Connection) -> list[Any]:
+def schema_differences(connection: sqlalchemy.Connection) -> list[Any]:
     """In what the tables differ from the declared ones."""
     context = MigrationContext.configure(connection, opts={"compare_server_default": True})
     return list(compare_metadata(context, metadata))
@@ -167,7 +167,7 @@ def store_many_recordings(url: str) -> None:
 
 
 async def remove_orphans_now(engine: AsyncEngine, blobs: Path) -> list[str]:
-    """What the janitor removes once everything is old."""
+    """Remove what the janitor removes once everything is old."""
     async with engine.connect() as connection:
         return await remove_orphans(connection, BlobStore.from_url(blobs.as_uri()), timedelta(seconds=-1))
 

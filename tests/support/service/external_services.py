@@ -72,11 +72,11 @@ class _Handler(BaseHTTPRequestHandler):
             self._list()
         elif self._object.is_file():
             content = self._object.read_bytes()
-            wanted = re.fullmatch(r"bytes=(\d+)-(\d*)", self.headers.get("Range", ""))
-            if wanted is None:
+            byte_range = re.fullmatch(r"bytes=(\d+)-(\d*)", self.headers.get("Range", ""))
+            if byte_range is None:
                 self._answer(200, content, path=self._object)
             else:
-                first, last = int(wanted[1]), min(int(wanted[2] or len(content)), len(content) - 1)
+                first, last = int(byte_range[1]), min(int(byte_range[2] or len(content)), len(content) - 1)
                 place = f"bytes {first}-{last}/{len(content)}"
                 self._answer(206, content[first : last + 1], path=self._object, place=place)
         else:
@@ -115,7 +115,7 @@ class _Handler(BaseHTTPRequestHandler):
         return self.folder / ".parts" / self._query["uploadId"][0]
 
     def _body(self) -> bytes | None:
-        """What was sent; None, and an answer, where it is not signed."""
+        """Body of the request; None, after a refusal, if it is not signed."""
         content = self.rfile.read(int(self.headers.get("Content-Length", 0)))
         if not self.headers.get("Authorization", "").startswith("AWS4-HMAC-SHA256 "):
             self._answer(403, b"<Error><Code>AccessDenied</Code></Error>")
@@ -139,12 +139,12 @@ class _Handler(BaseHTTPRequestHandler):
         keys = {str(path.relative_to(self._bucket)): path for path in files}
         after, limit = self._query.get("continuation-token", [""])[0], int(self._query.get("max-keys", ["1000"])[0])
         there = [key for key in sorted(keys) if key.startswith(prefix) and key > after]
-        shown = there[:limit]
-        more = f"<NextContinuationToken>{escape(shown[-1])}</NextContinuationToken>" if len(there) > limit else ""
-        items = "".join(self._item(key, keys[key]) for key in shown)
+        listed = there[:limit]
+        more = f"<NextContinuationToken>{escape(listed[-1])}</NextContinuationToken>" if len(there) > limit else ""
+        items = "".join(self._item(key, keys[key]) for key in listed)
         self._xml(
             "ListBucketResult",
-            f"<Name>{BUCKET}</Name><KeyCount>{len(shown)}</KeyCount>{more}"
+            f"<Name>{BUCKET}</Name><KeyCount>{len(listed)}</KeyCount>{more}"
             f"<IsTruncated>{'true' if more else 'false'}</IsTruncated>{items}",
         )
 
@@ -199,12 +199,12 @@ def object_store(folder: Path) -> Iterator[dict[str, str]]:
         thread.join()
 
 
-__all__ = ["Collector", "Span", "collector", "said"]
+__all__ = ["Collector", "Span", "collector", "span_attributes"]
 
 
 @dataclass
 class Collector:
-    """What a collector was sent: spans by the name of their service."""
+    """Spans that a collector received, by the name of their service."""
 
     url: str
     spans: list[tuple[str, Span]] = field(default_factory=list)
@@ -221,8 +221,8 @@ def collector() -> Iterator[Collector]:
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
             assert self.path == "/v1/traces"
-            sent = ExportTraceServiceRequest.FromString(self.rfile.read(int(self.headers["Content-Length"])))
-            for group in sent.resource_spans:
+            export = ExportTraceServiceRequest.FromString(self.rfile.read(int(self.headers["Content-Length"])))
+            for group in export.resource_spans:
                 (service,) = (one.value.string_value for one in group.resource.attributes if one.key == "service.name")
                 heard.spans += [(service, span) for scope in group.scope_spans for span in scope.spans]
             self.send_response(200)
@@ -244,7 +244,7 @@ def collector() -> Iterator[Collector]:
         thread.join()
 
 
-def said(span: Span) -> dict[str, str | int]:
+def span_attributes(span: Span) -> dict[str, str | int]:
     """The attributes of a span."""
     return {one.key: one.value.string_value or one.value.int_value for one in span.attributes}
 

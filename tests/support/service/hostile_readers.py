@@ -38,7 +38,7 @@ def attempts(task: dict[str, Any], folder: Path, _progress: Any) -> dict[str, st
         "remove another file": (other.parent / "spare").unlink,
         "link another file": lambda: os.link(other, folder / "hard"),
         "lead to another file": lambda: (folder / "soft").symlink_to(other),
-        "read what others were told": lambda: Path(f"/proc/{parent}/environ").read_bytes(),
+        "read the environment of others": lambda: Path(f"/proc/{parent}/environ").read_bytes(),
         "read commands of others": lambda: Path(f"/proc/{parent}/cmdline").read_bytes(),
         "write into Python": lambda: Path(os.__file__).open("ab").close(),
         "connect over TCP": lambda: socket.create_connection(("127.0.0.1", port), timeout=2.0).close(),
@@ -188,15 +188,15 @@ def claim_another_file(task: dict[str, Any], folder: Path, progress: Any) -> dic
     """A reader of bulk uploads that gives a file of the machine for one that was sent."""
     from stridelab.service.kinds.read_batch.run import parse_batch  # a second of imports that most children do without
 
-    found = parse_batch(task, folder, progress)
-    found["files"][0]["file"] = "/etc/hostname"
-    return found
+    parsed = parse_batch(task, folder, progress)
+    parsed["files"][0]["file"] = "/etc/hostname"
+    return parsed
 
 
 def claim_another_hash(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
-    """One that says of a file that it is another, which is stored already."""
+    """A reader that reports the hash of another file, which is already stored."""
     from stridelab.service.kinds.read_batch.run import parse_batch  # a second of imports that most children do without
 
-    found = parse_batch(task, folder, progress)
-    found["files"][0]["sha256"] = "ab" * 32
-    return found
+    parsed = parse_batch(task, folder, progress)
+    parsed["files"][0]["sha256"] = "ab" * 32
+    return parsed

@@ -22,8 +22,8 @@ class AnyInput(Contract):
     model_config = ConfigDict(extra="allow", frozen=True)
 
 
-async def stage(_connection: AsyncConnection, _blobs: Blobs, asked: Contract, _folder: Path) -> dict[str, Any]:
-    return asked.model_dump()
+async def stage(_connection: AsyncConnection, _blobs: Blobs, job_input: Contract, _folder: Path) -> dict[str, Any]:
+    return job_input.model_dump()
 
 
 def kind(name: str, function: str, **limits: Any) -> JobKind:
@@ -42,8 +42,8 @@ def kind(name: str, function: str, **limits: Any) -> JobKind:
 
 
 KINDS: Mapping[str, JobKind] = {
-    made.name: made
-    for made in (
+    job_kind.name: job_kind
+    for job_kind in (
         kind("work", "write_outcome", lane="short"),
         kind("long-work", "write_outcome", lane="long"),
         kind("show-parts", "show_parts", shows_parts=True),

@@ -28,7 +28,7 @@ from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.samples.recording import SHIPPED_JOBS
 from stridelab.service.storage.blobs import BlobStore
-from support.service.database import public_folder, within
+from support.service.database import public_folder, run_with_engine
 from support.service.job_kinds import KINDS
 from support.service.supervisor_entry import WORKER
 
@@ -56,11 +56,11 @@ def free_port() -> int:
 
 
 def environment(**settings: str) -> dict[str, str]:
-    kept = {key: value for key, value in os.environ.items() if not key.startswith("STRIDELAB_")}
-    return {**kept, "PYTHONPATH": str(TESTS), **BRISK, **settings}
+    variables = {key: value for key, value in os.environ.items() if not key.startswith("STRIDELAB_")}
+    return {**variables, "PYTHONPATH": str(TESTS), **BRISK, **settings}
 
 
-def ended(process: psutil.Process) -> bool:
+def wait_for_exit(process: psutil.Process) -> bool:
     try:
         return process.status() == psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
@@ -81,7 +81,7 @@ class Jobs:
     url: str
 
     def ask(self, act: Callable[[JobStore], Awaitable[Any]]) -> Any:
-        return within(self.url, lambda engine: act(JobStore(engine, KINDS)))
+        return run_with_engine(self.url, lambda engine: act(JobStore(engine, KINDS)))
 
     def submit(self, kind: str, **task: Any) -> str:
         return str(self.ask(lambda store: store.submit(kind, task)).job_id)
@@ -94,23 +94,23 @@ class Jobs:
     def states(self, job_id: str) -> list[str]:
         return [event.state for event in self.ask(lambda store: store.events_after(job_id))]
 
-    def until(self, job_id: str, wanted: Callable[[JobRecord], bool], timeout_s: float = 60.0) -> JobRecord:
+    def until(self, job_id: str, condition: Callable[[JobRecord], bool], timeout_s: float = 60.0) -> JobRecord:
         deadline = time.monotonic() + timeout_s
 
         async def look(store: JobStore) -> JobRecord:
             while True:
                 try:
                     record = await store.get(job_id)
-                    if wanted(record):
+                    if condition(record):
                         return record
-                    seen = f"{record.state}, attempt {record.attempt}"
+                    state = f"{record.state}, attempt {record.attempt}"
                 except OSError as error:
-                    seen = repr(error)
+                    state = repr(error)
                 except Exception as error:
                     if "connection" not in str(error):
                         raise
-                    seen = "the database is away"
-                assert time.monotonic() < deadline, f"not within {timeout_s} s: {seen}"
+                    state = "the database is away"
+                assert time.monotonic() < deadline, f"not within {timeout_s} s: {state}"
                 await asyncio.sleep(0.1)
 
         record = self.ask(look)
@@ -145,13 +145,13 @@ class Service:
             text=True,
             env=environment(STRIDELAB_DATA_DIR=str(self.folder), STRIDELAB_PORT=str(self.port), **settings),
         )
-        said = []
+        startup_lines = []
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            said.append(line)
+            startup_lines.append(line)
             if "is running on" in line:
                 return time.monotonic() - began
-        raise AssertionError("".join(said) or "it ended without a word")
+        raise AssertionError("".join(startup_lines) or "it ended without a word")
 
     @property
     def url(self) -> str:
@@ -205,12 +205,12 @@ class Service:
 def running_service(*command: str, **settings: str) -> Iterator[Service]:
     """A service on a folder of its own until the end of the block; ``command`` as ``Service`` has it."""
     with public_folder() as folder:
-        made = Service(folder / "data", command=command) if command else Service(folder / "data")
-        made.start(**settings)
+        service = Service(folder / "data", command=command) if command else Service(folder / "data")
+        service.start(**settings)
         try:
-            yield made
+            yield service
         finally:
-            made.stop()
+            service.stop()
 
 
 @contextmanager
@@ -238,7 +238,7 @@ NEXT = {
 Row = dict[str, Any]
 
 
-def faults(url: str, blobs: Path | str, accepted: Iterable[str] = ()) -> list[str]:
+def find_job_faults(url: str, blobs: Path | str, accepted: Iterable[str] = ()) -> list[str]:
     """Everything that is wrong with the jobs of a database whose files lie in the folder or at the URL ``blobs``.
 
     ``accepted`` are the jobs that must be there; all that are there must have ended.
@@ -249,17 +249,17 @@ def faults(url: str, blobs: Path | str, accepted: Iterable[str] = ()) -> list[st
         events: dict[str, list[Row]] = defaultdict(list)
         for row in connection.execute("SELECT * FROM job_event ORDER BY seq"):
             events[row["job_id"]].append(row)
-    found = [f"{job_id} was accepted and is lost" for job_id in accepted if job_id not in jobs]
+    messages = [f"{job_id} was accepted and is lost" for job_id in accepted if job_id not in jobs]
     for row in jobs.values():
-        found += [f"{row['id']}: {fault}" for fault in (*_of_row(row), *_of_events(row, events[row["id"]]))]
-    return found + _of_files(jobs, _stored(blobs))
+        messages += [f"{row['id']}: {fault}" for fault in (*_of_row(row), *_of_events(row, events[row["id"]]))]
+    return messages + _of_files(jobs, _stored(blobs))
 
 
 def assert_sound(url: str, blobs: Path | str, accepted: Iterable[str] = (), timeout_s: float = 15.0) -> None:
     """Assert that nothing is wrong, as soon as workers have ended what they hold."""
-    wanted, deadline = list(accepted), time.monotonic() + timeout_s
-    while found := faults(url, blobs, wanted):
-        assert time.monotonic() < deadline, "\n".join(found)
+    job_ids, deadline = list(accepted), time.monotonic() + timeout_s
+    while remaining_faults := find_job_faults(url, blobs, job_ids):
+        assert time.monotonic() < deadline, "\n".join(remaining_faults)
         time.sleep(0.2)
 
 
@@ -300,15 +300,15 @@ def _of_files(jobs: dict[str, Row], stored: dict[str, int]) -> list[str]:
         if row["result"] is not None
         for artifact in row["result"]["artifacts"]
     }
-    found = [f"{key} should have {size} bytes" for key, size in named.items() if stored.get(key) != size]
+    messages = [f"{key} should have {size} bytes" for key, size in named.items() if stored.get(key) != size]
     for key in stored.keys() - named.keys():
         _, job_id, attempt, *_ = key.split("/")
         row = jobs.get(job_id)
         if job_id in SHIPPED_JOBS:
             continue
         if row is None or (row["state"] == "succeeded" and int(attempt) >= row["attempt"]):
-            found.append(f"{key} is named by no result")
-    return found
+            messages.append(f"{key} is named by no result")
+    return messages
 
 
 def _stored(blobs: Path | str) -> dict[str, int]:

@@ -43,7 +43,7 @@ _JOB = (
 )
 
 
-def fill(url: str, blobs: Path) -> None:
+def fill_tables(url: str, blobs: Path) -> None:
     """Rows in every table that the first schema has too, jobs in every state, and all files."""
     with psycopg.connect(url) as connection:
         connection.execute("INSERT INTO subject (id, fields) VALUES ('p1', '{\"name\": \"P\\u00e4r\"}')")
@@ -71,24 +71,24 @@ def fill(url: str, blobs: Path) -> None:
 
 def store(blobs: Path) -> None:
     """All files, into the folder ``blobs``."""
-    made = BlobStore.from_url(blobs.as_uri())
+    blobs_store = BlobStore.from_url(blobs.as_uri())
     draft = blobs.parent / "draft"
 
     async def put() -> None:
         for key, content in FILES.items():
             draft.write_bytes(content)
-            await made.put_file(key, draft)
+            await blobs_store.put_file(key, draft)
 
     asyncio.run(put())
     draft.unlink()
 
 
-def stored(blobs: Path) -> dict[str, bytes]:
+def read_stored_files(blobs: Path) -> dict[str, bytes]:
     """Everything in the folder ``blobs``."""
     return {str(path.relative_to(blobs)): path.read_bytes() for path in blobs.rglob("*") if path.is_file()}
 
 
-def rows(url: str) -> dict[str, list[dict[str, Any]]]:
+def read_rows(url: str) -> dict[str, list[dict[str, Any]]]:
     """All rows of our own tables, in order of their keys."""
     tables = {"subject": "id", "scenario": "id", "recording": "id", "job": "id", "job_event": "seq"}
     with psycopg.connect(url) as connection:
@@ -165,11 +165,11 @@ async def start_job(parts: Parts, job_id: str) -> Attempt:
     return Attempt(row["id"], row["attempt"], row["kind"], dict(row))
 
 
-async def report(parts: Parts, attempt: Attempt, fraction: float, message: str) -> None:
+async def report_progress(parts: Parts, attempt: Attempt, fraction: float, message: str) -> None:
     assert await AttemptStore(parts.engine, KINDS).report_progress(attempt, fraction, message)
 
 
-async def succeed(
+async def publish_result(
     parts: Parts,
     attempt: Attempt,
     files: Sequence[tuple[str, str, bytes]] = (),
@@ -193,9 +193,9 @@ async def succeed(
         )
 
 
-async def fail(parts: Parts, attempt: Attempt, kept: tuple[Any, list[Any]] | None = None) -> None:
+async def fail_attempt(parts: Parts, attempt: Attempt, partial: tuple[Any, list[Any]] | None = None) -> None:
     problem = {"code": "no-plates", "detail": "No plates.", "errors": [{"where": "plates", "message": "none"}]}
-    assert await AttemptStore(parts.engine, KINDS).end_attempt(attempt, "failed", problem, "log", kept)
+    assert await AttemptStore(parts.engine, KINDS).end_attempt(attempt, "failed", problem, "log", partial)
 
 
 async def pause(seconds: float) -> None:

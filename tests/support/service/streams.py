@@ -38,7 +38,7 @@ def walk_samples(duration_s: float, start_s: float = 0.0) -> list[StreamSample]:
     ]
 
 
-def packed(start_s: float, *rows: tuple[float, ...]) -> bytes:
+def pack_samples(start_s: float, *rows: tuple[float, ...]) -> bytes:
     """A packed message, written out here once more."""
     return struct.pack("<d", start_s) + b"".join(struct.pack("<10f", *row) for row in rows)
 
@@ -51,19 +51,19 @@ def socket_of(service: Served, **headers: str) -> Iterator[ClientConnection]:
         yield socket
 
 
-def configure(socket: ClientConnection, **fields: Any) -> dict[str, Any]:
+def send_configuration(socket: ClientConnection, **fields: Any) -> dict[str, Any]:
     """Send a configuration; returns the answer."""
     socket.send(json.dumps({"mass_kg": MOTION.mass_kg, "rate_hz": RATE_HZ, **fields}))
-    return heard(socket)
+    return receive_message(socket)
 
 
-def heard(socket: ClientConnection) -> dict[str, Any]:
+def receive_message(socket: ClientConnection) -> dict[str, Any]:
     answer = json.loads(socket.recv(timeout=60))
     assert isinstance(answer, dict)
     return answer
 
 
-def goodbye(socket: ClientConnection) -> tuple[int, str]:
+def receive_close(socket: ClientConnection) -> tuple[int, str]:
     """Code and reason with which the service closes; nothing else may come before."""
     with pytest.raises(ConnectionClosed) as closed:
         socket.recv(timeout=60)
@@ -122,22 +122,22 @@ def marker_socket(service: Served, path: str = PATH, **headers: str) -> Iterator
         yield socket
 
 
-def received(socket: ClientConnection) -> dict[str, Any]:
+def receive_reply(socket: ClientConnection) -> dict[str, Any]:
     answer = json.loads(socket.recv(timeout=60))
     assert isinstance(answer, dict)
     return answer
 
 
-def opened(socket: ClientConnection, **fields: Any) -> dict[str, Any]:
+def send_header(socket: ClientConnection, **fields: Any) -> dict[str, Any]:
     """Send a header; returns the answer."""
     socket.send(json.dumps(header(**fields)))
-    return received(socket)
+    return receive_reply(socket)
 
 
-def answers(socket: ClientConnection, frames: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def send_frames(socket: ClientConnection, frames: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Send frames one by one; returns their answers."""
-    told = []
+    replies = []
     for item in frames:
         socket.send(json.dumps(item))
-        told.append(received(socket))
-    return told
+        replies.append(receive_reply(socket))
+    return replies

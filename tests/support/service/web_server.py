@@ -80,12 +80,12 @@ class Lent(ForkServerClient):
 
     @staticmethod
     def start_lent(preload: Sequence[str]) -> "Lent":
-        """One that another client has returned, or else a new one."""
+        """A fork server that another client has returned, or else a new one."""
         environment = child_environment()
         environment.pop("PYTEST_CURRENT_TEST", None)
         key = tuple(preload), frozenset(environment.items())
-        found = _idle.pop(key, None)
-        return Lent(found if found is not None and found.process.poll() is None else Server(key))
+        idle = _idle.pop(key, None)
+        return Lent(idle if idle is not None and idle.process.poll() is None else Server(key))
 
     async def close(self) -> None:
         if self._is_gone or self._children or self._receive_buffer or self._server.key in _idle:
@@ -147,8 +147,8 @@ class Served:
     def stored_files(self) -> set[str]:
         """Keys of all stored files, and what lies in the spool."""
         blobs = self.data / "blobs"
-        kept = {str(path.relative_to(blobs)) for path in blobs.rglob("*") if path.is_file()}
-        return kept | {f"spool/{path.name}" for path in (self.data / "spool").glob("*/files/*")}
+        paths = {str(path.relative_to(blobs)) for path in blobs.rglob("*") if path.is_file()}
+        return paths | {f"spool/{path.name}" for path in (self.data / "spool").glob("*/files/*")}
 
 
 @contextmanager
@@ -189,14 +189,14 @@ def served(database_url: str, data: Path, **options: Any) -> Iterator[Served]:
         assert not thread.is_alive()
 
 
-def refusal(answer: httpx.Response) -> tuple[int, str]:
+def refusal_code(answer: httpx.Response) -> tuple[int, str]:
     """Status and code of an answer that must be a problem."""
     assert answer.headers["content-type"] == "application/problem+json", answer.text
     return answer.status_code, answer.json()["code"]
 
 
-def places(answer: httpx.Response) -> list[str]:
-    """Where a problem says that something is wrong."""
+def fault_places(answer: httpx.Response) -> list[str]:
+    """Places of the faults in a problem."""
     return [fault["where"] for fault in answer.json()["errors"]]
 
 

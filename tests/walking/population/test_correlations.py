@@ -73,49 +73,51 @@ def test_partial_is_the_closed_form_for_one_variable_held_fixed() -> None:
     z = 0.5 * x + 0.3 * np.random.default_rng(9).normal(size=20)
     (_, xy, xz), (_, _, yz), _ = np.corrcoef([x, y, z])
     expected = (xy - xz * yz) / np.sqrt((1 - xz**2) * (1 - yz**2))
-    found = partial_correlation(x, y, z[:, None])
-    assert found is not None
-    assert found.r == pytest.approx(expected, abs=1e-12)
-    assert found.controlled == 1
+    correlation = partial_correlation(x, y, z[:, None])
+    assert correlation is not None
+    assert correlation.r == pytest.approx(expected, abs=1e-12)
+    assert correlation.controlled == 1
     half = scipy.stats.norm.ppf(0.975) / np.sqrt(20 - 3 - 1)
-    assert found.ci95 == pytest.approx((np.tanh(np.arctanh(expected) - half), np.tanh(np.arctanh(expected) + half)))
+    assert correlation.ci95 == pytest.approx(
+        (np.tanh(np.arctanh(expected) - half), np.tanh(np.arctanh(expected) + half))
+    )
     t = expected * np.sqrt((20 - 3) / (1 - expected**2))
-    assert found.p == pytest.approx(2 * scipy.stats.t.sf(abs(t), 20 - 3))
+    assert correlation.p == pytest.approx(2 * scipy.stats.t.sf(abs(t), 20 - 3))
 
 
 def test_partial_is_the_precision_matrix_for_several() -> None:
     rng = np.random.default_rng(4)
     data = rng.normal(size=(30, 5)) @ rng.normal(size=(5, 5))
     precision = np.linalg.inv(np.cov(data.T))
-    found = partial_correlation(data[:, 0], data[:, 1], data[:, 2:])
-    assert found is not None
-    assert found.r == pytest.approx(-precision[0, 1] / np.sqrt(precision[0, 0] * precision[1, 1]), abs=1e-9)
+    correlation = partial_correlation(data[:, 0], data[:, 1], data[:, 2:])
+    assert correlation is not None
+    assert correlation.r == pytest.approx(-precision[0, 1] / np.sqrt(precision[0, 0] * precision[1, 1]), abs=1e-9)
 
 
-def test_what_goes_through_a_third_variable_disappears_when_it_is_held_fixed() -> None:
+def test_a_correlation_through_a_third_variable_disappears_when_it_is_held_fixed() -> None:
     rng = np.random.default_rng(0)
     z = rng.normal(size=4000)
     x, y = z + rng.normal(size=4000), z + rng.normal(size=4000)
-    plain, held = pearson(x, y), partial_correlation(x, y, z[:, None])
+    plain, partial = pearson(x, y), partial_correlation(x, y, z[:, None])
     assert plain is not None
-    assert held is not None
+    assert partial is not None
     assert plain.r == pytest.approx(0.5, abs=0.05)
-    assert held.ci95 is not None
-    assert held.ci95[0] < 0.0 < held.ci95[1]
+    assert partial.ci95 is not None
+    assert partial.ci95[0] < 0.0 < partial.ci95[1]
 
 
 @pytest.mark.parametrize(("rho", "k"), [(0.0, 0), (0.67, 0), (0.87, 0), (0.6, 2)])
 def test_fisher_intervals_cover_the_truth_at_n_11(rho: float, k: int) -> None:
     rng, inside, trials = np.random.default_rng(11), 0, 2000
     for _ in range(trials):
-        held = rng.normal(size=(11, k))
+        controls = rng.normal(size=(11, k))
         x, e = rng.normal(size=(2, 11))
         y = rho * x + np.sqrt(1 - rho**2) * e
-        shift = held.sum(axis=1) if k else 0.0
-        found = partial_correlation(x + shift, y - shift, held) if k else pearson(x, y)
-        assert found is not None
-        assert found.ci95 is not None
-        inside += found.ci95[0] <= rho <= found.ci95[1]
+        shift = controls.sum(axis=1) if k else 0.0
+        correlation = partial_correlation(x + shift, y - shift, controls) if k else pearson(x, y)
+        assert correlation is not None
+        assert correlation.ci95 is not None
+        inside += correlation.ci95[0] <= rho <= correlation.ci95[1]
     assert 0.935 <= inside / trials <= 0.965
 
 
@@ -126,10 +128,10 @@ def test_bootstrap_intervals_cover_the_truth_but_for_few_people_less_often_than_
         draws, inside = bootstrap_indices(n, seed=0, count=500), 0
         for _ in range(400):
             x, e = rng.normal(size=(2, n))
-            found = pearson(x, 0.6 * x + 0.8 * e, draws=draws)
-            assert found is not None
-            assert found.bootstrap_ci95 is not None
-            inside += found.bootstrap_ci95[0] <= 0.6 <= found.bootstrap_ci95[1]
+            correlation = pearson(x, 0.6 * x + 0.8 * e, draws=draws)
+            assert correlation is not None
+            assert correlation.bootstrap_ci95 is not None
+            inside += correlation.bootstrap_ci95[0] <= 0.6 <= correlation.bootstrap_ci95[1]
         cover[n] = inside / 400
     assert 0.85 <= cover[11] <= 0.96
     assert 0.90 <= cover[40] <= 0.975
@@ -159,19 +161,19 @@ def test_nothing_is_left_when_a_variable_is_held_fixed_itself() -> None:
 
 def test_a_perfect_line_has_no_width_and_p_0() -> None:
     x = np.arange(6.0)
-    found = pearson(x, 2.0 * x + 1.0, draws=bootstrap_indices(6, seed=0))
-    assert found is not None
-    assert found.r == pytest.approx(1.0)
-    assert found.p == 0.0
-    assert found.bootstrap_ci95 == pytest.approx((1.0, 1.0))
+    correlation = pearson(x, 2.0 * x + 1.0, draws=bootstrap_indices(6, seed=0))
+    assert correlation is not None
+    assert correlation.r == pytest.approx(1.0)
+    assert correlation.p == 0.0
+    assert correlation.bootstrap_ci95 == pytest.approx((1.0, 1.0))
 
 
 def test_no_interval_without_a_degree_of_freedom() -> None:
     assert fisher_interval(0.5, 4, controlled=1) is None
-    found = partial_correlation(*people(4, seed=1), np.random.default_rng(0).normal(size=(4, 1)))
-    assert found is not None
-    assert found.ci95 is None
-    assert 0.0 <= found.p <= 1.0
+    correlation = partial_correlation(*people(4, seed=1), np.random.default_rng(0).normal(size=(4, 1)))
+    assert correlation is not None
+    assert correlation.ci95 is None
+    assert 0.0 <= correlation.p <= 1.0
 
 
 @settings(max_examples=50, deadline=None)

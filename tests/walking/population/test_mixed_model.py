@@ -26,10 +26,10 @@ def test_a_balanced_design_has_the_closed_form_of_the_analysis_of_variance(m: in
     table = 10.0 + rng.normal(0, 1.0, (m, 1)) + rng.normal(0, 0.5, (m, n))
     within = ((table - table.mean(axis=1, keepdims=True)) ** 2).sum() / (m * (n - 1))
     between = n * table.mean(axis=1).var(ddof=1)
-    found = fit_mixed_model(table.ravel(), {}, np.repeat(np.arange(m), n))
-    assert found.step_sd**2 == pytest.approx(within, rel=1e-6)
-    assert found.subject_sd**2 == pytest.approx((between - within) / n, rel=1e-6)
-    level = found.effect("level")
+    fit = fit_mixed_model(table.ravel(), {}, np.repeat(np.arange(m), n))
+    assert fit.step_sd**2 == pytest.approx(within, rel=1e-6)
+    assert fit.subject_sd**2 == pytest.approx((between - within) / n, rel=1e-6)
+    level = fit.effect("level")
     assert level.value == pytest.approx(table.mean())
     assert level.sd == pytest.approx(np.sqrt(between / (m * n)), rel=1e-6)
     assert level.freedom == m - 1
@@ -38,9 +38,9 @@ def test_a_balanced_design_has_the_closed_form_of_the_analysis_of_variance(m: in
 def test_a_paired_design_has_the_t_of_the_paired_test() -> None:
     rng = np.random.default_rng(7)
     pairs = rng.normal(0, 1.0, (12, 1)) + np.array([0.0, 0.4]) + rng.normal(0, 0.5, (12, 2))
-    found = fit_mixed_model(pairs.ravel(), {"fast": np.tile([0.0, 1.0], 12)}, np.repeat(np.arange(12), 2))
+    fit = fit_mixed_model(pairs.ravel(), {"fast": np.tile([0.0, 1.0], 12)}, np.repeat(np.arange(12), 2))
     difference = pairs[:, 1] - pairs[:, 0]
-    fast = found.effect("fast")
+    fast = fit.effect("fast")
     assert fast.value == pytest.approx(difference.mean())
     assert fast.sd == pytest.approx(difference.std(ddof=1) / np.sqrt(12), rel=1e-6)
     assert fast.freedom == 11
@@ -63,28 +63,28 @@ def test_an_uneven_design_has_the_largest_likelihood_of_the_dense_matrices(metho
         return float(plain + 0.5 * np.linalg.slogdet(X.T @ W @ X)[1] - 0.5 * X.shape[1] * np.log(2 * np.pi))
 
     best = minimize(minus_log_likelihood, [0.0, 0.0], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12})
-    found = fit_mixed_model(y, effects, person, method=method)
-    assert [found.subject_sd, found.step_sd] == pytest.approx(np.exp(best.x), rel=1e-4)
-    assert found.log_likelihood == pytest.approx(-best.fun, abs=1e-7)
-    V = found.step_sd**2 * np.eye(len(y)) + found.subject_sd**2 * Z @ Z.T
+    fit = fit_mixed_model(y, effects, person, method=method)
+    assert [fit.subject_sd, fit.step_sd] == pytest.approx(np.exp(best.x), rel=1e-4)
+    assert fit.log_likelihood == pytest.approx(-best.fun, abs=1e-7)
+    V = fit.step_sd**2 * np.eye(len(y)) + fit.subject_sd**2 * Z @ Z.T
     covariance = np.linalg.inv(X.T @ np.linalg.solve(V, X))
     b = covariance @ X.T @ np.linalg.solve(V, y)
-    assert [e.value for e in found.effects] == pytest.approx(b, rel=1e-6)
+    assert [e.value for e in fit.effects] == pytest.approx(b, rel=1e-6)
     if method == "reml":
-        assert [e.sd for e in found.effects] == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-6)
-    assert {e.name: e.freedom for e in found.effects} == {"level": 7, "height_m": 7, "speed_m_s": len(y) - 9 - 1}
+        assert [e.sd for e in fit.effects] == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-6)
+    assert {e.name: e.freedom for e in fit.effects} == {"level": 7, "height_m": 7, "speed_m_s": len(y) - 9 - 1}
 
 
 def test_people_who_are_all_alike_have_no_spread_of_their_own() -> None:
     table = np.tile([1.0, 2.0, 3.0, 2.5], 6)
-    found = fit_mixed_model(table, {}, np.repeat(np.arange(6), 4))
-    assert found.on_bound
-    assert found.subject_sd == 0.0
-    assert found.icc == 0.0
-    assert found.step_sd == pytest.approx(table.std(ddof=1))
+    fit = fit_mixed_model(table, {}, np.repeat(np.arange(6), 4))
+    assert fit.on_bound
+    assert fit.subject_sd == 0.0
+    assert fit.icc == 0.0
+    assert fit.step_sd == pytest.approx(table.std(ddof=1))
 
 
-def test_simulated_people_give_back_what_they_were_made_of() -> None:
+def test_the_parameters_of_simulated_people_are_recovered() -> None:
     fits = [fit_mixed_model(*steps(24, 6, seed=s)) for s in range(200)]
     assert np.mean([f.subject_sd**2 for f in fits]) == pytest.approx(0.81, rel=0.05)
     assert np.mean([f.step_sd**2 for f in fits]) == pytest.approx(0.16, rel=0.05)
@@ -100,7 +100,7 @@ def test_simulated_people_give_back_what_they_were_made_of() -> None:
     assert 0.91 <= cover("speed_m_s", 1.5) <= 0.985
 
 
-def test_steps_taken_for_people_would_be_wrongly_sure() -> None:
+def test_intervals_of_steps_taken_for_people_are_too_narrow() -> None:
     """What the model is for: an effect of height that is not there."""
     sure_of_steps = sure_of_people = 0
     for seed in range(150):
@@ -134,7 +134,7 @@ def test_units_do_not_matter() -> None:
         ("mixed-model-collinear", [1.0, 2.0, 3.0, 5.0, 4.0, 7.0], {"height_m": [1.7] * 6}, [0, 0, 1, 1, 2, 2]),
     ],
 )
-def test_what_cannot_be_fitted_is_refused(
+def test_a_design_that_cannot_be_fitted_is_refused(
     code: str, y: list[float], effects: dict[str, list[float]], person: list[int]
 ) -> None:
     with pytest.raises(NotEstimable) as refused:

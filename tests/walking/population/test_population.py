@@ -1,4 +1,4 @@
-"""Populations of made-up people with known laws: who is counted, with whom, and what is said about it."""
+"""Studies of simulated people with known laws: groups, correlations and remarks."""
 
 import numpy as np
 import pytest
@@ -40,13 +40,13 @@ def lab(
     return people, rows
 
 
-def pair(found: Population, parameter: str, against: str, group: str = "adults") -> Pair:
-    (one,) = [p for p in found.pairs if (p.group, p.parameter, p.against) == (group, parameter, against)]
+def pair(result: Population, parameter: str, against: str, group: str = "adults") -> Pair:
+    (one,) = [p for p in result.pairs if (p.group, p.parameter, p.against) == (group, parameter, against)]
     return one
 
 
-def codes(found: Population) -> list[str]:
-    return [remark.code for remark in found.remarks]
+def codes(result: Population) -> list[str]:
+    return [remark.code for remark in result.remarks]
 
 
 def test_steps_of_all_recordings_of_a_person_are_pooled() -> None:
@@ -65,16 +65,16 @@ def test_steps_of_all_recordings_of_a_person_are_pooled() -> None:
     assert np.isnan(b.sd["R_m"])
 
 
-def test_the_laws_that_the_people_were_made_with_are_found() -> None:
-    found = study(*lab(40))
-    assert {(p.parameter, p.against) for p in found.pairs} == {(p, a) for p in PARAMETERS for a in COVARIATES}
-    assert pair(found, "z0_m", "height_m").pearson.r > 0.99
-    assert pair(found, "R_m", "step_length_m").pearson.r > 0.95
-    assert pair(found, "omega_rad_s", "speed_m_s").pearson.r > 0.95
-    through_leg = pair(found, "z0_m", "leg_m")
+def test_the_laws_of_the_simulated_people_are_recovered() -> None:
+    result = study(*lab(40))
+    assert {(p.parameter, p.against) for p in result.pairs} == {(p, a) for p in PARAMETERS for a in COVARIATES}
+    assert pair(result, "z0_m", "height_m").pearson.r > 0.99
+    assert pair(result, "R_m", "step_length_m").pearson.r > 0.95
+    assert pair(result, "omega_rad_s", "speed_m_s").pearson.r > 0.95
+    through_leg = pair(result, "z0_m", "leg_m")
     assert through_leg.pearson.r > 0.9
     assert abs(through_leg.partial_on["height_m"].r) < 0.5
-    nothing = pair(found, "r_m", "height_m")
+    nothing = pair(result, "r_m", "height_m")
     assert nothing.pearson.ci95 is not None
     assert nothing.pearson.ci95[0] < 0.0 < nothing.pearson.ci95[1]
     assert nothing.p_holm >= nothing.pearson.p
@@ -82,84 +82,84 @@ def test_the_laws_that_the_people_were_made_with_are_found() -> None:
     assert set(nothing.partial_on) == {"leg_m", "speed_m_s", "step_length_m"}
 
 
-def test_the_mixed_models_tell_people_from_steps() -> None:
-    found = study(*lab(30, steps=6))
-    z0 = found.models["adults", "z0_m"]
+def test_the_mixed_models_separate_people_from_steps() -> None:
+    result = study(*lab(30, steps=6))
+    z0 = result.models["adults", "z0_m"]
     assert z0.effect("height_m").ci95[0] < 0.545 < z0.effect("height_m").ci95[1]
-    omega = found.models["adults", "omega_rad_s"]
+    omega = result.models["adults", "omega_rad_s"]
     assert omega.effect("speed_m_s").ci95[0] < 10.0 < omega.effect("speed_m_s").ci95[1]
-    assert found.spreads["adults", "z0_m"].icc > 0.99
-    assert found.spreads["adults", "r_m"].icc < 0.2
-    assert found.spreads["adults", "r_m"].step_sd == pytest.approx(0.002, rel=0.15)
+    assert result.spreads["adults", "z0_m"].icc > 0.99
+    assert result.spreads["adults", "r_m"].icc < 0.2
+    assert result.spreads["adults", "r_m"].step_sd == pytest.approx(0.002, rel=0.15)
 
 
 def test_without_repeats_there_is_no_mixed_model() -> None:
-    found = study(*lab(11, steps=1))
-    assert found.models == {}
-    assert found.spreads == {}
-    assert len(found.pairs) == len(PARAMETERS) * len(COVARIATES)
+    result = study(*lab(11, steps=1))
+    assert result.models == {}
+    assert result.spreads == {}
+    assert len(result.pairs) == len(PARAMETERS) * len(COVARIATES)
 
 
-def test_children_and_adults_are_apart_and_that_is_said() -> None:
+def test_children_and_adults_are_separate_groups_with_a_remark() -> None:
     grown, small = lab(12, seed=1), lab(8, seed=2, group="children", height=1.35)
-    found = study([*grown[0], *small[0]], [*grown[1], *small[1]])
-    assert {p.group for p in found.pairs} == {"adults", "children"}
-    assert pair(found, "R_m", "height_m").pearson.n == 12
-    assert pair(found, "R_m", "height_m", "children").pearson.n == 8
-    assert codes(found) == ["groups-apart"]
-    assert "adults (12), children (8)" in found.remarks[0].message
+    result = study([*grown[0], *small[0]], [*grown[1], *small[1]])
+    assert {p.group for p in result.pairs} == {"adults", "children"}
+    assert pair(result, "R_m", "height_m").pearson.n == 12
+    assert pair(result, "R_m", "height_m", "children").pearson.n == 8
+    assert codes(result) == ["groups-apart"]
+    assert "adults (12), children (8)" in result.remarks[0].message
 
 
-def test_everybody_together_only_when_asked_and_said() -> None:
+def test_groups_are_pooled_only_on_request_with_a_remark() -> None:
     grown, small = lab(12, seed=1), lab(8, seed=2, group="children", height=1.35)
-    found = study([*grown[0], *small[0]], [*grown[1], *small[1]], pooled=True)
-    assert pair(found, "z0_m", "height_m", "all").pearson.n == 20
-    assert pair(found, "z0_m", "height_m").pearson.n == 12
-    assert codes(found) == ["groups-pooled"]
+    result = study([*grown[0], *small[0]], [*grown[1], *small[1]], pooled=True)
+    assert pair(result, "z0_m", "height_m", "all").pearson.n == 20
+    assert pair(result, "z0_m", "height_m").pearson.n == 12
+    assert codes(result) == ["groups-pooled"]
     assert study(*lab(8), pooled=True).remarks == ()
 
 
-def test_who_has_no_height_drops_out_of_what_needs_it_and_is_named() -> None:
+def test_people_without_height_are_left_out_where_it_is_needed_and_named() -> None:
     people, rows = lab(8)
     people[3] = Person(name=people[3].name, group="adults", leg_m=0.9)
-    found = study(people, rows)
-    against_height = pair(found, "R_m", "height_m")
+    result = study(people, rows)
+    against_height = pair(result, "R_m", "height_m")
     assert against_height.pearson.n == 7
     assert against_height.left_out == (people[3].name,)
-    assert pair(found, "R_m", "speed_m_s").pearson.n == 8
-    assert pair(found, "R_m", "speed_m_s").partial_on["height_m"].n == 7
-    assert codes(found) == ["height-missing"]
-    assert people[3].name in found.remarks[0].message
-    assert found.models["adults", "R_m"].n_people == 7
+    assert pair(result, "R_m", "speed_m_s").pearson.n == 8
+    assert pair(result, "R_m", "speed_m_s").partial_on["height_m"].n == 7
+    assert codes(result) == ["height-missing"]
+    assert people[3].name in result.remarks[0].message
+    assert result.models["adults", "R_m"].n_people == 7
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_too_few_people_have_means_but_no_correlations(n: int) -> None:
-    found = study(*lab(n))
-    assert len(found.subjects) == n
-    assert found.pairs == ()
-    assert codes(found) == ["too-few-subjects"]
+    result = study(*lab(n))
+    assert len(result.subjects) == n
+    assert result.pairs == ()
+    assert codes(result) == ["too-few-subjects"]
 
 
-def test_a_study_of_nobody_is_empty() -> None:
-    found = study([], [])
-    assert found.subjects == ()
-    assert found.pairs == ()
+def test_a_study_without_people_is_empty() -> None:
+    result = study([], [])
+    assert result.subjects == ()
+    assert result.pairs == ()
 
 
 def test_four_people_are_enough_for_an_answer_and_too_few_for_some_intervals() -> None:
-    found = study(*lab(4))
-    one = pair(found, "R_m", "speed_m_s")
+    result = study(*lab(4))
+    one = pair(result, "R_m", "speed_m_s")
     assert one.pearson.ci95 is not None
     assert one.partial_on["step_length_m"].ci95 is None
 
 
-def test_nobody_knows_a_height() -> None:
+def test_a_study_without_any_height_correlates_with_speed_and_step_length_only() -> None:
     people, rows = lab(6)
-    found = study([Person(name=p.name, group="adults") for p in people], rows)
-    assert {p.against for p in found.pairs} == {"speed_m_s", "step_length_m"}
-    assert found.models == {}
-    assert found.spreads["adults", "R_m"].n_people == 6
+    result = study([Person(name=p.name, group="adults") for p in people], rows)
+    assert {p.against for p in result.pairs} == {"speed_m_s", "step_length_m"}
+    assert result.models == {}
+    assert result.spreads["adults", "R_m"].n_people == 6
 
 
 def test_a_parameter_that_is_the_same_for_all_has_no_correlation() -> None:
@@ -196,7 +196,7 @@ def test_a_group_is_what_is_stated_else_by_age_else_by_height(
     assert assign_group(stated, age, height) == expected
 
 
-def test_guessed_groups_are_said() -> None:
+def test_guessed_groups_are_remarked() -> None:
     people, rows = lab(4)
     guessed = [
         Person(name=p.name, group="children", height_m=1.3 + i / 50, group_source="height")

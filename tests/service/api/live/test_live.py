@@ -23,7 +23,7 @@ from stridelab.service.processes.running_child import IsolatedOutcome
 from stridelab.service.samples.scenario_bodies import ONE_STEP
 from support.service.database import TestDatabases
 from support.service.processes import wait_until
-from support.service.streams import goodbye, received
+from support.service.streams import receive_close, receive_reply
 from support.service.web_server import Served, served
 
 TOKEN = "a-secret-of-the-lab"
@@ -90,15 +90,15 @@ Fakes = list[FakeSimulation]
 @pytest.fixture
 def fakes(monkeypatch: pytest.MonkeyPatch) -> Fakes:
     """The simulations that were opened; ``fails`` of the class decides what the next one does."""
-    made: Fakes = []
+    started: Fakes = []
 
     @asynccontextmanager
     async def open_child(_rooms: LiveRooms, robot: str) -> AsyncIterator[FakeSimulation]:
-        made.append(FakeSimulation(fails=robot == "hrp2", slow_s=2.5 * TICK_S if robot == "g1" else 0.0))
-        yield made[-1]
+        started.append(FakeSimulation(fails=robot == "hrp2", slow_s=2.5 * TICK_S if robot == "g1" else 0.0))
+        yield started[-1]
 
     monkeypatch.setattr(LiveRooms, "_open_child", open_child)
-    return made
+    return started
 
 
 @pytest.fixture(scope="module")
@@ -119,10 +119,10 @@ def watching(service: Served, session: Mapping[str, Any], **headers: str) -> Ite
 
 def start(service: Served, robot: str = "talos", **headers: str) -> dict[str, Any]:
     with service.http() as http:
-        made = http.post("/api/v1/live", json={"robot": robot}, headers=headers)
-    assert made.status_code == 201, made.text
-    session: dict[str, Any] = made.json()
-    assert made.headers["Location"] == f"/api/v1/live/{session['session_id']}"
+        opened = http.post("/api/v1/live", json={"robot": robot}, headers=headers)
+    assert opened.status_code == 201, opened.text
+    session: dict[str, Any] = opened.json()
+    assert opened.headers["Location"] == f"/api/v1/live/{session['session_id']}"
     return session
 
 
@@ -134,7 +134,7 @@ def end(service: Served, session: Mapping[str, Any]) -> None:
 def next_with(socket: ClientConnection, kind: str, holds: Callable[[dict[str, Any]], bool] = bool) -> dict[str, Any]:
     """The next message of a kind for which ``holds``."""
     for _ in range(2000):
-        message = received(socket)
+        message = receive_reply(socket)
         if message.get("type") == kind and holds(message):
             return message
     raise AssertionError(f"no {kind} came")
@@ -144,7 +144,7 @@ def order(socket: ClientConnection, **command: Any) -> None:
     socket.send(json.dumps(command))
 
 
-def test_everybody_sees_the_same_robot_and_anybody_pushes_it(service: Served, fakes: Fakes) -> None:
+def test_all_viewers_see_the_same_robot_and_each_can_push_it(service: Served, fakes: Fakes) -> None:
     session = start(service)
     with watching(service, session) as first, watching(service, session) as second:
         state = next_with(first, "state", lambda one: one["phase"] == "running" and one["n_watching"] == 2)
@@ -161,7 +161,7 @@ def test_everybody_sees_the_same_robot_and_anybody_pushes_it(service: Served, fa
     end(service, session)
 
 
-def test_time_follows_the_clock_times_the_pace_and_rests_in_a_pause(service: Served, fakes: Fakes) -> None:
+def test_simulated_time_follows_the_clock_times_the_pace_and_stops_in_a_pause(service: Served, fakes: Fakes) -> None:
     session = start(service)
     with watching(service, session) as socket:
         order(socket, type="set", pace=0.5)
@@ -178,7 +178,7 @@ def test_time_follows_the_clock_times_the_pace_and_rests_in_a_pause(service: Ser
     end(service, session)
 
 
-def test_a_slow_computer_slows_the_robot_and_says_so(service: Served, fakes: Fakes) -> None:
+def test_a_slow_computer_slows_the_robot_and_reports_it(service: Served, fakes: Fakes) -> None:
     session = start(service, "g1")
     with watching(service, session) as socket:
         states = [next_with(socket, "state", lambda one: one["pace"] is not None) for _ in range(2)]
@@ -186,7 +186,7 @@ def test_a_slow_computer_slows_the_robot_and_says_so(service: Served, fakes: Fak
     end(service, session)
 
 
-def test_what_is_no_command_is_refused_and_the_robot_goes_on(service: Served, fakes: Fakes) -> None:
+def test_an_invalid_command_is_refused_and_the_robot_continues(service: Served, fakes: Fakes) -> None:
     session = start(service)
     bad = {
         "not-json": ['{"type":"push","impulse_ns":[NaN,0,0]}', "", "push"],
@@ -215,7 +215,7 @@ def test_what_is_no_command_is_refused_and_the_robot_goes_on(service: Served, fa
         assert fakes[0].settings == LiveSettings()
         socket.send(" " * (COMMAND_BYTES + 1))
         assert next_problem(socket) == "message-too-large"
-        assert goodbye(socket) == (4413, "message-too-large")
+        assert receive_close(socket) == (4413, "message-too-large")
     with watching(service, session) as flood:
         for _ in range(400):
             flood.send('{"type":"pause"}')
@@ -225,13 +225,13 @@ def test_what_is_no_command_is_refused_and_the_robot_goes_on(service: Served, fa
 
 def next_problem(socket: ClientConnection) -> str:
     for _ in range(2000):
-        message = received(socket)
+        message = receive_reply(socket)
         if "problem" in message and "type" not in message:
             return str(message["problem"]["code"])
     raise AssertionError("no problem came")
 
 
-def test_a_simulation_that_dies_or_cannot_plan_says_why(service: Served, fakes: Fakes) -> None:
+def test_a_simulation_that_dies_or_cannot_plan_gives_the_reason(service: Served, fakes: Fakes) -> None:
     for robot, code in (("hrp2", "scenario-invalid"), ("talos", "live-failed")):
         session = start(service, robot)
         with watching(service, session) as socket:
@@ -243,7 +243,7 @@ def test_a_simulation_that_dies_or_cannot_plan_says_why(service: Served, fakes: 
         end(service, session)
 
 
-def test_requests_for_what_is_not_there_are_refused(service: Served) -> None:
+def test_requests_for_missing_objects_are_refused(service: Served) -> None:
     with service.http() as http:
         for body, status, code in (
             ({"robot": "nobody"}, 404, "robot-not-found"),
@@ -259,14 +259,14 @@ def test_requests_for_what_is_not_there_are_refused(service: Served) -> None:
         assert http.delete("/api/v1/live/0123").status_code == 404
     with watching(service, {"socket": "/api/v1/live/0123"}) as socket:
         assert next_problem(socket) == "session-not-found"
-        assert goodbye(socket) == (4404, "session-not-found")
+        assert receive_close(socket) == (4404, "session-not-found")
 
 
 def test_limits_of_the_service_of_a_user_and_of_viewers(guarded: Served, fakes: Fakes) -> None:
     def user(name: str, scope: str = "submit") -> dict[str, str]:
         with guarded.http(headers={"Authorization": f"Bearer {TOKEN}"}) as http:
-            made = http.post("/api/v1/tokens", json={"name": name, "scope": scope}).json()
-        return {"Authorization": f"Bearer {made['secret']}"}
+            token = http.post("/api/v1/tokens", json={"name": name, "scope": scope}).json()
+        return {"Authorization": f"Bearer {token['secret']}"}
 
     ann, bob, reader = user("ann"), user("bob"), user("cat", "read")
     session = start(guarded, **ann)
@@ -297,10 +297,10 @@ def test_limits_of_the_service_of_a_user_and_of_viewers(guarded: Served, fakes: 
         with pytest.raises(InvalidStatus) as rejected, watching(guarded, session, **headers):
             pass
         assert rejected.value.response.status_code == 403
-    wait_until(lambda: not guarded.parts.rooms.describe_all(), 10, "nobody watches: all end")
+    wait_until(lambda: not guarded.parts.rooms.describe_all(), 10, "there are no viewers: all end")
 
 
-def test_a_robot_has_room_for_so_many_viewers(service: Served, fakes: Fakes) -> None:
+def test_the_number_of_viewers_of_a_robot_is_limited(service: Served, fakes: Fakes) -> None:
     session = start(service)
     room = service.parts.rooms.require_room(session["session_id"])
 
@@ -313,7 +313,7 @@ def test_a_robot_has_room_for_so_many_viewers(service: Served, fakes: Fakes) -> 
     service.run(fill())
     with watching(service, session) as socket:
         assert next_problem(socket) == "too-many-watching"
-        assert goodbye(socket) == (4429, "too-many-watching")
+        assert receive_close(socket) == (4429, "too-many-watching")
     end(service, session)
 
 
@@ -340,7 +340,7 @@ def ended(socket: ClientConnection) -> tuple[int, str]:
     with contextlib.suppress(ConnectionClosed):
         while True:
             socket.recv(timeout=30)
-    return goodbye(socket)
+    return receive_close(socket)
 
 
 def drain(socket: ClientConnection) -> None:

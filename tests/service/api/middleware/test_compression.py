@@ -16,7 +16,7 @@ def sent_bytes(http: httpx.Client, path: str, encoding: str) -> tuple[httpx.Resp
 @pytest.mark.parametrize(
     "path", ["/api/v1/openapi.json", "/", "/static/js/viewer/frame_decoder.js", "/static/css/app.css"]
 )
-def test_text_is_sent_compressed(http: httpx.Client, path: str) -> None:
+def test_text_is_compressed(http: httpx.Client, path: str) -> None:
     plain, length = sent_bytes(http, path, "identity")
     assert "content-encoding" not in plain.headers
     packed, packed_length = sent_bytes(http, path, "gzip")
@@ -32,6 +32,6 @@ def test_an_event_stream_arrives_event_by_event(http: httpx.Client, service: Ser
         assert next(answer.iter_lines())
 
 
-def test_small_answers_are_sent_as_they_are(http: httpx.Client) -> None:
+def test_small_answers_are_not_compressed(http: httpx.Client) -> None:
     answer, _ = sent_bytes(http, "/api/v1/health", "gzip")
     assert "content-encoding" not in answer.headers

@@ -15,11 +15,11 @@ class Talker:
 
     def __init__(self, pieces: int | None) -> None:
         self._left = pieces
-        self.asked = 0
+        self.n_reads = 0
         self.sent: list[Message] = []
 
     async def receive(self) -> Message:
-        self.asked += 1
+        self.n_reads += 1
         if self._left is None:
             await asyncio.sleep(0.01)
             return {"type": "http.request", "body": b"x", "more_body": True}
@@ -43,16 +43,16 @@ def scope(**headers: str) -> Scope:
 
 
 @pytest.mark.anyio
-async def test_a_refused_body_is_heard_to_its_end_after_the_answer() -> None:
+async def test_the_rest_of_a_refused_body_is_read_after_the_answer() -> None:
     talker = Talker(5)
     await answering(413)(scope(), talker.receive, talker.send)
-    assert talker.asked == 5
+    assert talker.n_reads == 5
     assert [message.get("body") for message in talker.sent[1:]] == [b"done", b""]
     assert [message.get("more_body", False) for message in talker.sent[1:]] == [True, False]
 
 
 @pytest.mark.anyio
-async def test_patience_has_an_end() -> None:
+async def test_reading_the_rest_of_a_refused_body_has_a_time_limit() -> None:
     talker = Talker(None)
     began_s = time.monotonic()
     await answering(413)(scope(), talker.receive, talker.send)
@@ -62,8 +62,10 @@ async def test_patience_has_an_end() -> None:
 
 @pytest.mark.parametrize(("status", "headers"), [(200, {}), (413, {"expect": "100-continue"})])
 @pytest.mark.anyio
-async def test_nobody_is_asked_to_go_on_who_was_accepted_or_waits(status: int, headers: dict[str, str]) -> None:
+async def test_no_rest_is_read_after_an_accepted_request_or_while_the_client_waits(
+    status: int, headers: dict[str, str]
+) -> None:
     talker = Talker(5)
     await answering(status)(scope(**headers), talker.receive, talker.send)
-    assert talker.asked == 0
+    assert talker.n_reads == 0
     assert len(talker.sent) == 2

@@ -55,12 +55,14 @@ def rows_of(lab: Served, query: str) -> list[Any]:
         return connection.execute(query).fetchall()
 
 
-def test_a_secret_is_shown_once_and_only_its_hash_is_kept(lab: Served, admin: httpx.Client) -> None:
-    made = make(admin, "once")
-    assert made["scope"] == "submit"
-    assert re.fullmatch(r"stridelab_[\w-]{43}", made["secret"])
-    assert made["secret"] not in admin.get(TOKENS).text
-    assert made["secret"] not in str(rows_of(lab, "SELECT * FROM token")) + str(rows_of(lab, "SELECT * FROM audit"))
+def test_a_secret_is_shown_once_and_only_its_hash_is_stored(lab: Served, admin: httpx.Client) -> None:
+    token_made = make(admin, "once")
+    assert token_made["scope"] == "submit"
+    assert re.fullmatch(r"stridelab_[\w-]{43}", token_made["secret"])
+    assert token_made["secret"] not in admin.get(TOKENS).text
+    assert token_made["secret"] not in str(rows_of(lab, "SELECT * FROM token")) + str(
+        rows_of(lab, "SELECT * FROM audit")
+    )
     assert code(admin.post(TOKENS, json={"name": "once"})) == (409, "token-name-taken")
     assert code(admin.post(TOKENS, json={"name": "admin"})) == (409, "token-name-taken")
     assert admin.post(TOKENS, json={"name": "no spaces"}).status_code == 422
@@ -104,35 +106,35 @@ def test_each_scope_allows_what_it_names(lab: Served, admin: httpx.Client) -> No
         ("http", "UNHEARD-OF", "/api/v1/jobs", "submit"),
     ],
 )
-def test_what_a_request_needs(kind: str, method: str, path: str, scope: str) -> None:
+def test_each_request_needs_its_scope(kind: str, method: str, path: str, scope: str) -> None:
     assert needed_scope(kind, method, path) == scope
 
 
 def test_a_revoked_token_and_its_cookie_are_refused_at_once(lab: Served, admin: httpx.Client) -> None:
-    made = make(admin, "leaver")
-    with lab.http() as browser, lab.http(headers=bearer(made["secret"])) as script:
-        assert browser.post("/login", data={"token": made["secret"]}).headers["location"] == "/"
+    token_made = make(admin, "leaver")
+    with lab.http() as browser, lab.http(headers=bearer(token_made["secret"])) as script:
+        assert browser.post("/login", data={"token": token_made["secret"]}).headers["location"] == "/"
         assert browser.get(SUBJECTS).status_code == script.get(SUBJECTS).status_code == 200
         assert code(browser.get(TOKENS)) == (403, "scope-missing")
-        assert admin.delete(f"{TOKENS}/{made['id']}").json()["revoked_at"] is not None
+        assert admin.delete(f"{TOKENS}/{token_made['id']}").json()["revoked_at"] is not None
         assert code(script.get(SUBJECTS)) == (401, "login-needed")
         assert code(browser.get(SUBJECTS)) == (401, "login-needed")
-    assert code(admin.delete(f"{TOKENS}/{made['id']}")) == (404, "token-not-found")
+    assert code(admin.delete(f"{TOKENS}/{token_made['id']}")) == (404, "token-not-found")
     make(admin, "leaver")  # the name is free again
 
 
 def test_a_revocation_elsewhere_and_an_expiry_are_noticed(lab: Served, admin: httpx.Client) -> None:
     for change in ("revoked_at", "expires_at"):
-        made = make(admin, f"by-{change[:7]}", days=1)
-        with lab.http(headers=bearer(made["secret"])) as http:
+        token_made = make(admin, f"by-{change[:7]}", days=1)
+        with lab.http(headers=bearer(token_made["secret"])) as http:
             assert http.get(SUBJECTS).status_code == 200
             with psycopg.connect(str(lab.parts.settings.database_url)) as connection:
-                connection.execute(f"UPDATE token SET {change} = now() WHERE id = %s", (made["id"],))
+                connection.execute(f"UPDATE token SET {change} = now() WHERE id = %s", (token_made["id"],))
             lab.parts.tokens._read_at_s -= 2.0  # instead of waiting for STALE_S
             assert http.get(SUBJECTS).status_code == 401
 
 
-def test_jobs_and_recordings_belong_to_whoever_made_them(lab: Served, admin: httpx.Client) -> None:
+def test_jobs_and_recordings_belong_to_the_user_that_created_them(lab: Served, admin: httpx.Client) -> None:
     one, other = (make(admin, name)["secret"] for name in ("owner", "colleague"))
     with lab.http(headers=bearer(one)) as mine, lab.http(headers=bearer(other)) as theirs:
         submitted = mine.post(SIMULATION, json={}).json()
@@ -196,15 +198,15 @@ def test_an_upload_belongs_to_its_token_and_counts(lab: Served, admin: httpx.Cli
         assert code(refused) == (413, "storage-limit")
 
 
-def test_the_audit_log_tells_who_did_what_and_is_not_changed(lab: Served, admin: httpx.Client) -> None:
-    made = make(admin, "watched")
-    with lab.http(headers=bearer(made["secret"])) as http:
+def test_the_audit_log_records_caller_and_action_and_is_append_only(lab: Served, admin: httpx.Client) -> None:
+    token_made = make(admin, "watched")
+    with lab.http(headers=bearer(token_made["secret"])) as http:
         http.get(TOKENS)
-    admin.delete(f"{TOKENS}/{made['id']}")
-    told = [(e["action"], e["caller"], e["what"]) for e in admin.get("/api/v1/audit").json()["items"]]
-    of_token = [entry for entry in told if entry[2] == made["id"]]  # newest first
-    assert of_token == [("token-revoked", "admin", made["id"]), ("token-created", "admin", made["id"])]
-    between = told[: told.index(of_token[1])]  # the refusal, unless its rate limit was reached before
+    admin.delete(f"{TOKENS}/{token_made['id']}")
+    entries = [(e["action"], e["caller"], e["what"]) for e in admin.get("/api/v1/audit").json()["items"]]
+    of_token = [entry for entry in entries if entry[2] == token_made["id"]]  # newest first
+    assert of_token == [("token-revoked", "admin", token_made["id"]), ("token-created", "admin", token_made["id"])]
+    between = entries[: entries.index(of_token[1])]  # the refusal, unless its rate limit was reached before
     assert set(between) <= {of_token[0], ("refused", "watched", "scope-missing")}
     with psycopg.connect(str(lab.parts.settings.database_url)) as connection:
         with pytest.raises(psycopg.errors.RaiseException):
@@ -254,7 +256,7 @@ def test_too_many_requests_are_answered_429(postgres: TestDatabases, tmp_path: P
         assert stranger.get("/api/v1/health").status_code == 200
 
 
-def test_without_a_token_nobody_is_asked_and_nothing_has_an_owner(service: Served) -> None:
+def test_without_tokens_no_login_is_required_and_nothing_has_an_owner(service: Served) -> None:
     with service.http() as http:
         assert http.post(SIMULATION, json={}).json()["owner"] is None
         assert http.get(TOKENS).json()["items"] == []

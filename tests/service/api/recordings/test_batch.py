@@ -58,12 +58,12 @@ def another(trial: bytes, n: int) -> bytes:
     return trial + bytes([n]) * 512
 
 
-def kept(service: Served, http: httpx.Client) -> tuple[int, int]:
+def count_stored(service: Served, http: httpx.Client) -> tuple[int, int]:
     files = [key for key in service.stored_files() if key.startswith(("uploads/", "recordings/", "spool/"))]
     return len(http.get("/api/v1/recordings").json()["items"]), len(files)
 
 
-def test_files_a_zip_and_a_table_together(service: Served, http: httpx.Client, trial: Path) -> None:
+def test_files_a_zip_and_a_table_can_be_uploaded_together(service: Served, http: httpx.Client, trial: Path) -> None:
     content = trial.read_bytes()
     lab = zipped(
         ("lab/P02.c3d", another(content, 2)),
@@ -95,8 +95,8 @@ def test_files_a_zip_and_a_table_together(service: Served, http: httpx.Client, t
     assert refused["message"]
     assert http.get(f"/api/v1/recordings/{p02['id']}/file").content == another(content, 2)
     assert not any(key.startswith("spool/") for key in service.stored_files())
-    asked = {"recording_ids": body["studied"], "subjects": body["subjects"]}
-    assert http.post("/api/v1/jobs/study-population", json=asked).status_code == 202
+    study_input = {"recording_ids": body["studied"], "subjects": body["subjects"]}
+    assert http.post("/api/v1/jobs/study-population", json=study_input).status_code == 202
     twice = http.post("/api/v1/jobs/study-population", json={"recording_ids": [walk["id"], walk["id"]]})
     assert problem(twice, 422)["code"] == "invalid-request"
     unknown = http.post("/api/v1/jobs/study-population", json={"recording_ids": [walk["id"], "nobody"]})
@@ -132,18 +132,20 @@ def test_the_same_bytes_twice_count_once(http: httpx.Client, trial: Path) -> Non
     )
 
 
-def test_a_client_sends_many(service: Served, trial: Path, tmp_path: Path) -> None:
+def test_the_client_uploads_many_files(service: Served, trial: Path, tmp_path: Path) -> None:
     paths = []
     for n in (20, 21):
         paths.append((f"walk {n}.c3d", tmp_path / f"{n}.c3d"))
         paths[-1][1].write_bytes(another(trial.read_bytes(), n))
-    sent: list[int] = []
+    sent_bytes: list[int] = []
     with Client(service.base_url) as client:
-        body = client.upload_batch(paths, "file,subject\nwalk 20.c3d,P20\n", progress=lambda done, _: sent.append(done))
+        body = client.upload_batch(
+            paths, "file,subject\nwalk 20.c3d,P20\n", progress=lambda done, _: sent_bytes.append(done)
+        )
         assert [one.filename for one in body.recordings] == ["walk 20.c3d", "walk 21.c3d"]
         assert body.subjects[0].subject == "P20"
         assert client.upload_batch(paths[:1]).recordings[0].sha256 == body.recordings[0].sha256
-    assert sent[-1] == sum(path.stat().st_size for _, path in paths)
+    assert sent_bytes[-1] == sum(path.stat().st_size for _, path in paths)
 
 
 def bomb() -> bytes:
@@ -162,20 +164,22 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("code", ["zip-bomb", "zip-too-many-files", "zip-several-tables"])
-def test_a_hostile_zip_keeps_nothing(service: Served, http: httpx.Client, trial: Path, code: str) -> None:
-    before = kept(service, http)
+def test_nothing_of_a_hostile_zip_is_stored(service: Served, http: httpx.Client, trial: Path, code: str) -> None:
+    before = count_stored(service, http)
     answer = send(http, ("fine.c3d", another(trial.read_bytes(), 40)), ("lab.zip", HOSTILE[code]))
     assert problem(answer, 422)["code"] == code
-    assert kept(service, http) == before
+    assert count_stored(service, http) == before
 
 
-def test_a_zip_that_lies_about_its_size_is_not_believed(service: Served, http: httpx.Client) -> None:
-    before = kept(service, http)
+def test_a_zip_with_a_false_size_is_refused(service: Served, http: httpx.Client) -> None:
+    before = count_stored(service, http)
     assert problem(send(http, ("lab.zip", bomb())), 422)["code"] in {"zip-bomb", "zip-damaged", "nothing-readable"}
-    assert kept(service, http) == before
+    assert count_stored(service, http) == before
 
 
-def test_paths_in_a_zip_lead_nowhere(service: Served, http: httpx.Client, trial: Path, tmp_path: Path) -> None:
+def test_paths_in_a_zip_do_not_leave_the_folder(
+    service: Served, http: httpx.Client, trial: Path, tmp_path: Path
+) -> None:
     content = trial.read_bytes()
     escape = f"../../../../../../..{tmp_path}/escaped.c3d"
     lab = zipped((escape, another(content, 50)), ("/etc/absolute.c3d", another(content, 51)))
@@ -185,13 +189,15 @@ def test_paths_in_a_zip_lead_nowhere(service: Served, http: httpx.Client, trial:
     assert not Path("/etc/absolute.c3d").exists()
 
 
-def test_a_zip_in_a_zip_is_one_trial_and_no_deeper_is_looked(service: Served, http: httpx.Client, trial: Path) -> None:
-    before = kept(service, http)
+def test_a_zip_in_a_zip_is_one_trial_and_deeper_ones_are_not_opened(
+    service: Served, http: httpx.Client, trial: Path
+) -> None:
+    before = count_stored(service, http)
     nested = zipped(("inner.zip", zipped(("deep.c3d", trial.read_bytes()))))
-    said = problem(send(http, ("lab.zip", nested)), 422)
-    assert said["code"] == "nothing-readable"
-    assert said["errors"][0]["where"] == "inner.zip"
-    assert kept(service, http) == before
+    refusal_body = problem(send(http, ("lab.zip", nested)), 422)
+    assert refusal_body["code"] == "nothing-readable"
+    assert refusal_body["errors"][0]["where"] == "inner.zip"
+    assert count_stored(service, http) == before
 
 
 @pytest.mark.parametrize(
@@ -211,9 +217,9 @@ def test_a_zip_in_a_zip_is_one_trial_and_no_deeper_is_looked(service: Served, ht
     ],
 )
 def test_a_bad_table_names_line_and_column(http: httpx.Client, trial: Path, table: str, where: str) -> None:
-    said = problem(send(http, ("walk.c3d", trial.read_bytes()), table=table), 422)
-    assert said["code"] == "subject-table-invalid"
-    assert where in {error["where"] for error in said["errors"]}
+    refusal_body = problem(send(http, ("walk.c3d", trial.read_bytes()), table=table), 422)
+    assert refusal_body["code"] == "subject-table-invalid"
+    assert where in {error["where"] for error in refusal_body["errors"]}
 
 
 def test_two_tables_are_refused(http: httpx.Client, trial: Path) -> None:
@@ -221,8 +227,8 @@ def test_two_tables_are_refused(http: httpx.Client, trial: Path) -> None:
     assert problem(send(http, ("lab.zip", lab), table="file\nwalk.c3d\n"), 422)["code"] == "subject-table-twice"
 
 
-def test_limits_of_the_form(service: Served, http: httpx.Client, trial: Path) -> None:
-    before = kept(service, http)
+def test_the_form_has_limits(service: Served, http: httpx.Client, trial: Path) -> None:
+    before = count_stored(service, http)
     assert problem(send(http, ("big.c3d", b"\0" * (2 * MB + 300_000))), 413)["code"] == "upload-too-large"
     assert problem(send(http, ("walk.c3d", trial.read_bytes()), table="x" * (MB + 1)), 422)["code"] == "invalid-request"
     without = http.post(BATCH, files={"subjects": (None, "file\n")})
@@ -230,4 +236,4 @@ def test_limits_of_the_form(service: Served, http: httpx.Client, trial: Path) ->
     assert problem(send(http, ("empty.c3d", b"")), 422)["code"] == "nothing-readable"
     large = send(http, ("walk.c3d", another(trial.read_bytes(), 60)), ("large.c3d", b"\0" * (MB + 100_000)))
     assert [one["code"] for one in large.json()["refused"]] == ["upload-too-large"]
-    assert kept(service, http)[0] == before[0] + 1
+    assert count_stored(service, http)[0] == before[0] + 1

@@ -32,17 +32,17 @@ def working(service: Served) -> Iterator[None]:
     """A worker for the real kinds on the service's database."""
     settings = service.parts.settings.model_copy(update={"heartbeat_s": 0.4, "stall_s": 60.0})
     workers: list[Worker] = []
-    made = threading.Event()
+    started = threading.Event()
 
     async def work() -> None:
         workers.append(Worker(str(settings.database_url), service.parts.blobs, KINDS, settings))
-        made.set()
+        started.set()
         await workers[0].run()
 
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_until_complete, args=(work(),), daemon=True)
     thread.start()
-    assert made.wait(30)
+    assert started.wait(30)
     try:
         yield
     finally:
@@ -94,8 +94,8 @@ def test_a_large_upload_is_read_by_a_job(service: Served, http: httpx.Client, fi
     with psycopg.connect(libpq_address(str(service.parts.settings.database_url))) as connection:
         row = connection.execute("SELECT input::text FROM job WHERE id = %s", (answer.json()["id"],)).fetchone()
     assert row is not None
-    (asked,) = row
-    assert "walk" not in asked
+    (job_input,) = row
+    assert "walk" not in job_input
     with working(service):
         job = waited_for(http, answer)
     assert (job["state"], job["kind"]) == ("succeeded", "read-batch"), job
@@ -118,8 +118,8 @@ def test_a_large_upload_is_read_by_a_job(service: Served, http: httpx.Client, fi
     assert page.status_code == 200
     assert "Bulk upload" in page.text
     # the job holds the names of people and files: it is named, or goes, with a recording that is deleted
-    kept = http.delete(f"/api/v1/recordings/{walk['id']}")
-    assert kept.headers["stridelab-kept-in"] == job["id"]
+    deletion = http.delete(f"/api/v1/recordings/{walk['id']}")
+    assert deletion.headers["stridelab-kept-in"] == job["id"]
     assert "stridelab-kept-in" not in http.delete(f"/api/v1/recordings/{other['id']}?with_studies=true").headers
     assert http.get(f"/api/v1/jobs/{job['id']}").status_code == 404
 
@@ -222,8 +222,8 @@ def test_files_of_a_refused_or_cancelled_job_go_and_those_of_a_waiting_one_stay(
     assert batches(service) == set()
 
 
-def test_no_call_submits_such_a_job(http: httpx.Client) -> None:
-    asked = {"batch_id": "0" * 32, "files": []}
-    answer = http.post("/api/v1/jobs/read-batch", json=asked)
+def test_the_job_kind_cannot_be_submitted_over_http(http: httpx.Client) -> None:
+    job_input = {"batch_id": "0" * 32, "files": []}
+    answer = http.post("/api/v1/jobs/read-batch", json=job_input)
     assert (answer.status_code, answer.json()["code"]) == (404, "unknown-job-kind")
     assert "read-batch" not in answer.json()["detail"]

@@ -8,7 +8,7 @@ import pytest
 
 from support.recordings.body_model_files import rocking_members
 from support.recordings.export_files import mvnx_text
-from support.service.web_server import Served, places, refusal, upload
+from support.service.web_server import Served, fault_places, refusal_code, upload
 
 
 def zipped(members: dict[str, str]) -> bytes:
@@ -42,6 +42,6 @@ def test_a_model_with_entities_is_refused_by_its_name(http: httpx.Client, servic
     entity = '<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/passwd">]>'
     members["subject.osim"] = members["subject.osim"].replace("<OpenSimDocument", f"{entity}<OpenSimDocument", 1)
     answer = upload(http, zipped(members), "rocking.zip")
-    assert refusal(answer) == (422, "osim-broken")
-    assert places(answer) == ["subject.osim"]
+    assert refusal_code(answer) == (422, "osim-broken")
+    assert fault_places(answer) == ["subject.osim"]
     assert service.stored_files() == before

@@ -17,7 +17,7 @@ from stridelab.service.settings import Settings
 from stridelab.service.storage.database import parse_url
 from support.faults.commits import FAULTS, CommitProxy, Fault, Plan, commit_proxy
 from support.service.database import TestDatabases
-from support.service.web_server import Served, refusal, served, upload
+from support.service.web_server import Served, refusal_code, served, upload
 
 RECORDINGS = "/api/v1/recordings"
 INSERTED, CHANGED = re.compile("INSERT INTO recording "), re.compile("UPDATE recording SET ")
@@ -45,8 +45,8 @@ def behind(url: str, data: Path, plan: Plan) -> Iterator[tuple[Served, CommitPro
 
 @pytest.fixture
 def url(postgres: TestDatabases) -> Iterator[str]:
-    with postgres.fresh() as made:
-        yield made
+    with postgres.fresh() as fresh_url:
+        yield fresh_url
 
 
 def sweep(lab: Served, url: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,7 +78,7 @@ def test_answer_to_an_upload_is_true_whatever_becomes_of_its_commit(
         answer = upload(http, trial.read_bytes())
         assert proxy.struck.is_set()
         if fault == "lost request":
-            assert refusal(answer) == (503, "database-unreachable")
+            assert refusal_code(answer) == (503, "database-unreachable")
             assert assert_whole(http, url, lab) == []
         else:
             assert answer.status_code == 201
@@ -98,7 +98,7 @@ def test_upload_whose_outcome_stays_unknown_is_refused_and_keeps_its_files(
     monkeypatch.setattr(service, "try_lock_blob", never)
     plan = Plan(lambda text: INSERTED.search(text) is not None, "lost answer")
     with behind(url, tmp_path / "data", plan) as (lab, _), lab.http() as http:
-        assert refusal(upload(http, trial.read_bytes())) == (503, "outcome-unknown")
+        assert refusal_code(upload(http, trial.read_bytes())) == (503, "outcome-unknown")
         assert len(assert_whole(http, url, lab)) == 1
 
 

@@ -16,7 +16,7 @@ from stridelab.service.api.recordings import service as storing
 from stridelab.service.filenames import safe_filename
 from support.service.database import TestDatabases
 from support.service.stored_rows import add_recording, facts
-from support.service.web_server import Served, places, refusal, served, upload
+from support.service.web_server import Served, fault_places, refusal_code, served, upload
 
 RECORDINGS = "/api/v1/recordings"
 
@@ -74,7 +74,7 @@ def reused(http: httpx.Client, content: bytes, name: str = "walk.c3d") -> httpx.
 
 
 @pytest.mark.usefixtures("parsed_at_once")
-def test_the_same_file_again_is_the_newest_recording_of_it_where_that_is_asked_for(
+def test_the_same_file_again_returns_the_newest_recording_if_reuse_is_requested(
     http: httpx.Client, service: Served
 ) -> None:
     content = b"once and again" * 1000
@@ -89,8 +89,8 @@ def test_the_same_file_again_is_the_newest_recording_of_it_where_that_is_asked_f
     assert (service.stored_files(), http.get(RECORDINGS).json()) == (before, listed)
     other = reused(http, content + b"!").json()["id"]
     assert other not in {first.json()["id"], newest["id"]}, "other bytes are another recording"
-    for made in (first.json(), newest):
-        http.delete(f"{RECORDINGS}/{made['id']}")
+    for recording in (first.json(), newest):
+        http.delete(f"{RECORDINGS}/{recording['id']}")
     anew = reused(http, content)
     assert anew.status_code == 201
     assert "stridelab-reused" not in anew.headers, "the earlier ones are deleted"
@@ -99,10 +99,10 @@ def test_the_same_file_again_is_the_newest_recording_of_it_where_that_is_asked_f
 @pytest.mark.usefixtures("parsed_at_once")
 def test_the_same_file_again_repairs_the_damaged_one(http: httpx.Client, service: Served) -> None:
     content = b"soon damaged" * 1000
-    made = reused(http, content).json()
-    (service.data / "blobs" / f"uploads/{made['sha256']}").write_bytes(b"damaged")
-    assert reused(http, content).json()["id"] == made["id"]
-    assert http.get(f"{RECORDINGS}/{made['id']}/file").content == content
+    recording = reused(http, content).json()
+    (service.data / "blobs" / f"uploads/{recording['sha256']}").write_bytes(b"damaged")
+    assert reused(http, content).json()["id"] == recording["id"]
+    assert http.get(f"{RECORDINGS}/{recording['id']}/file").content == content
 
 
 def test_somebody_elses_upload_of_the_same_bytes_is_not_reused(http: httpx.Client, service: Served) -> None:
@@ -111,26 +111,26 @@ def test_somebody_elses_upload_of_the_same_bytes_is_not_reused(http: httpx.Clien
     for owner in ("colleague", None):
         columns = {"owner": owner, "bundled": owner is None, "blob_key": f"uploads/{digest}"}
         service.run(add_recording(service.parts, content=content, **columns))
-    assert refusal(reused(http, content))[0] == 422, "it is read like any new file, and is no recording"
+    assert refusal_code(reused(http, content))[0] == 422, "it is read like any new file, and is no recording"
 
 
 @pytest.mark.usefixtures("parsed_at_once")
 def test_the_last_recording_takes_its_file_along(http: httpx.Client, service: Served, trial: Path) -> None:
     before = service.stored_files()
     content = trial.read_bytes() + b"\0" * 512
-    made = upload(http, content).json()
-    assert f"uploads/{made['sha256']}" in service.stored_files()
-    assert http.delete(f"{RECORDINGS}/{made['id']}").status_code == 204
+    recording = upload(http, content).json()
+    assert f"uploads/{recording['sha256']}" in service.stored_files()
+    assert http.delete(f"{RECORDINGS}/{recording['id']}").status_code == 204
     assert service.stored_files() == before
     for path in ("", "/file", "/tracks.parquet"):
-        assert refusal(http.get(f"{RECORDINGS}/{made['id']}{path}")) == (404, "recording-not-found")
-    assert refusal(http.delete(f"{RECORDINGS}/{made['id']}")) == (404, "recording-not-found")
+        assert refusal_code(http.get(f"{RECORDINGS}/{recording['id']}{path}")) == (404, "recording-not-found")
+    assert refusal_code(http.delete(f"{RECORDINGS}/{recording['id']}")) == (404, "recording-not-found")
 
 
 def damaged() -> dict[str, bytes]:
     archive = io.BytesIO()
-    with zipfile.ZipFile(archive, "w") as made:
-        made.writestr("readme.txt", "no trial")
+    with zipfile.ZipFile(archive, "w") as zip_file:
+        zip_file.writestr("readme.txt", "no trial")
     return {
         "text": b"time,x,y\n0,1,2\n",
         "zip without a trial": archive.getvalue(),
@@ -139,7 +139,7 @@ def damaged() -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("name", damaged())
-def test_what_cannot_be_read_is_refused_and_nothing_is_kept(http: httpx.Client, service: Served, name: str) -> None:
+def test_an_unreadable_file_is_refused_and_not_stored(http: httpx.Client, service: Served, name: str) -> None:
     before, rows = service.stored_files(), len(http.get(RECORDINGS).json()["items"])
     answer = upload(http, damaged()[name])
     assert answer.status_code == 422
@@ -155,10 +155,10 @@ def test_a_cut_off_trial_is_refused(http: httpx.Client, trial: Path) -> None:
 
 
 def test_an_empty_file_and_a_missing_file(http: httpx.Client) -> None:
-    assert refusal(upload(http, b"")) == (422, "empty-file")
-    assert refusal(http.post(RECORDINGS, files={"data": ("a.c3d", b"x")})) == (422, "file-missing")
+    assert refusal_code(upload(http, b"")) == (422, "empty-file")
+    assert refusal_code(http.post(RECORDINGS, files={"data": ("a.c3d", b"x")})) == (422, "file-missing")
     twice = [("file", ("a.c3d", b"x")), ("file", ("b.c3d", b"x"))]
-    assert refusal(http.post(RECORDINGS, files=twice)) == (422, "invalid-request")
+    assert refusal_code(http.post(RECORDINGS, files=twice)) == (422, "invalid-request")
 
 
 @pytest.mark.parametrize(
@@ -177,10 +177,10 @@ def test_an_empty_file_and_a_missing_file(http: httpx.Client) -> None:
         ),
     ],
 )
-def test_bodies_that_are_no_form(
+def test_bodies_that_are_no_form_are_refused(
     http: httpx.Client, media_type: str, content: bytes, expected: tuple[int, str]
 ) -> None:
-    assert refusal(http.post(RECORDINGS, content=content, headers={"Content-Type": media_type})) == expected
+    assert refusal_code(http.post(RECORDINGS, content=content, headers={"Content-Type": media_type})) == expected
 
 
 @pytest.mark.parametrize(
@@ -201,21 +201,21 @@ def test_bodies_that_are_no_form(
 )
 def test_absurd_form_fields_are_named(http: httpx.Client, trial: Path, field: str, value: str) -> None:
     answer = upload(http, trial.read_bytes(), **{field: value})
-    assert refusal(answer) == (422, "invalid-request")
-    assert places(answer) == [field]
+    assert refusal_code(answer) == (422, "invalid-request")
+    assert fault_places(answer) == [field]
 
 
 def test_all_absurd_fields_are_named_at_once(http: httpx.Client, trial: Path) -> None:
     answer = upload(http, trial.read_bytes(), height_m="171", mass_kg="x", shoe_size="42")
-    assert set(places(answer)) == {"height_m", "mass_kg", "shoe_size"}
+    assert set(fault_places(answer)) == {"height_m", "mass_kg", "shoe_size"}
 
 
 def test_a_field_that_is_too_long(http: httpx.Client) -> None:
-    assert refusal(upload(http, b"x", subject_name="x" * 5000)) == (422, "invalid-request")
+    assert refusal_code(upload(http, b"x", subject_name="x" * 5000)) == (422, "invalid-request")
 
 
 @pytest.mark.parametrize(
-    ("claimed", "shown"),
+    ("claimed", "listed_name"),
     [
         ("../../etc/passwd", "passwd"),
         ("C:\\Users\\someone\\walk.c3d", "walk.c3d"),
@@ -231,16 +231,16 @@ def test_a_field_that_is_too_long(http: httpx.Client) -> None:
         ("x" * 300 + ".c3d", "x" * 116 + ".c3d"),
     ],
 )
-def test_hostile_file_names_become_harmless(claimed: str, shown: str) -> None:
-    assert safe_filename(claimed) == shown
+def test_hostile_file_names_become_harmless(claimed: str, listed_name: str) -> None:
+    assert safe_filename(claimed) == listed_name
 
 
 @pytest.mark.usefixtures("parsed_at_once")
 def test_a_hostile_name_does_no_harm_on_its_way_back(http: httpx.Client, trial: Path) -> None:
-    made = upload(http, trial.read_bytes(), "../../Gang Ü;\\x.c3d").json()
-    assert made["filename"] == "x.c3d"
-    made = upload(http, trial.read_bytes(), "Gang Ü; a=b.c3d").json()
-    header = http.get(f"{RECORDINGS}/{made['id']}/file").headers["content-disposition"]
+    recording = upload(http, trial.read_bytes(), "../../Gang Ü;\\x.c3d").json()
+    assert recording["filename"] == "x.c3d"
+    recording = upload(http, trial.read_bytes(), "Gang Ü; a=b.c3d").json()
+    header = http.get(f"{RECORDINGS}/{recording['id']}/file").headers["content-disposition"]
     assert header == "attachment; filename=\"Gang _; a=b.c3d\"; filename*=UTF-8''Gang%20%C3%9C%3B%20a%3Db.c3d"
 
 
@@ -254,16 +254,16 @@ def raw_upload(service: Served, length: int | None, body_bytes: int, *headers: b
     multipart = b"Content-Type: multipart/form-data; boundary=b"
     head = [b"POST /api/v1/recordings HTTP/1.1", b"Host: 127.0.0.1", multipart, announced, *headers]
     place = httpx.URL(service.base_url)
-    answer, sent = b"", 0
+    answer, n_sent = b"", 0
     with socket.create_connection((place.host, place.port)) as wire:
         wire.sendall(b"\r\n".join(head) + b"\r\n\r\n")
-        while not answer and sent < body_bytes:
+        while not answer and n_sent < body_bytes:
             wire.settimeout(30)
             wire.sendall(b"%x\r\n%s\r\n" % (len(piece), piece) if length is None else piece)
-            sent += len(piece)
+            n_sent += len(piece)
             piece = b"\0" * 200_000
             answer = hear(wire, 0.02)
-        return answer or hear(wire, 30.0), sent
+        return answer or hear(wire, 30.0), n_sent
 
 
 def hear(wire: socket.socket, patience_s: float) -> bytes:
@@ -281,33 +281,33 @@ def narrow(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory):  
 
 
 def test_an_upload_over_the_limit_is_refused_from_its_announcement(service: Served) -> None:
-    answer, sent = raw_upload(service, 128_000_000 + 200_000, 128_200_000)
+    answer, n_sent = raw_upload(service, 128_000_000 + 200_000, 128_200_000)
     assert answer.startswith(b"HTTP/1.1 413 ")
-    assert sent < 5_000_000
+    assert n_sent < 5_000_000
     # A client that asks first need not send a byte of it.
-    answer, sent = raw_upload(service, 128_200_000, 0, b"Expect: 100-continue")
+    answer, n_sent = raw_upload(service, 128_200_000, 0, b"Expect: 100-continue")
     assert answer.startswith(b"HTTP/1.1 413 ")
-    assert sent == 0
+    assert n_sent == 0
 
 
 def test_an_upload_over_the_limit_is_refused_at_the_byte_that_exceeds_it(narrow: Served) -> None:
-    answer, sent = raw_upload(narrow, None, 60_000_000)
+    answer, n_sent = raw_upload(narrow, None, 60_000_000)
     assert answer.startswith(b"HTTP/1.1 413 ")
-    assert sent < 20_000_000
+    assert n_sent < 20_000_000
     assert narrow.stored_files() == set()
 
 
-def test_a_client_that_talks_on_still_hears_the_refusal(narrow: Served) -> None:
+def test_a_client_that_sends_on_still_receives_the_refusal(narrow: Served) -> None:
     with narrow.http() as http:
         for _ in range(3):
-            assert refusal(upload(http, b"\0" * 30_000_000)) == (413, "upload-too-large")
+            assert refusal_code(upload(http, b"\0" * 30_000_000)) == (413, "upload-too-large")
         for _ in range(3):
             answer = http.post(RECORDINGS, content=(b"\0" * 1_000_000 for _ in range(30)))
-            assert refusal(answer) == (415, "unsupported-media-type")
+            assert refusal_code(answer) == (415, "unsupported-media-type")
 
 
 @pytest.mark.usefixtures("parsed_at_once")
-def test_a_large_upload_never_lies_in_memory(service: Served) -> None:
+def test_a_large_upload_is_never_held_in_memory(service: Served) -> None:
     process = psutil.Process()
     before = process.memory_info().rss
     peak = before
@@ -329,9 +329,9 @@ def test_a_large_upload_never_lies_in_memory(service: Served) -> None:
     assert peak - before < 40_000_000
 
 
-def test_a_full_disk_is_told(postgres: TestDatabases, tmp_path: Path) -> None:
+def test_a_full_disk_is_reported(postgres: TestDatabases, tmp_path: Path) -> None:
     with postgres.fresh() as url, served(url, tmp_path, min_free_disk_mb=10**9) as full, full.http() as http:
-        assert refusal(upload(http, b"x" * 10)) == (507, "disk-full")
+        assert refusal_code(upload(http, b"x" * 10)) == (507, "disk-full")
         assert full.stored_files() == set()
 
 
@@ -347,7 +347,7 @@ def test_a_file_that_breaks_its_reader_breaks_nothing_else(
             ("refuse", "no-plates"),
         ):
             monkeypatch.setattr(parse, "PARSE_UPLOAD", f"support.service.computations:{reader}")
-            assert refusal(upload(http, b"x" * 10)) == (422, code)
+            assert refusal_code(upload(http, b"x" * 10)) == (422, code)
             assert service.stored_files() == set()
             assert http.get("/api/v1/health").status_code == 200
 
@@ -384,7 +384,7 @@ def test_a_trc_alone_is_a_recording_without_plates(http: httpx.Client) -> None:
 def test_a_broken_trc_is_refused_by_its_name_and_line(http: httpx.Client, service: Served) -> None:
     before = service.stored_files()
     answer = upload(http, TRC.replace("\n9\t0.08\t8", "\n9\t0.08\tx").encode(), "walk 07.trc")
-    assert refusal(answer) == (422, "trc-broken")
+    assert refusal_code(answer) == (422, "trc-broken")
     assert "walk 07.trc is broken: line 15, column 3 holds 'x'" in answer.json()["detail"]
-    assert places(answer) == ["walk 07.trc"]
+    assert fault_places(answer) == ["walk 07.trc"]
     assert service.stored_files() == before

@@ -17,7 +17,7 @@ from stridelab.service.kinds.staging import stage_scenario
 from stridelab.service.storage.tables import audit, robot
 from support.robots.humanoid import Humanoid, archive
 from support.robots.scenario_bodies import one_step
-from support.service.web_server import Served, refusal
+from support.service.web_server import Served, refusal_code
 
 ROBOTS = "/api/v1/robots"
 
@@ -31,7 +31,7 @@ def put_card(http: httpx.Client, card: dict[str, Any]) -> httpx.Response:
 
 
 def problem_of(answer: httpx.Response, status: int) -> dict[str, Any]:
-    assert refusal(answer)[0] == status, answer.text
+    assert refusal_code(answer)[0] == status, answer.text
     problem: dict[str, Any] = answer.json()
     return problem
 
@@ -48,8 +48,8 @@ def no_robots(http: httpx.Client) -> Iterator[None]:
 def small(http: httpx.Client) -> dict[str, Any]:
     answer = send(http, archive({"small.urdf": Humanoid().urdf()}))
     assert answer.status_code == 201, answer.text
-    made: dict[str, Any] = answer.json()
-    return made
+    robot: dict[str, Any] = answer.json()
+    return robot
 
 
 def test_an_upload_answers_with_a_proposed_card(http: httpx.Client, small: dict[str, Any], service: Served) -> None:
@@ -106,7 +106,7 @@ def test_a_name_is_taken_once(http: httpx.Client, small: dict[str, Any]) -> None
     ],
     ids=["no zip", "path", "entities", "point feet", "millimetres"],
 )
-def test_what_cannot_be_added_leaves_nothing(http: httpx.Client, service: Served, content: bytes, code: str) -> None:
+def test_a_refused_robot_leaves_nothing(http: httpx.Client, service: Served, content: bytes, code: str) -> None:
     problem = problem_of(send(http, content), 422)
     assert problem["code"] == code
     assert problem["errors"]
@@ -135,10 +135,10 @@ def test_the_card_is_refused_field_by_field(http: httpx.Client, small: dict[str,
 
 
 def test_a_corrected_number_is_no_longer_assumed(http: httpx.Client) -> None:
-    made = send(http, archive({"small.urdf": Humanoid(effort=None).urdf()})).json()
-    assert {"limits.torque_nm.left_knee", "limits.torque_nm.right_knee"} <= set(made["assumed"])
-    made["card"]["limits"]["torque_nm"]["left_knee"] = 123.0
-    answer = put_card(http, made["card"])
+    robot = send(http, archive({"small.urdf": Humanoid(effort=None).urdf()})).json()
+    assert {"limits.torque_nm.left_knee", "limits.torque_nm.right_knee"} <= set(robot["assumed"])
+    robot["card"]["limits"]["torque_nm"]["left_knee"] = 123.0
+    answer = put_card(http, robot["card"])
     assert answer.status_code == 200, answer.text
     assert "limits.torque_nm.left_knee" not in answer.json()["assumed"]
     assert "limits.torque_nm.right_knee" in answer.json()["assumed"]
@@ -169,22 +169,24 @@ def test_the_list_names_the_owner(http: httpx.Client, small: dict[str, Any], ser
     assert small["owner"] is None
 
 
-def test_its_whole_body_is_checked_before_anything_is_learned(http: httpx.Client, small: dict[str, Any]) -> None:
+def test_the_whole_body_of_a_robot_is_checked_before_anything_is_learned(
+    http: httpx.Client, small: dict[str, Any]
+) -> None:
     check = "/api/v1/scenarios/check"
-    asked = {"body_checked": True, "posture_of": 1}
-    body = http.post(check, json=one_step(robot="small"), params=asked).json()
+    query = {"body_checked": True, "posture_of": 1}
+    body = http.post(check, json=one_step(robot="small"), params=query).json()
     assert [phase["body"] for phase in body["phases"]] == ["reachable"] * 3
     assert len(body["phases"][1]["link_poses"]) == len(http.get(f"{ROBOTS}/small").json()["links"])
     wide = one_step(robot="small")
     wide["phases"][2]["contacts"][0]["position_m"] = [0.2, 0.95, 0.0]
-    out = http.post(check, json=wide, params=asked).json()
+    out = http.post(check, json=wide, params=query).json()
     assert (out["valid"], [phase["body"] for phase in out["phases"]]) == (False, ["reachable"] * 2 + ["unreachable"])
     wide["phases"][2]["contacts"][0]["position_m"] = [0.0, 0.3, 0.0]
-    assert http.post(check, json=wide, params=asked).json()["phases"][2]["body"] == "reachable"
+    assert http.post(check, json=wide, params=query).json()["phases"][2]["body"] == "reachable"
     stiff = json.loads(json.dumps(small["card"]))
     stiff["limits"]["position_rad"] = {".*_hip_(roll|yaw)": [-0.02, 0.02]}
     assert put_card(http, stiff).status_code == 200
-    assert http.post(check, json=wide, params=asked).json()["phases"][2]["body"] == "unreachable", "of the card before"
+    assert http.post(check, json=wide, params=query).json()["phases"][2]["body"] == "unreachable", "of the card before"
 
 
 def test_jobs_that_name_it_or_its_parts_are_validated(http: httpx.Client, small: dict[str, Any]) -> None:
@@ -244,7 +246,7 @@ async def file_sizes(service: Served) -> list[int]:
     return [info.bytes async for info in service.parts.blobs.list_prefix("own-robots")]
 
 
-def test_it_is_commissioned_and_planned_for(
+def test_an_uploaded_robot_is_commissioned_and_planned_for(
     http: httpx.Client, small: dict[str, Any], service: Served, tmp_path: Path
 ) -> None:
     """The stages of a worker, one by one: fetch, run, publish; then a scenario and the plan of its job."""

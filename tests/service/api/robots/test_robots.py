@@ -22,7 +22,7 @@ from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.priority import NICENESS
 from stridelab.service.samples.scenario_bodies import ONE_STEP
 from support.service.robot_children import FACTS, GLB, REACH
-from support.service.web_server import Served, refusal
+from support.service.web_server import Served, refusal_code
 
 ROBOTS = "/api/v1/robots"
 STUBS = {name: f"support.service.robot_children:{name}" for name in ("describe", "draw", "enclose")}
@@ -76,21 +76,21 @@ def test_the_list_loads_every_robot_once(http: httpx.Client, stubbed: Served, di
 
 
 @pytest.mark.parametrize(
-    ("child", "said"), [("bad_card", "there is no frame 'chassis'"), ("crash", "could not be loaded")]
+    ("child", "message"), [("bad_card", "there is no frame 'chassis'"), ("crash", "could not be loaded")]
 )
 def test_a_robot_whose_card_is_broken_is_unavailable_and_can_do_nothing(
-    http: httpx.Client, stubbed: Served, diary: Path, monkeypatch: pytest.MonkeyPatch, child: str, said: str
+    http: httpx.Client, stubbed: Served, diary: Path, monkeypatch: pytest.MonkeyPatch, child: str, message: str
 ) -> None:
     shelve(stubbed, describe=f"support.service.robot_children:{child}")
     listed = http.get(ROBOTS).json()["items"]
     assert [item["name"] for item in listed] == list(card.robot_names())
-    assert all(item["available"] is False and said in item["reason"] for item in listed)
+    assert all(item["available"] is False and message in item["reason"] for item in listed)
     checked = http.post("/api/v1/scenarios/check", json=ONE_STEP).json()
     assert checked["valid"] is False
     assert [fault["where"] for fault in checked["errors"]] == ["robot"]
-    assert said in checked["errors"][0]["message"]
+    assert message in checked["errors"][0]["message"]
     for path, body in (("scenarios", ONE_STEP), ("jobs/plan-motion", {"scenario": ONE_STEP})):
-        assert refusal(http.post(f"/api/v1/{path}", json=body)) == (422, "scenario-invalid")
+        assert refusal_code(http.post(f"/api/v1/{path}", json=body)) == (422, "scenario-invalid")
     assert len(diary.read_text().splitlines()) == len(listed), "a failure is remembered for a while"
 
     monkeypatch.setattr(shelf_module, "RETRY_S", 0.0)
@@ -98,7 +98,7 @@ def test_a_robot_whose_card_is_broken_is_unavailable_and_can_do_nothing(
     assert len(diary.read_text().splitlines()) == 2 * len(listed)
 
 
-def test_a_robot_that_cannot_be_loaded_here_says_why(
+def test_a_robot_that_cannot_be_loaded_gives_the_reason(
     http: httpx.Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     good = (card.models_dir() / "robots" / "talos.toml").read_text(encoding="utf-8")
@@ -123,7 +123,7 @@ def test_facts_are_computed_once(http: httpx.Client, stubbed: Served, diary: Pat
     assert diary.read_text().splitlines() == ["describe talos"]
 
 
-def test_who_asks_at_the_same_time_shares_one_child(stubbed: Served, diary: Path) -> None:
+def test_concurrent_requests_share_one_child(stubbed: Served, diary: Path) -> None:
     def ask(path: str) -> httpx.Response:
         with stubbed.http() as http:
             return http.get(path)
@@ -136,7 +136,7 @@ def test_who_asks_at_the_same_time_shares_one_child(stubbed: Served, diary: Path
     assert sorted(diary.read_text().splitlines()) == ["describe talos", "draw talos"]
 
 
-def test_one_who_leaves_does_not_take_it_from_the_others(stubbed: Served, diary: Path) -> None:
+def test_a_cancelled_request_does_not_cancel_the_others(stubbed: Served, diary: Path) -> None:
     with stubbed.http() as http:
         with pytest.raises(httpx.ReadTimeout):
             http.get(f"{ROBOTS}/talos", timeout=0.05)
@@ -144,7 +144,7 @@ def test_one_who_leaves_does_not_take_it_from_the_others(stubbed: Served, diary:
     assert diary.read_text().splitlines() == ["describe talos"]
 
 
-def test_meshes_are_drawn_once_and_kept(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+def test_meshes_are_drawn_once_and_stored(http: httpx.Client, stubbed: Served, diary: Path) -> None:
     path = f"{ROBOTS}/talos/links"
     first = http.get(path)
     assert (first.status_code, first.content) == (200, GLB)
@@ -154,8 +154,8 @@ def test_meshes_are_drawn_once_and_kept(http: httpx.Client, stubbed: Served, dia
     key = f"robots/talos/{source_sha256('talos')}/links.glb"
     assert key in stubbed.stored_files()
     etag = first.headers["etag"]
-    for asked in (etag, f"W/{etag}", f'"x", {etag}', "*"):
-        again = http.get(path, headers={"If-None-Match": asked})
+    for condition in (etag, f"W/{etag}", f'"x", {etag}', "*"):
+        again = http.get(path, headers={"If-None-Match": condition})
         assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", etag)
     assert http.get(path, headers={"If-None-Match": '"x"'}).content == GLB
 
@@ -189,10 +189,10 @@ def test_reach_is_enclosed_once_for_each_measure(http: httpx.Client, stubbed: Se
     ("measure", "status", "code"),
     [("conditioned", 404, "reachability-not-learned"), ("even", 422, "invalid-request"), ("", 422, "invalid-request")],
 )
-def test_a_measure_that_is_not_there_starts_nothing(
+def test_an_unknown_measure_starts_no_child(
     http: httpx.Client, stubbed: Served, diary: Path, measure: str, status: int, code: str
 ) -> None:
-    assert refusal(http.get(f"{ROBOTS}/talos/reachability", params={"measure": measure})) == (status, code)
+    assert refusal_code(http.get(f"{ROBOTS}/talos/reachability", params={"measure": measure})) == (status, code)
     assert "enclose" not in diary.read_text()
 
 
@@ -200,29 +200,29 @@ def test_densities_of_another_description_are_refused(http: httpx.Client, stubbe
     shelve(stubbed, describe="support.service.robot_children:describe_changed")
     path = f"{ROBOTS}/talos/reachability"
     for params in ({}, {"measure": "uniform"}):
-        assert refusal(http.get(path, params=params)) == (503, "reachability-of-another-robot")
-    assert refusal(http.get(path, params={"measure": "conditioned"})) == (404, "reachability-not-learned")
+        assert refusal_code(http.get(path, params=params)) == (503, "reachability-of-another-robot")
+    assert refusal_code(http.get(path, params={"measure": "conditioned"})) == (404, "reachability-not-learned")
     assert diary.read_text() == ""
 
 
 @pytest.mark.parametrize(("child", "code"), [("no_data", "robot-data-missing"), ("crash", "robot-not-loaded")])
-def test_a_failure_is_told_and_tried_again(
+def test_a_failure_is_reported_and_tried_again(
     http: httpx.Client, stubbed: Served, diary: Path, child: str, code: str
 ) -> None:
     shelve(stubbed, describe=f"support.service.robot_children:{child}")
     for path in (f"{ROBOTS}/talos", f"{ROBOTS}/talos/links"):
-        assert refusal(http.get(path)) == (503, code)
+        assert refusal_code(http.get(path)) == (503, code)
     assert len(diary.read_text().splitlines()) == 2
     shelve(stubbed, draw=f"support.service.robot_children:{child}", enclose=f"support.service.robot_children:{child}")
     for path in (f"{ROBOTS}/talos/links", f"{ROBOTS}/talos/reachability"):
-        assert refusal(http.get(path)) == (503, code)
+        assert refusal_code(http.get(path)) == (503, code)
     assert http.get(f"{ROBOTS}/talos").status_code == 200
 
 
 @pytest.mark.parametrize("name", ["nao", "..%2Ftalos", "talos.toml", "TALOS", "%00", "x" * 300, "talos%0a", "'; --"])
-def test_an_unknown_robot_starts_nothing(http: httpx.Client, stubbed: Served, diary: Path, name: str) -> None:
+def test_an_unknown_robot_starts_no_child(http: httpx.Client, stubbed: Served, diary: Path, name: str) -> None:
     for path in (f"{ROBOTS}/{name}", f"{ROBOTS}/{name}/links", f"{ROBOTS}/{name}/reachability"):
-        status, code = refusal(http.get(path))
+        status, code = refusal_code(http.get(path))
         assert (status, code in {"robot-not-found", "unknown-path"}) == (404, True)
     assert diary.read_text() == ""
 
@@ -271,20 +271,20 @@ def test_an_application_that_stops_ends_its_children(stubbed: Served, diary: Pat
 ALL_OF_TALOS = ["describe talos", "draw talos", "enclose talos uniform"]
 
 
-def test_robots_are_prepared_one_after_the_other_and_what_fails_costs_nothing(
+def test_robots_are_prepared_one_after_the_other_and_a_failure_affects_no_other(
     http: httpx.Client, stubbed: Served, diary: Path
 ) -> None:
     stubbed.run(stubbed.parts.robots.prepare_all(["talos", "g1"]))
-    told = diary.read_text()
-    assert told.splitlines() == [*ALL_OF_TALOS, *(line.replace("talos", "g1") for line in ALL_OF_TALOS)]
+    diary_text = diary.read_text()
+    assert diary_text.splitlines() == [*ALL_OF_TALOS, *(line.replace("talos", "g1") for line in ALL_OF_TALOS)]
     assert http.get(f"{ROBOTS}/talos/links").status_code == 200
-    assert diary.read_text() == told
+    assert diary.read_text() == diary_text
     shelve(stubbed, describe="support.service.robot_children:missing")
     stubbed.run(stubbed.parts.robots.prepare_all(["hrp2"]))
-    assert diary.read_text() == told
+    assert diary.read_text() == diary_text
 
 
-def test_children_yield_the_processor_until_somebody_waits_for_them(
+def test_children_run_at_low_priority_until_a_request_waits_for_them(
     http: httpx.Client, stubbed: Served, diary: Path
 ) -> None:
     shelve(
@@ -295,12 +295,12 @@ def test_children_yield_the_processor_until_somebody_waits_for_them(
     stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
     while http.get(f"{ROBOTS}/g1/preparation").json()["state"] == "preparing":
         time.sleep(0.05)
-    warmed, drawn, asked, also = (int(line) for line in diary.read_text().splitlines())
-    assert (warmed, asked) == (drawn, also)
-    assert warmed - asked == NICENESS
+    warmed, drawn, requested, also = (int(line) for line in diary.read_text().splitlines())
+    assert (warmed, requested) == (drawn, also)
+    assert warmed - requested == NICENESS
 
 
-def test_a_service_that_starts_again_makes_nothing_anew(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+def test_a_restarted_service_computes_nothing_again(http: httpx.Client, stubbed: Served, diary: Path) -> None:
     stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
     paths = (f"{ROBOTS}/talos", f"{ROBOTS}/talos/links", f"{ROBOTS}/talos/reachability")
     first = [http.get(path).content for path in paths]
@@ -311,13 +311,13 @@ def test_a_service_that_starts_again_makes_nothing_anew(http: httpx.Client, stub
 
 
 @pytest.mark.parametrize("file", ["facts.json", "links.glb", "uniform-reachability.json.gz"])
-def test_only_what_is_lost_is_made_anew(http: httpx.Client, stubbed: Served, diary: Path, file: str) -> None:
-    made = dict(zip(("facts.json", "links.glb", "uniform-reachability.json.gz"), ALL_OF_TALOS, strict=True))
+def test_only_lost_files_are_computed_again(http: httpx.Client, stubbed: Served, diary: Path, file: str) -> None:
+    child_of_file = dict(zip(("facts.json", "links.glb", "uniform-reachability.json.gz"), ALL_OF_TALOS, strict=True))
     stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
     stubbed.run(stubbed.parts.blobs.delete(f"robots/talos/{source_sha256('talos')}/{file}"))
     shelve(stubbed)
     stubbed.run(stubbed.parts.robots.prepare_all(["talos"]))
-    assert diary.read_text().splitlines() == [*ALL_OF_TALOS, made[file]]
+    assert diary.read_text().splitlines() == [*ALL_OF_TALOS, child_of_file[file]]
 
 
 @pytest.mark.parametrize("file", ["facts.json", "uniform-reachability.json.gz"])
@@ -334,31 +334,31 @@ def test_a_damaged_file_is_not_served(
     assert http.get(f"{ROBOTS}/talos/reachability").json() == REACH
 
 
-def test_the_preparation_is_told_while_it_goes_on(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+def test_the_progress_of_a_preparation_is_reported(http: httpx.Client, stubbed: Served, diary: Path) -> None:
     path = f"{ROBOTS}/talos/preparation"
-    seen: list[dict[str, Any]] = []
-    while not seen or seen[-1]["state"] == "preparing":
+    states: list[dict[str, Any]] = []
+    while not states or states[-1]["state"] == "preparing":
         began = time.monotonic()
-        seen.append(http.get(path).json())
+        states.append(http.get(path).json())
         assert time.monotonic() - began < 5.0, "the answer does not wait for the files"
-    fractions = [each["fraction"] for each in seen]
+    fractions = [each["fraction"] for each in states]
     assert fractions == sorted(fractions)
-    assert seen[0]["state"] == "preparing"
-    assert seen[-1] == {"state": "ready", "fraction": 1.0, "message": "ready"}
-    assert "half way" in [each["message"] for each in seen]
-    assert diary.read_text().splitlines() == ALL_OF_TALOS, "however often it is asked"
+    assert states[0]["state"] == "preparing"
+    assert states[-1] == {"state": "ready", "fraction": 1.0, "message": "ready"}
+    assert "half way" in [each["message"] for each in states]
+    assert diary.read_text().splitlines() == ALL_OF_TALOS, "however many requests there are"
 
 
 @pytest.mark.parametrize("child", ["describe", "draw", "enclose"])
-def test_a_preparation_that_fails_says_why_and_is_tried_again_later(
+def test_a_failed_preparation_gives_the_reason_and_is_tried_again_later(
     http: httpx.Client, stubbed: Served, diary: Path, monkeypatch: pytest.MonkeyPatch, child: str
 ) -> None:
     shelve(stubbed, **{child: "support.service.robot_children:no_data"})
     path = f"{ROBOTS}/talos/preparation"
-    while (told := http.get(path).json())["state"] == "preparing":
+    while (preparation := http.get(path).json())["state"] == "preparing":
         time.sleep(0.05)
-    assert told == {"state": "failed", "fraction": 0.0, "message": "The description of TALOS is missing."}
-    assert http.get(path).json() == told
+    assert preparation == {"state": "failed", "fraction": 0.0, "message": "The description of TALOS is missing."}
+    assert http.get(path).json() == preparation
     assert diary.read_text().splitlines().count("no data") == 1
     monkeypatch.setattr(shelf_module, "RETRY_S", 0.0)
     while http.get(path).json()["state"] == "preparing":
@@ -367,5 +367,5 @@ def test_a_preparation_that_fails_says_why_and_is_tried_again_later(
 
 
 def test_the_preparation_of_an_unknown_robot_is_refused(http: httpx.Client, stubbed: Served, diary: Path) -> None:
-    assert refusal(http.get(f"{ROBOTS}/nao/preparation")) == (404, "robot-not-found")
+    assert refusal_code(http.get(f"{ROBOTS}/nao/preparation")) == (404, "robot-not-found")
     assert diary.read_text() == ""

@@ -10,8 +10,8 @@ import pytest
 from stridelab.service.samples import scenarios
 from stridelab.service.samples.scenario_bodies import ONE_STEP, STANDING, STANDING_AHEAD
 from support.robots.scenario_bodies import add_scenario, one_step, with_contact
-from support.service.stored_rows import start_job, succeed
-from support.service.web_server import Served, places, refusal
+from support.service.stored_rows import publish_result, start_job
+from support.service.web_server import Served, fault_places, refusal_code
 
 JOBS = "/api/v1/jobs"
 PLAN = f"{JOBS}/plan-motion"
@@ -37,34 +37,34 @@ def test_a_plan_belongs_to_its_scenario(http: httpx.Client, service: Served, sce
     assert listed(scenario_id=other["scenario_id"]) == [other["id"]]
     assert listed(scenario_id=scenario_id, kind="estimate-com") == []
     assert listed(scenario_id="nope") == []
-    assert refusal(http.get(JOBS, params={"scenario_id": "a\x00"})) == (422, "invalid-request")
+    assert refusal_code(http.get(JOBS, params={"scenario_id": "a\x00"})) == (422, "invalid-request")
 
     assert http.delete(f"/api/v1/scenarios/{scenario_id}").status_code == 204
-    kept = http.get(f"{JOBS}/{second['id']}").json()
-    assert (kept["state"], kept["scenario_id"]) == ("queued", None)
+    job = http.get(f"{JOBS}/{second['id']}").json()
+    assert (job["state"], job["scenario_id"]) == ("queued", None)
 
 
-def test_a_whole_scenario_belongs_to_none(http: httpx.Client) -> None:
-    made = http.post(PLAN, json={"scenario": one_step()})
-    assert made.status_code == 202, made.text
-    assert made.json()["scenario_id"] is None
+def test_a_plan_of_a_scenario_in_the_request_belongs_to_no_stored_scenario(http: httpx.Client) -> None:
+    submitted = http.post(PLAN, json={"scenario": one_step()})
+    assert submitted.status_code == 202, submitted.text
+    assert submitted.json()["scenario_id"] is None
 
 
 @pytest.mark.parametrize("identifier", ["f" * 32, "nope", "a b", "\n", "", "x" * 65, "'; DROP TABLE scenario; --"])
 def test_an_unknown_scenario_is_refused_at_once(http: httpx.Client, identifier: str) -> None:
-    assert refusal(http.post(PLAN, json={"scenario_id": identifier})) == (404, "scenario-not-found")
+    assert refusal_code(http.post(PLAN, json={"scenario_id": identifier})) == (404, "scenario-not-found")
 
 
 def test_an_unknown_scenario_is_not_taken_for_a_recording(http: httpx.Client) -> None:
     answer = http.post(f"{JOBS}/estimate-com", json={"recording_id": "scenario_id"})
-    assert refusal(answer) == (404, "recording-not-found")
+    assert refusal_code(answer) == (404, "recording-not-found")
 
 
 def test_a_scenario_that_the_robot_cannot_do_is_refused_before_any_solver(http: httpx.Client) -> None:
     before = http.get(JOBS, params={"kind": "plan-motion"}).json()
     answer = http.post(PLAN, json={"scenario": with_contact(0, 1, position_m=[0.0, -0.09, 0.3])})
-    assert refusal(answer) == (422, "scenario-invalid")
-    assert any(place.startswith("phases[0].contacts[right_foot]") for place in places(answer))
+    assert refusal_code(answer) == (422, "scenario-invalid")
+    assert any(place.startswith("phases[0].contacts[right_foot]") for place in fault_places(answer))
     assert "right_foot" in answer.json()["detail"]
     assert http.get(JOBS, params={"kind": "plan-motion"}).json() == before
 
@@ -109,8 +109,8 @@ def test_a_scenario_that_the_robot_cannot_do_is_refused_before_any_solver(http: 
 )
 def test_an_invalid_input_is_named(http: httpx.Client, kind: str, body: object, where: str) -> None:
     answer = http.post(f"{JOBS}/{kind}", json=body)
-    assert refusal(answer) == (422, "invalid-request")
-    assert places(answer) == [where]
+    assert refusal_code(answer) == (422, "invalid-request")
+    assert fault_places(answer) == [where]
 
 
 @pytest.mark.parametrize("stored", [True, False])
@@ -122,8 +122,8 @@ def test_a_push_that_does_not_fit_is_named_and_is_no_job(http: httpx.Client, sce
         {"time_s": 1e3, "impulse_ns": [0, 5, 0], "link": "nose"},
     ]
     answer = http.post(PLAN, json={**source, "replay": {"pushes": pushes}})
-    assert refusal(answer) == (422, "replay-invalid")
-    assert places(answer) == ["replay.pushes.1.time_s", "replay.pushes.1.link"]
+    assert refusal_code(answer) == (422, "replay-invalid")
+    assert fault_places(answer) == ["replay.pushes.1.time_s", "replay.pushes.1.link"]
     assert "leg_left_6_link" in answer.json()["errors"][1]["message"]
     assert http.get(JOBS, params={"kind": "plan-motion"}).json() == before
     assert http.post(PLAN, json={**source, "replay": {"pushes": pushes[:1]}}).status_code == 202
@@ -136,8 +136,8 @@ def test_a_phase_that_takes_no_time_is_named_and_is_no_job(http: httpx.Client, k
     body = one_step()
     body["phases"][1] = {**body["phases"][1], "duration_s": duration_s}
     answer = http.post(f"{JOBS}/{kind}", json={"scenario": body})
-    assert refusal(answer) == (422, "scenario-invalid")
-    assert "phases[1].duration_s" in places(answer)
+    assert refusal_code(answer) == (422, "scenario-invalid")
+    assert "phases[1].duration_s" in fault_places(answer)
     assert http.get(JOBS, params={"kind": kind}).json() == before
 
 
@@ -171,21 +171,21 @@ def test_ends_that_the_robot_cannot_hold_are_no_job(
 ) -> None:
     before = http.get(JOBS, params={"kind": "plan-contacts"}).json()
     answer = http.post(f"{JOBS}/plan-contacts", json={**CONTACTS, end: wrong})
-    assert refusal(answer) == (422, "stance-invalid")
+    assert refusal_code(answer) == (422, "stance-invalid")
     assert answer.headers["content-type"] == "application/problem+json"
-    assert f"{end}{where}" in places(answer)
+    assert f"{end}{where}" in fault_places(answer)
     assert any(word in fault["message"] for fault in answer.json()["errors"])
     assert end in answer.json()["detail"]
     assert http.get(JOBS, params={"kind": "plan-contacts"}).json() == before
 
 
 @pytest.mark.parametrize("end", ["start", "goal"])
-def test_a_friction_that_holds_nothing_names_the_end(http: httpx.Client, end: str) -> None:
+def test_too_little_friction_names_the_end_that_cannot_be_held(http: httpx.Client, end: str) -> None:
     terrain = [{**surface, "friction": 0.0} for surface in ONE_STEP["terrain"]]
     for change in ({"friction": -0.5}, {"terrain": terrain}):
         answer = http.post(f"{JOBS}/plan-contacts", json={**CONTACTS, **change})
-        assert refusal(answer) == (422, "stance-invalid")
-        assert f"{end}.contacts[left_foot]" in places(answer)
+        assert refusal_code(answer) == (422, "stance-invalid")
+        assert f"{end}.contacts[left_foot]" in fault_places(answer)
 
 
 def test_reachability_is_learned_for_a_known_robot(http: httpx.Client) -> None:
@@ -200,7 +200,7 @@ def test_the_bundle_of_a_plan_holds_its_scenario_as_it_was(http: httpx.Client, s
     attempt = service.run(start_job(service.parts, job_id))
     planned = json.dumps(one_step()).encode()
     files = [("scenario.json", "application/json", planned), ("poses.f32", "application/octet-stream", b"\0" * 28)]
-    service.run(succeed(service.parts, attempt, files))
+    service.run(publish_result(service.parts, attempt, files))
     bundle = http.get(f"{JOBS}/{job_id}/bundle.zip")
     with zipfile.ZipFile(io.BytesIO(bundle.content)) as archive:
         assert archive.read("artifacts/scenario.json") == planned

@@ -11,7 +11,7 @@ from stridelab.service.api.scenarios import repository
 from stridelab.service.samples import scenarios
 from support.robots.scenario_bodies import add_scenario, one_step, with_contact
 from support.service.database import TestDatabases
-from support.service.web_server import Served, places, refusal, served
+from support.service.web_server import Served, fault_places, refusal_code, served
 
 SCENARIOS = "/api/v1/scenarios"
 CHECK = f"{SCENARIOS}/check"
@@ -30,41 +30,41 @@ def stored(http: httpx.Client) -> list[str]:
 def test_a_scenario_from_storing_to_deletion(http: httpx.Client) -> None:
     answer = http.post(SCENARIOS, json=one_step(description="two\nlines"))
     assert answer.status_code == 201, answer.text
-    made = answer.json()
-    path = f"{SCENARIOS}/{made['id']}"
+    stored = answer.json()
+    path = f"{SCENARIOS}/{stored['id']}"
     assert answer.headers["location"] == path
-    assert (made["name"], made["description"], made["bundled"], made["owner"]) == (
+    assert (stored["name"], stored["description"], stored["bundled"], stored["owner"]) == (
         "One step",
         "two\nlines",
         False,
         None,
     )
-    assert made["phases"][2]["contacts"][0]["position_m"] == [0.2, 0.09, 0.0]
-    assert made["phases"][0]["contacts"][0]["orientation_wxyz"] == [1.0, 0.0, 0.0, 0.0]
-    assert http.get(path).json() == made
+    assert stored["phases"][2]["contacts"][0]["position_m"] == [0.2, 0.09, 0.0]
+    assert stored["phases"][0]["contacts"][0]["orientation_wxyz"] == [1.0, 0.0, 0.0, 0.0]
+    assert http.get(path).json() == stored
 
     other = http.put(path, json=one_step(name="Slower")).json()
-    assert (other["id"], other["name"], other["description"]) == (made["id"], "Slower", "")
-    assert other["created_at"] == made["created_at"]
-    assert other["updated_at"] > made["updated_at"] == made["created_at"]
+    assert (other["id"], other["name"], other["description"]) == (stored["id"], "Slower", "")
+    assert other["created_at"] == stored["created_at"]
+    assert other["updated_at"] > stored["updated_at"] == stored["created_at"]
     assert http.get(path).json() == other
 
-    gone = http.delete(path)
-    assert (gone.status_code, gone.content) == (204, b"")
+    deletion = http.delete(path)
+    assert (deletion.status_code, deletion.content) == (204, b"")
     for method in ("GET", "DELETE"):
-        assert refusal(http.request(method, path)) == (404, "scenario-not-found")
-    assert refusal(http.put(path, json=one_step())) == (404, "scenario-not-found")
+        assert refusal_code(http.request(method, path)) == (404, "scenario-not-found")
+    assert refusal_code(http.put(path, json=one_step())) == (404, "scenario-not-found")
 
 
-def test_nothing_is_overwritten_that_somebody_else_has_stored(http: httpx.Client) -> None:
-    made = http.post(SCENARIOS, json=one_step()).json()
-    path = f"{SCENARIOS}/{made['id']}"
+def test_scenarios_of_other_users_are_not_overwritten(http: httpx.Client) -> None:
+    stored = http.post(SCENARIOS, json=one_step()).json()
+    path = f"{SCENARIOS}/{stored['id']}"
     first = http.get(path).headers["etag"]
-    assert first == f'"{made["updated_at"]}"'
+    assert first == f'"{stored["updated_at"]}"'
     theirs = http.put(path, json=one_step(name="Theirs"), headers={"If-Match": first})
     assert theirs.status_code == 200
     ours = http.put(path, json=one_step(name="Ours"), headers={"If-Match": first})
-    assert refusal(ours) == (412, "scenario-changed")
+    assert refusal_code(ours) == (412, "scenario-changed")
     assert http.get(path).json() == theirs.json()
     for named in ("{now}", f"{first}, {{now}}", "*"):
         now = theirs.headers["etag"]
@@ -78,17 +78,17 @@ def test_pages_of_the_list_hold_bundled_ones_too(postgres: TestDatabases, tmp_pa
     with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
         service.run(scenarios.seed_scenarios(service.parts.engine))
         shipped = sorted(scenarios.bundled_scenarios(), reverse=True)
-        made = [http.post(SCENARIOS, json=one_step()).json()["id"] for _ in range(3)]
-        seen, cursor, pages = [], None, 0
+        ids = [http.post(SCENARIOS, json=one_step()).json()["id"] for _ in range(3)]
+        listed, cursor, pages = [], None, 0
         while pages == 0 or cursor:
             page = http.get(SCENARIOS, params={"limit": 2, **({"cursor": cursor} if cursor else {})}).json()
             assert 0 < len(page["items"]) <= 2
-            seen += [(item["id"], item["bundled"]) for item in page["items"]]
+            listed += [(item["id"], item["bundled"]) for item in page["items"]]
             cursor, pages = page["next"], pages + 1
-        assert seen == [(each, False) for each in made[::-1]] + [(each, True) for each in shipped]
+        assert listed == [(each, False) for each in ids[::-1]] + [(each, True) for each in shipped]
         for limit in ("0", "201", "x"):
-            assert refusal(http.get(SCENARIOS, params={"limit": limit})) == (422, "invalid-request")
-        assert refusal(http.get(SCENARIOS, params={"cursor": "x"})) == (422, "invalid-cursor")
+            assert refusal_code(http.get(SCENARIOS, params={"limit": limit})) == (422, "invalid-request")
+        assert refusal_code(http.get(SCENARIOS, params={"cursor": "x"})) == (422, "invalid-cursor")
 
 
 def test_a_page_of_very_long_scenarios_ends_early(
@@ -96,16 +96,16 @@ def test_a_page_of_very_long_scenarios_ends_early(
 ) -> None:
     monkeypatch.setattr(repository, "PAGE_PARTS", 20)  # one step has 9: a terrain, 3 phases, 5 contacts
     with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
-        made = [service.run(add_scenario(service.parts)) for _ in range(5)]
+        ids = [service.run(add_scenario(service.parts)) for _ in range(5)]
         first = http.get(SCENARIOS).json()
-        assert [item["id"] for item in first["items"]] == made[:2:-1]
+        assert [item["id"] for item in first["items"]] == ids[:2:-1]
         rest = http.get(SCENARIOS, params={"cursor": first["next"], "limit": 1}).json()
-        assert [item["id"] for item in rest["items"]] == made[2:1:-1]
+        assert [item["id"] for item in rest["items"]] == ids[2:1:-1]
         monkeypatch.setattr(repository, "PAGE_PARTS", 0)  # a page holds one at least
         alone = http.get(SCENARIOS, params={"cursor": rest["next"]}).json()
-        assert [item["id"] for item in alone["items"]] == [made[1]]
+        assert [item["id"] for item in alone["items"]] == [ids[1]]
         last = http.get(SCENARIOS, params={"cursor": alone["next"]}).json()
-        assert ([item["id"] for item in last["items"]], last["next"]) == ([made[0]], None)
+        assert ([item["id"] for item in last["items"]], last["next"]) == ([ids[0]], None)
 
 
 @pytest.mark.parametrize("stem", sorted(scenarios.bundled_scenarios()))
@@ -121,8 +121,8 @@ def test_bundled_scenarios_are_valid_and_read_only(seeded: Served, http: httpx.C
         "slow walking and climbing: it could stop anywhere"
     )
     assert check["duration_s"] == pytest.approx(sum(phase["duration_s"] for phase in body["phases"]))
-    assert refusal(http.delete(path)) == (409, "scenario-read-only")
-    assert refusal(http.put(path, json=one_step())) == (409, "scenario-read-only")
+    assert refusal_code(http.delete(path)) == (409, "scenario-read-only")
+    assert refusal_code(http.put(path, json=one_step())) == (409, "scenario-read-only")
     assert http.get(path).json() == before
     copy = http.post(SCENARIOS, json=body)
     assert copy.status_code == 201
@@ -163,7 +163,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_what_the_robot_cannot_do_is_named_and_not_stored(http: httpx.Client, name: str) -> None:
+def test_an_infeasible_scenario_is_refused_and_not_stored(http: httpx.Client, name: str) -> None:
     body, where = BROKEN[name]
     before = stored(http)
     check = http.post(CHECK, json=body)
@@ -171,43 +171,43 @@ def test_what_the_robot_cannot_do_is_named_and_not_stored(http: httpx.Client, na
     assert check.json()["valid"] is False
     assert any(fault["where"].startswith(where) for fault in check.json()["errors"]), check.json()["errors"]
     refused = http.post(SCENARIOS, json=body)
-    assert refusal(refused) == (422, "scenario-invalid")
+    assert refusal_code(refused) == (422, "scenario-invalid")
     assert refused.json()["errors"] == check.json()["errors"]
     assert where in refused.json()["detail"] or len(check.json()["errors"]) > 1
-    made = http.post(SCENARIOS, json=one_step()).json()
-    assert refusal(http.put(f"{SCENARIOS}/{made['id']}", json=body)) == (422, "scenario-invalid")
-    assert http.get(f"{SCENARIOS}/{made['id']}").json() == made
-    http.delete(f"{SCENARIOS}/{made['id']}")
+    valid = http.post(SCENARIOS, json=one_step()).json()
+    assert refusal_code(http.put(f"{SCENARIOS}/{valid['id']}", json=body)) == (422, "scenario-invalid")
+    assert http.get(f"{SCENARIOS}/{valid['id']}").json() == valid
+    http.delete(f"{SCENARIOS}/{valid['id']}")
     assert stored(http) == before
 
 
-def test_a_length_that_was_not_given_in_metres_is_asked_for(http: httpx.Client) -> None:
+def test_a_length_that_is_not_in_metres_is_refused(http: httpx.Client) -> None:
     for name, words in (("a foot 150 m high", "lengths are in metres"), ("a stair of 15 cm in cm", "in metres?")):
         faults = http.post(CHECK, json=BROKEN[name][0]).json()["errors"]
         assert any(words in f["message"] for f in faults if f["where"] == BROKEN[name][1]), faults
 
 
-def test_what_is_no_number_names_phase_and_effector(http: httpx.Client) -> None:
+def test_a_value_that_is_not_a_number_names_phase_and_effector(http: httpx.Client) -> None:
     nan, text_, far = [0.0, float("nan"), 0.0], [0.0, "x", 0.0], [0.0, 1e7, 0.0]
     for position, code in ((nan, "not-json"), (text_, "invalid-request"), (far, "invalid-request")):
         content = json.dumps(with_contact(2, 1, position_m=position))
         answer = http.post(SCENARIOS, content=content, headers={"Content-Type": "application/json"})
-        assert refusal(answer)[1] == code
-        assert places(answer) == ["phases.2.contacts.1.position_m.1"]
+        assert refusal_code(answer)[1] == code
+        assert fault_places(answer) == ["phases.2.contacts.1.position_m.1"]
         assert answer.json()["errors"][0]["message"].startswith("right_foot: ")
     answer = http.post(SCENARIOS, content='{"a": NaN, "a": 1}', headers={"Content-Type": "application/json"})
-    assert (refusal(answer), places(answer)) == ((400, "not-json"), ["body"])
+    assert (refusal_code(answer), fault_places(answer)) == ((400, "not-json"), ["body"])
 
 
 def test_too_many_phases_are_counted(http: httpx.Client) -> None:
     answer = http.post(CHECK, json=one_step(phases=one_step()["phases"][:1] * 500))
-    assert refusal(answer) == (422, "invalid-request")
-    assert places(answer) == ["phases"]
+    assert refusal_code(answer) == (422, "invalid-request")
+    assert fault_places(answer) == ["phases"]
     assert "400" in answer.json()["errors"][0]["message"]
     assert "500" in answer.json()["errors"][0]["message"]
 
 
-def test_a_check_tells_margins_and_support(http: httpx.Client) -> None:
+def test_a_check_returns_margins_and_support(http: httpx.Client) -> None:
     check = http.post(CHECK, json=one_step()).json()
     assert check["valid"] is True
     assert [(each["phase"], each["effector"]) for each in check["margins"]] == [
@@ -279,23 +279,23 @@ HOSTILE: dict[str, tuple[str, tuple[int, str], str | None]] = {
 
 @pytest.mark.parametrize("path", [SCENARIOS, CHECK])
 @pytest.mark.parametrize("name", HOSTILE)
-def test_what_is_no_scenario_is_refused(http: httpx.Client, path: str, name: str) -> None:
+def test_an_invalid_scenario_is_refused(http: httpx.Client, path: str, name: str) -> None:
     content, expected, where = HOSTILE[name]
     answer = http.post(path, content=content, headers={"Content-Type": "application/json"})
-    assert refusal(answer) == expected, answer.text[:500]
+    assert refusal_code(answer) == expected, answer.text[:500]
     assert len(answer.content) < 20_000
     if where is not None:
-        assert places(answer) == [where]
+        assert fault_places(answer) == [where]
 
 
 def test_a_body_of_faults_gets_a_short_answer(http: httpx.Client) -> None:
     unknown = {f"field{i}": None for i in range(30_000)}
     answer = http.post(CHECK, json=unknown)
-    assert refusal(answer) == (422, "invalid-request")
+    assert refusal_code(answer) == (422, "invalid-request")
     assert len(answer.content) < 50_000
 
 
-def test_what_is_wrong_everywhere_is_told_by_its_first_faults(http: httpx.Client) -> None:
+def test_of_many_faults_only_the_first_are_listed(http: httpx.Client) -> None:
     contacts = [{"effector": f"limb_{i}", "position_m": [0.0, 0.0, 5.0]} for i in range(16)]
     body = one_step(phases=[{"duration_s": -1.0, "contacts": contacts}] * 400)
     answer = http.post(CHECK, json=body)
@@ -308,9 +308,9 @@ def test_what_is_wrong_everywhere_is_told_by_its_first_faults(http: httpx.Client
     "name", ["'; DROP TABLE scenario; --", '" OR ""="', "%00", "<img src=x onerror=alert(1)>", "{{7*7}}", "日本 🦿"]
 )
 def test_odd_names_are_only_text(http: httpx.Client, name: str) -> None:
-    made = http.post(SCENARIOS, json=one_step(name=name)).json()
-    assert http.get(f"{SCENARIOS}/{made['id']}").json()["name"] == name
-    assert http.delete(f"{SCENARIOS}/{made['id']}").status_code == 204
+    stored = http.post(SCENARIOS, json=one_step(name=name)).json()
+    assert http.get(f"{SCENARIOS}/{stored['id']}").json()["name"] == name
+    assert http.delete(f"{SCENARIOS}/{stored['id']}").status_code == 204
 
 
 @pytest.mark.parametrize(
@@ -321,12 +321,12 @@ def test_odd_ids_are_not_found(http: httpx.Client, identifier: str) -> None:
     for method, body in (("GET", None), ("PUT", one_step()), ("DELETE", None)):
         answer = http.request(method, f"{SCENARIOS}/{identifier}", json=body)
         assert answer.status_code == 404
-        assert refusal(answer)[1] in {"scenario-not-found", "unknown-path"}
+        assert refusal_code(answer)[1] in {"scenario-not-found", "unknown-path"}
 
 
 def test_only_json_is_read(http: httpx.Client) -> None:
-    assert refusal(http.post(SCENARIOS, content=json.dumps(one_step()))) == (415, "unsupported-media-type")
-    assert refusal(http.patch(SCENARIOS, json={})) == (405, "method-not-allowed")
+    assert refusal_code(http.post(SCENARIOS, content=json.dumps(one_step()))) == (415, "unsupported-media-type")
+    assert refusal_code(http.patch(SCENARIOS, json={})) == (405, "method-not-allowed")
 
 
 def test_a_course_becomes_the_input_of_the_contact_planner(http: httpx.Client) -> None:
@@ -346,10 +346,10 @@ def test_a_course_becomes_the_input_of_the_contact_planner(http: httpx.Client) -
     assert stored(http) == before
 
     answer = http.post(f"{SCENARIOS}/compose", json={**course, "robot": "nessie"})
-    assert refusal(answer) == (404, "robot-not-found")
+    assert refusal_code(answer) == (404, "robot-not-found")
     answer = http.post(f"{SCENARIOS}/compose", json={**course, "elements": [{"kind": "stairs", "rise_m": 9.0}]})
-    assert refusal(answer) == (422, "invalid-request")
-    assert "rise_m" in places(answer)[0]
+    assert refusal_code(answer) == (422, "invalid-request")
+    assert "rise_m" in fault_places(answer)[0]
     long = [{"kind": "level", "length_m": 9.0}] * 2
     answer = http.post(f"{SCENARIOS}/compose", json={**course, "elements": long})
-    assert refusal(answer) == (422, "course-too-long")
+    assert refusal_code(answer) == (422, "course-too-long")

@@ -16,31 +16,31 @@ def session(**fields: Any) -> MarkerSession:
     return MarkerSession(MarkerStreamTask(configuration=configuration))
 
 
-def asked(running: MarkerSession, *frames: dict[str, Any]) -> list[dict[str, Any]]:
+def replies_to(running: MarkerSession, *frames: dict[str, Any]) -> list[dict[str, Any]]:
     return [json.loads(answer.content) for answer in running.answer_frames([json.dumps(f).encode() for f in frames])]
 
 
-def test_of_frames_that_wait_together_the_newest_are_computed() -> None:
+def test_of_queued_frames_only_the_newest_are_computed() -> None:
     """Every frame has its answer, in order; an overtaken one has no number."""
     running = session()
-    asked(running, frame(0))
-    told = asked(running, *(frame(k) for k in range(1, 8)))
-    assert [one["t_s"] for one in told] == pytest.approx(sample().time_s[1:8])
-    for one in told[:-NEWEST]:
+    replies_to(running, frame(0))
+    replies = replies_to(running, *(frame(k) for k in range(1, 8)))
+    assert [one["t_s"] for one in replies] == pytest.approx(sample().time_s[1:8])
+    for one in replies[:-NEWEST]:
         assert (one["reason"], one["margin_reason"], one["com_m"], one["margin_m"]) == (
             "overtaken",
             "overtaken",
             None,
             None,
         )
-    assert all(one["com_m"] is not None for one in told[-NEWEST:])
-    assert told[-NEWEST]["bridged"]["frames_lost"] == 7 - NEWEST
+    assert all(one["com_m"] is not None for one in replies[-NEWEST:])
+    assert replies[-NEWEST]["bridged"]["frames_lost"] == 7 - NEWEST
 
 
 def test_a_centre_of_pressure_is_as_good_as_a_moment() -> None:
     """M = cop x F, less the free moment about the vertical, which hardly moves the central axis."""
     by_moment, by_cop = session(), session()
-    told = []
+    positions_m = []
     for k in range(180, 230):
         measured = frame(k)
         plates: list[dict[str, Any]] = []
@@ -48,26 +48,26 @@ def test_a_centre_of_pressure_is_as_good_as_a_moment() -> None:
             f, nu = np.array(plate["force_n"]), np.array(plate["moment_nm"])
             cop = None if f[2] < 20.0 else [-nu[1] / f[2], nu[0] / f[2], 0.0]
             plates.append({"force_n": plate["force_n"], "cop": cop})
-        told.append((asked(by_moment, measured)[0], asked(by_cop, frame(k, plates=plates))[0]))
-    used = [pair for pair in told if pair[0]["bridged"]["force"] is None]
+        positions_m.append((replies_to(by_moment, measured)[0], replies_to(by_cop, frame(k, plates=plates))[0]))
+    used = [pair for pair in positions_m if pair[0]["bridged"]["force"] is None]
     assert len(used) > 30
     for moment, pressure in used:
         assert pressure["bridged"]["force"] is None
         assert pressure["com_m"] == pytest.approx(moment["com_m"], abs=2e-3)
 
 
-def test_pictures_come_at_most_fifty_times_a_second() -> None:
+def test_pictures_are_sent_at_most_fifty_times_a_second() -> None:
     running = session()
     contents = [json.dumps({**frame(k), "t_s": k / 200.0}).encode() for k in range(21)]
-    shown = [answer.picture for content in contents for answer in running.answer_frames([content])]
-    assert sum(map(bool, shown)) == round(0.1 / PICTURE_S) + 1
+    pictures = [answer.picture for content in contents for answer in running.answer_frames([content])]
+    assert sum(map(bool, pictures)) == round(0.1 / PICTURE_S) + 1
 
 
-def test_a_force_that_points_down_is_said() -> None:
+def test_a_force_that_points_down_is_remarked() -> None:
     turned = [
         {"force_n": [-x for x in plate["force_n"]], "moment_nm": [-x for x in plate["moment_nm"]]}
         for plate in frame(210)["plates"]
     ]
     running = session()
-    asked(running, *(frame(k) for k in range(200, 210)))
-    assert asked(running, frame(210, plates=turned))[0]["bridged"]["force"] == "force-points-down"
+    replies_to(running, *(frame(k) for k in range(200, 210)))
+    assert replies_to(running, frame(210, plates=turned))[0]["bridged"]["force"] == "force-points-down"

@@ -1,4 +1,4 @@
-"""The stream of markers over a real websocket: what is answered, refused, bridged, and shown to those who watch."""
+"""The stream of markers over a real websocket: answers, refusals, bridged gaps, and viewers."""
 
 import json
 from collections.abc import Iterator
@@ -12,7 +12,17 @@ from stridelab.service.api.stream.watching import MAX_WATCHING
 from support.command_line import SAMPLE
 from support.service.database import TestDatabases
 from support.service.processes import wait_until
-from support.service.streams import PATH, answers, frame, goodbye, header, marker_socket, opened, received, sample
+from support.service.streams import (
+    PATH,
+    frame,
+    header,
+    marker_socket,
+    receive_close,
+    receive_reply,
+    sample,
+    send_frames,
+    send_header,
+)
 from support.service.web_server import Served, served
 
 TOKEN = "a-secret-of-the-lab"
@@ -28,26 +38,26 @@ def guarded(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -
 
 def test_a_walk_is_answered_frame_by_frame(service: Served) -> None:
     with marker_socket(service) as socket:
-        ready = opened(socket)["ready"]
-        told = answers(socket, [frame(k) for k in range(60)])
+        ready = send_header(socket)["ready"]
+        replies = send_frames(socket, [frame(k) for k in range(60)])
     assert ready["marker_set"] == "isb-head"
     assert ready["landmarks"]["l_asis"] == "L_IAS"
     assert ready["force_used"]
-    assert [one["t_s"] for one in told] == pytest.approx(sample().time_s[:60])
-    last = told[-1]
+    assert [one["t_s"] for one in replies] == pytest.approx(sample().time_s[:60])
+    last = replies[-1]
     assert last["speed_m_s"] == pytest.approx(1.2, abs=0.15)
     assert last["bridged"]["geometry"] == "measured"
-    omega = np.sqrt(9.81 / np.mean([one["height_m"] for one in told]))
+    omega = np.sqrt(9.81 / np.mean([one["height_m"] for one in replies]))
     expected = np.array(last["com_m"])[:2] + np.array(last["velocity_m_s"])[:2] / omega
     assert last["xcom_m"][:2] == pytest.approx(expected, abs=2e-3)
-    assert {one["contact"]["left"] for one in told} | {one["contact"]["right"] for one in told} == {True, False}
-    assert all(one["margin_m"] for one in told)
+    assert {one["contact"]["left"] for one in replies} | {one["contact"]["right"] for one in replies} == {True, False}
+    assert all(one["margin_m"] for one in replies)
 
 
 def test_the_answer_to_the_header_says_what_is_missing_and_what_it_costs(service: Served) -> None:
     arms = [label for label in sample().markers_m if label[2:] not in ("HLE", "HME", "RSP", "UHE", "HM2", "HM5")]
     with marker_socket(service) as socket:
-        ready = opened(socket, labels=[*arms, "WAND"], person={})["ready"]
+        ready = send_header(socket, labels=[*arms, "WAND"], person={})["ready"]
     assert "WAND" in ready["unused"]
     codes = {remark["code"]: remark["message"] for remark in ready["remarks"]}
     assert "costs about" in codes["arms-missing"]
@@ -57,12 +67,12 @@ def test_the_answer_to_the_header_says_what_is_missing_and_what_it_costs(service
 
 def test_a_marker_set_by_name_states_the_order_of_the_markers(service: Served) -> None:
     with marker_socket(service) as socket:
-        ready = opened(socket, labels=None, marker_set="isb-head", plates=[])["ready"]
+        ready = send_header(socket, labels=None, marker_set="isb-head", plates=[])["ready"]
         by_form = {label.replace("_", "").lower(): label for label in sample().markers_m}
         tracks = [sample().markers_m.get(by_form.get(label, "")) for label in ready["labels"]]
         markers = [None if track is None else track[0].tolist() for track in tracks]
-        (told,) = answers(socket, [{"t_s": 0.0, "markers": markers}])
-    assert told["com_m"][2] == pytest.approx(0.9, abs=0.05)
+        (reply,) = send_frames(socket, [{"t_s": 0.0, "markers": markers}])
+    assert reply["com_m"][2] == pytest.approx(0.9, abs=0.05)
 
 
 @pytest.mark.parametrize(
@@ -85,12 +95,12 @@ def test_a_header_that_cannot_be_used_is_refused(
     service: Served, fields: dict[str, Any], code: str, status: int, where: str | None
 ) -> None:
     with marker_socket(service) as socket:
-        problem = opened(socket, **fields)["problem"]
+        problem = send_header(socket, **fields)["problem"]
         assert (problem["code"], problem["status"]) == (code, status)
         assert len(problem["detail"]) > 20
         places = [fault["where"] for fault in problem["errors"]]
         assert where is None or any(place.startswith(where) for place in places), places
-        assert goodbye(socket) == (4000 + status, code)
+        assert receive_close(socket) == (4000 + status, code)
 
 
 @pytest.mark.parametrize(
@@ -108,13 +118,13 @@ def test_a_header_that_cannot_be_used_is_refused(
 )
 def test_a_message_that_is_no_frame_ends_the_stream(service: Served, message: str | bytes, code: str) -> None:
     with marker_socket(service) as socket:
-        assert "ready" in opened(socket)
+        assert "ready" in send_header(socket)
         socket.send(message)
-        assert received(socket)["problem"]["code"] == code
-        assert goodbye(socket) == (4422, code)
+        assert receive_reply(socket)["problem"]["code"] == code
+        assert receive_close(socket) == (4422, code)
 
 
-def test_what_a_frame_lacks_is_bridged_and_said(service: Served) -> None:
+def test_missing_data_of_a_frame_are_bridged_and_reported(service: Served) -> None:
     """Lost frames, hidden markers, NaN, a plate that is late or says NaN, and time that runs back."""
     labels = list(sample().markers_m)
     hidden = frame(31)
@@ -124,9 +134,9 @@ def test_what_a_frame_lacks_is_bridged_and_said(service: Served) -> None:
     wild = frame(32, plates=[{"force_n": [float("nan"), 0, 0], "cop": None}, None])
     frames = [*(frame(k) for k in range(20)), frame(30), hidden, wild, frame(25), frame(33, plates=None), frame(34)]
     with marker_socket(service) as socket:
-        opened(socket)
-        told = answers(socket, frames)
-    lost, masked, broken, late, unread, whole = told[-6:]
+        send_header(socket)
+        replies = send_frames(socket, frames)
+    lost, masked, broken, late, unread, whole = replies[-6:]
     assert lost["bridged"]["frames_lost"] == 10
     assert set(masked["bridged"]["markers_hidden"]) == {"l_knee_medial", "l_mt1", "c7"}
     assert late["com_m"] is None
@@ -148,32 +158,36 @@ def test_units_and_axes_of_the_laboratory(service: Served) -> None:
     plain = [frame(k, plates=None) for k in range(5)]
     in_lab = [{"t_s": one["t_s"], "markers": turned(one["markers"])} for one in plain]
     with marker_socket(service) as socket:
-        opened(socket, plates=[])
-        told = answers(socket, [{k: v for k, v in one.items() if k != "plates"} for one in plain])[-1]
+        send_header(socket, plates=[])
+        last_reply = send_frames(socket, [{k: v for k, v in one.items() if k != "plates"} for one in plain])[-1]
     with marker_socket(service) as socket:
-        opened(socket, units="mm", up_axis="+y", plates=[])
-        seen = answers(socket, in_lab)[-1]
+        send_header(socket, units="mm", up_axis="+y", plates=[])
+        in_lab_units = send_frames(socket, in_lab)[-1]
     for name in ("com_m", "velocity_m_s", "xcom_m"):
-        assert seen[name] == pytest.approx(turned(told[name], 1.0), abs=1e-6)
-    assert seen["margin_m"] == pytest.approx(told["margin_m"], abs=1e-6)
-    assert seen["com_sd_m"][1] == pytest.approx(told["com_sd_m"][2], abs=1e-9)
+        assert in_lab_units[name] == pytest.approx(turned(last_reply[name], 1.0), abs=1e-6)
+    assert in_lab_units["margin_m"] == pytest.approx(last_reply["margin_m"], abs=1e-6)
+    assert in_lab_units["com_sd_m"][1] == pytest.approx(last_reply["com_sd_m"][2], abs=1e-9)
 
 
-def test_a_body_that_is_gone_has_no_estimate_until_it_is_back(service: Served) -> None:
+def test_a_body_out_of_view_has_no_estimate_until_it_returns(service: Served) -> None:
     nothing = [frame(k, markers=[None] * len(sample().markers_m), plates=None) for k in range(50, 200)]
     with marker_socket(service) as socket:
-        opened(socket)
-        told = answers(socket, [*(frame(k) for k in range(50)), *nothing, *(frame(k) for k in range(200, 230))])
-    gone, back = told[60:200], told[-1]
-    assert all(one["com_m"] is None and one["xcom_m"] is None and one["margin_m"] is None for one in gone)
-    assert {one["reason"] for one in gone} <= {"pelvis-markers-missing", "markers-hidden", "markers-never-together"}
-    assert back["com_m"] is not None
-    assert back["reason"] is None
+        send_header(socket)
+        replies = send_frames(socket, [*(frame(k) for k in range(50)), *nothing, *(frame(k) for k in range(200, 230))])
+    out_of_view, last_reply = replies[60:200], replies[-1]
+    assert all(one["com_m"] is None and one["xcom_m"] is None and one["margin_m"] is None for one in out_of_view)
+    assert {one["reason"] for one in out_of_view} <= {
+        "pelvis-markers-missing",
+        "markers-hidden",
+        "markers-never-together",
+    }
+    assert last_reply["com_m"] is not None
+    assert last_reply["reason"] is None
 
 
-def test_those_who_watch_see_the_stream_and_its_end(service: Served) -> None:
+def test_viewers_receive_the_stream_and_its_end(service: Served) -> None:
     with marker_socket(service) as socket:
-        stream_id = opened(socket, title="Lane 3")["ready"]["stream_id"]
+        stream_id = send_header(socket, title="Lane 3")["ready"]["stream_id"]
         with service.http() as http:
             listed = http.get("/api/v1/stream/markers").json()["items"]
         assert [(one["stream_id"], one["title"], one["marker_set"]) for one in listed] == [
@@ -184,43 +198,43 @@ def test_those_who_watch_see_the_stream_and_its_end(service: Served) -> None:
             marker_socket(service, f"{PATH}/{stream_id}") as second,
         ):
             wait_until(lambda: service.parts.live.describe_all()[0].n_watching == 2, 10, "both watch")
-            (told,) = answers(socket, [frame(0)])
-            pictures = [received(watcher) for watcher in (first, second)]
-            assert [picture["answer"] for picture in pictures] == [told, told]
-            assert pictures[0]["com"] == pytest.approx(told["com_m"], abs=1e-3)
+            (reply,) = send_frames(socket, [frame(0)])
+            pictures = [receive_reply(watcher) for watcher in (first, second)]
+            assert [picture["answer"] for picture in pictures] == [reply, reply]
+            assert pictures[0]["com"] == pytest.approx(reply["com_m"], abs=1e-3)
             assert len(pictures[0]["markers"]) == len(sample().markers_m)
             assert {"l_knee", "r_hip", "vertex"} <= set(pictures[0]["joints"])
             assert len(pictures[0]["base"]) >= 4
-            answers(socket, [frame(k) for k in range(1, 50)])
-            assert received(first)["answer"]["t_s"] > 0.0, "who does not read misses pictures and delays nothing"
+            send_frames(socket, [frame(k) for k in range(1, 50)])
+            assert receive_reply(first)["answer"]["t_s"] > 0.0, "who does not read misses pictures and delays nothing"
             socket.close()
-            last = [received(second) for _ in range(1)]
+            last = [receive_reply(second) for _ in range(1)]
             assert last[0]["answer"]["t_s"] > 0.0
     wait_until(lambda: not service.parts.live.describe_all(), 10, "the stream is no longer listed")
 
 
-def test_an_ended_stream_closes_those_who_watch(service: Served) -> None:
+def test_an_ended_stream_closes_its_viewers(service: Served) -> None:
     with marker_socket(service) as socket:
-        stream_id = opened(socket)["ready"]["stream_id"]
+        stream_id = send_header(socket)["ready"]["stream_id"]
         with marker_socket(service, f"{PATH}/{stream_id}") as watcher:
             wait_until(lambda: service.parts.live.describe_all()[0].n_watching == 1, 10, "it watches")
             socket.close()
-            assert goodbye(watcher) == (1000, "stream-ended")
+            assert receive_close(watcher) == (1000, "stream-ended")
     with marker_socket(service, f"{PATH}/{stream_id}") as late:
-        assert received(late)["problem"]["code"] == "stream-not-found"
-        assert goodbye(late) == (4404, "stream-not-found")
+        assert receive_reply(late)["problem"]["code"] == "stream-not-found"
+        assert receive_close(late) == (4404, "stream-not-found")
 
 
-def test_a_stream_has_room_for_so_many_who_watch(service: Served) -> None:
+def test_the_number_of_viewers_of_a_stream_is_limited(service: Served) -> None:
     with marker_socket(service) as socket:
-        stream_id = opened(socket)["ready"]["stream_id"]
+        stream_id = send_header(socket)["ready"]["stream_id"]
         channel = service.parts.live.require_channel(stream_id)
         places = [channel.watch() for _ in range(MAX_WATCHING)]
         for place in places:
             place.__enter__()
         with marker_socket(service, f"{PATH}/{stream_id}") as one_more:
-            assert received(one_more)["problem"]["code"] == "too-many-watching"
-            assert goodbye(one_more) == (4429, "too-many-watching")
+            assert receive_reply(one_more)["problem"]["code"] == "too-many-watching"
+            assert receive_close(one_more) == (4429, "too-many-watching")
 
 
 def test_limits_login_and_origin_are_those_of_every_stream(guarded: Served, service: Served) -> None:
@@ -232,19 +246,19 @@ def test_limits_login_and_origin_are_those_of_every_stream(guarded: Served, serv
                 pass
             assert refused.value.response.status_code == 403
     with marker_socket(guarded, **login) as socket:
-        assert "ready" in opened(socket)
+        assert "ready" in send_header(socket)
         with marker_socket(guarded, **login) as second:
-            assert received(second)["problem"]["code"] == "too-many-streams"
-        assert received(socket)["problem"]["code"] == "stream-idle"
-        assert goodbye(socket) == (4408, "stream-idle")
+            assert receive_reply(second)["problem"]["code"] == "too-many-streams"
+        assert receive_reply(socket)["problem"]["code"] == "stream-idle"
+        assert receive_close(socket) == (4408, "stream-idle")
     wait_until(lambda: guarded.parts.streams.n_open == 0, 10, "the place is free again")
 
 
 def test_a_reading_token_may_list_and_not_stream(guarded: Served) -> None:
     admin = {"Authorization": f"Bearer {TOKEN}"}
     with guarded.http() as http:
-        made = http.post("/api/v1/tokens", json={"name": "reader", "scope": "read"}, headers=admin).json()
-        reader = {"Authorization": f"Bearer {made['secret']}"}
+        token = http.post("/api/v1/tokens", json={"name": "reader", "scope": "read"}, headers=admin).json()
+        reader = {"Authorization": f"Bearer {token['secret']}"}
         assert http.get("/api/v1/stream/markers", headers=reader).status_code == 200
     with pytest.raises(InvalidStatus) as refused, marker_socket(guarded, **reader):
         pass
@@ -255,7 +269,7 @@ def test_a_header_in_the_wrong_form_is_refused(service: Served) -> None:
     for first, code in ((b"\x01", "configuration-first"), ("{", "not-json"), (" " * 300_000, "message-too-large")):
         with marker_socket(service) as socket:
             socket.send(first)
-            assert received(socket)["problem"]["code"] == code
+            assert receive_reply(socket)["problem"]["code"] == code
     assert header()["labels"]
 
 
@@ -266,18 +280,18 @@ def test_a_static_pose_gives_the_widths_that_the_walk_does_not_show(service: Ser
     pose = {label: track[0].tolist() for label, track in sample().markers_m.items()}
     with service.http() as http, (SAMPLE / "recording.c3d").open("rb") as file:
         stored = http.post("/api/v1/recordings", files={"file": ("pose.c3d", file)}).json()["id"]
-    told = []
+    tracks = []
     for fields in ({}, {"labels": labels}, {"labels": labels, "static_pose": pose},
                    {"labels": labels, "static_recording_id": stored}):  # fmt: skip
         with marker_socket(service) as socket:
-            opened(socket, plates=[], **fields)
+            send_header(socket, plates=[], **fields)
             used = fields.get("labels", list(sample().markers_m))
             markers = [sample().markers_m[label][0].tolist() for label in used]
-            told.append(answers(socket, [{"t_s": 0.0, "markers": markers}])[0]["com_m"])
-    whole, without, sent, kept = np.array(told)
-    assert np.abs(sent - whole).max() < 1e-3
-    assert np.abs(kept - whole).max() < 1e-3
-    assert np.abs(without - whole).max() > 2.0 * np.abs(sent - whole).max()
+            tracks.append(send_frames(socket, [{"t_s": 0.0, "markers": markers}])[0]["com_m"])
+    whole, without, with_static, reused = np.array(tracks)
+    assert np.abs(with_static - whole).max() < 1e-3
+    assert np.abs(reused - whole).max() < 1e-3
+    assert np.abs(without - whole).max() > 2.0 * np.abs(with_static - whole).max()
     with marker_socket(service) as socket:
-        assert opened(socket, static_recording_id="0" * 32)["problem"]["code"] == "recording-not-found"
-        assert goodbye(socket) == (4404, "recording-not-found")
+        assert send_header(socket, static_recording_id="0" * 32)["problem"]["code"] == "recording-not-found"
+        assert receive_close(socket) == (4404, "recording-not-found")

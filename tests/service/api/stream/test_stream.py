@@ -22,10 +22,10 @@ from support.service.streams import (
     CONFIGURATION,
     MOTION,
     RATE_HZ,
-    configure,
-    goodbye,
-    heard,
-    packed,
+    pack_samples,
+    receive_close,
+    receive_message,
+    send_configuration,
     socket_of,
     walk_samples,
 )
@@ -58,20 +58,20 @@ def children() -> list[psutil.Process]:
     return [process for process in psutil.Process().children(recursive=True) if is_child(process)]
 
 
-def test_json_and_packed_streams_tell_the_same_and_the_truth(service: Served) -> None:
+def test_json_and_packed_streams_agree_with_each_other_and_with_the_truth(service: Served) -> None:
     samples = walk_samples(1.0)
     rows = [(s.time_s - 0.5, *s.geometry_m, *s.force_n, *s.moment_nm) for s in samples]  # type: ignore[misc]
     with socket_of(service) as socket:
-        ready = configure(socket)["ready"]
+        ready = send_configuration(socket)["ready"]
         assert ready["method"] == "complementary"
         assert (ready["low_hz"], ready["high_hz"], ready["format"]) == (0.2, 1.0, "json")
         socket.send(json.dumps({"samples": [s.model_dump() for s in samples]}))
-        told = heard(socket)["samples"]
+        replies = receive_message(socket)["samples"]
     with socket_of(service) as socket:
-        assert configure(socket, format="float32")["ready"]["format"] == "float32"
+        assert send_configuration(socket, format="float32")["ready"]["format"] == "float32"
         raw = b""
         for block in (rows[:50], rows[50:]):
-            socket.send(packed(0.5, *block))
+            socket.send(pack_samples(0.5, *block))
             answer = socket.recv(timeout=60)
             assert isinstance(answer, bytes)
             assert answer[:8] == struct.pack("<d", 0.5)
@@ -80,41 +80,43 @@ def test_json_and_packed_streams_tell_the_same_and_the_truth(service: Served) ->
     t = np.array([s.time_s for s in samples])
     assert estimates[:, 0] + 0.5 == pytest.approx(t, abs=1e-6)
     for name, columns in (("com_m", slice(1, 4)), ("velocity_m_s", slice(4, 7)), ("sd_m", slice(7, 10))):
-        assert np.array([s[name] for s in told]) == pytest.approx(estimates[:, columns], abs=2e-5), name
+        assert np.array([s[name] for s in replies]) == pytest.approx(estimates[:, columns], abs=2e-5), name
     assert np.abs(estimates[:, 1:4] - MOTION.com.at(t)).max() < 0.01
-    assert [s["time_s"] for s in told] == t.tolist()
+    assert [s["time_s"] for s in replies] == t.tolist()
 
 
 def test_the_smoother_answers_a_stream(service: Served) -> None:
     samples = walk_samples(1.0)
     with socket_of(service) as socket:
-        ready = configure(socket, method="smoother", ahead=[1, 0])["ready"]
+        ready = send_configuration(socket, method="smoother", ahead=[1, 0])["ready"]
         assert ready["method"] == "smoother"
         assert "low_hz" not in ready
         socket.send(json.dumps({"samples": [s.model_dump() for s in samples]}))
-        told = heard(socket)["samples"]
+        replies = receive_message(socket)["samples"]
         socket.send(json.dumps({"samples": [SAMPLE]}))
-        assert heard(socket)["problem"]["code"] == "time-not-increasing"
-        assert goodbye(socket) == (4422, "time-not-increasing")
+        assert receive_message(socket)["problem"]["code"] == "time-not-increasing"
+        assert receive_close(socket) == (4422, "time-not-increasing")
     true_m = MOTION.com.at(np.array([s.time_s for s in samples]))
-    assert np.abs(np.array([s["com_m"] for s in told]) - true_m).max() < 0.01
+    assert np.abs(np.array([s["com_m"] for s in replies]) - true_m).max() < 0.01
     wait_until(lambda: not children(), 10, "its process ends")
 
 
 def test_what_is_missing_is_null_or_nan(service: Served) -> None:
     nothing = (NAN, NAN, NAN)
     with socket_of(service) as socket:
-        configure(socket)
+        send_configuration(socket)
         socket.send(json.dumps({"samples": [SAMPLE, {"time_s": 0.005}, {"time_s": 0.01, "geometry_m": [0, 0, 1]}]}))
-        told = heard(socket)["samples"]
+        replies = receive_message(socket)["samples"]
     with socket_of(service) as socket:
-        configure(socket, format="float32")
-        socket.send(packed(0.0, ROW, (0.005, *nothing, *nothing, *nothing), (0.01, 0.0, 0.0, 1.0, *nothing, *nothing)))
+        send_configuration(socket, format="float32")
+        socket.send(
+            pack_samples(0.0, ROW, (0.005, *nothing, *nothing, *nothing), (0.01, 0.0, 0.0, 1.0, *nothing, *nothing))
+        )
         answer = socket.recv(timeout=60)
     assert isinstance(answer, bytes)
     rows = np.frombuffer(answer[8:], "<f4").reshape(-1, 10)
-    assert [s["com_m"] for s in told] == [[0, 0, 1]] * 3
-    assert [s["sd_m"] for s in told] == pytest.approx(rows[:, 7:10].astype(float), abs=1e-6)
+    assert [s["com_m"] for s in replies] == [[0, 0, 1]] * 3
+    assert [s["sd_m"] for s in replies] == pytest.approx(rows[:, 7:10].astype(float), abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -148,15 +150,15 @@ def test_a_configuration_that_makes_no_sense_is_refused(
 ) -> None:
     with socket_of(service) as socket:
         socket.send(first)
-        problem = heard(socket)["problem"]
+        problem = receive_message(socket)["problem"]
         assert (problem["code"], problem["status"]) == (code, status)
         assert len(problem["detail"]) > 20
-        assert goodbye(socket) == (4000 + status, code)
+        assert receive_close(socket) == (4000 + status, code)
 
 
 def test_the_field_that_is_wrong_is_named(service: Served) -> None:
     with socket_of(service) as socket:
-        problem = configure(socket, mass_kg=0, priors={"step_hz": 0})["problem"]
+        problem = send_configuration(socket, mass_kg=0, priors={"step_hz": 0})["problem"]
     assert {fault["where"] for fault in problem["errors"]} == {"mass_kg", "priors.step_hz"}
 
 
@@ -165,13 +167,13 @@ def test_the_field_that_is_wrong_is_named(service: Served) -> None:
     [
         ("json", json.dumps({"samples": [SAMPLE, SAMPLE]}), "time-not-increasing", "samples[1].time_s"),
         ("json", json.dumps({"samples": [SAMPLE, BEFORE]}), "time-not-increasing", "samples[1].time_s"),
-        ("float32", packed(0.0, ROW, (-1.0, *ROW[1:])), "time-not-increasing", "samples[1].time_s"),
-        ("float32", packed(0.0, (*ROW[:4], float("nan"), *ROW[5:])), "not-finite", "samples[0]"),
+        ("float32", pack_samples(0.0, ROW, (-1.0, *ROW[1:])), "time-not-increasing", "samples[1].time_s"),
+        ("float32", pack_samples(0.0, (*ROW[:4], float("nan"), *ROW[5:])), "not-finite", "samples[0]"),
         ("json", b"\x00\xff" * 50, "wrong-format", None),
         ("float32", b"\x00\xff" * 50, "wrong-packing", None),
         ("json", "garbage", "invalid-samples", "message"),
-        ("json", packed(0.0, ROW), "wrong-format", None),
-        ("float32", packed(0.0, ROW)[:-1], "wrong-packing", None),
+        ("json", pack_samples(0.0, ROW), "wrong-format", None),
+        ("float32", pack_samples(0.0, ROW)[:-1], "wrong-packing", None),
         ("float32", json.dumps({"samples": [SAMPLE]}), "wrong-format", None),
     ],
     ids=[
@@ -187,24 +189,24 @@ def test_the_field_that_is_wrong_is_named(service: Served) -> None:
         "json in packed",
     ],
 )
-def test_a_bad_sample_is_told_of_and_ends_the_stream(
+def test_a_bad_sample_is_reported_and_ends_the_stream(
     service: Served, form: str, content: str | bytes, code: str, where: str | None
 ) -> None:
     with socket_of(service) as socket:
-        configure(socket, format=form)
+        send_configuration(socket, format=form)
         socket.send(content)
-        problem = heard(socket)["problem"]
+        problem = receive_message(socket)["problem"]
         assert (problem["code"], problem["status"]) == (code, 422)
         assert [fault["where"] for fault in problem["errors"]] == ([] if where is None else [where])
-        assert goodbye(socket) == (4422, code)
+        assert receive_close(socket) == (4422, code)
     wait_until(lambda: not children(), 10, "its process ends")
 
 
 def test_every_stream_has_a_process_that_ends_with_it(service: Served) -> None:
     with socket_of(service) as socket:
-        configure(socket)
+        send_configuration(socket)
         with socket_of(service) as other:
-            configure(other)
+            send_configuration(other)
             assert len(children()) == 2
         wait_until(lambda: len(children()) == 1, 10, "the process of the closed stream ends")
         socket.socket.shutdown(SHUT_RDWR)  # as when a cable is pulled
@@ -212,52 +214,52 @@ def test_every_stream_has_a_process_that_ends_with_it(service: Served) -> None:
     wait_until(lambda: service.parts.streams.n_open == 0, 10, "its place is free")
 
 
-def test_a_killed_estimator_is_told_of(service: Served) -> None:
+def test_a_killed_estimator_is_reported(service: Served) -> None:
     with socket_of(service) as socket:
-        configure(socket)
+        send_configuration(socket)
         (child,) = children()
         child.kill()
         socket.send(json.dumps({"samples": [SAMPLE]}))
-        assert heard(socket)["problem"]["code"] == "stream-failed"
-        assert goodbye(socket) == (4500, "stream-failed")
+        assert receive_message(socket)["problem"]["code"] == "stream-failed"
+        assert receive_close(socket) == (4500, "stream-failed")
 
 
 def test_the_rest_of_the_interface_answers_while_a_stream_computes(service: Served) -> None:
     samples = json.dumps({"samples": [s.model_dump() for s in walk_samples(4.0)]})
     with socket_of(service) as socket, service.http() as http:
-        configure(socket)
+        send_configuration(socket)
         socket.send(samples)
         assert http.get("/api/v1/health").status_code == 200
-        assert len(heard(socket)["samples"]) == 800
+        assert len(receive_message(socket)["samples"]) == 800
 
 
 def test_limits_close_with_a_reason(tight: Served) -> None:
     login = {"Authorization": f"Bearer {TOKEN}"}
     rows = [(i / 1000, *ROW[1:]) for i in range(400)]
     with socket_of(tight, **login) as socket:
-        configure(socket, format="float32")
+        send_configuration(socket, format="float32")
         with socket_of(tight, **login) as second:
-            assert heard(second)["problem"]["code"] == "too-many-streams"
-            assert goodbye(second) == (4429, "too-many-streams")
-        socket.send(packed(0.0, *rows))
+            assert receive_message(second)["problem"]["code"] == "too-many-streams"
+            assert receive_close(second) == (4429, "too-many-streams")
+        socket.send(pack_samples(0.0, *rows))
         assert isinstance(socket.recv(timeout=60), bytes)
-        socket.send(packed(0.4, *rows))
-        assert heard(socket)["problem"]["code"] == "stream-too-fast"
-        assert goodbye(socket) == (4429, "stream-too-fast")
+        socket.send(pack_samples(0.4, *rows))
+        assert receive_message(socket)["problem"]["code"] == "stream-too-fast"
+        assert receive_close(socket) == (4429, "stream-too-fast")
     wait_until(lambda: tight.parts.streams.n_open == 0, 10, "the place is free again")
     with socket_of(tight, **login) as socket:
-        configure(socket, format="float32")
-        socket.send(packed(0.0, *rows, *rows))
-        assert heard(socket)["problem"]["code"] == "message-too-large"
-        assert goodbye(socket) == (4413, "message-too-large")
+        send_configuration(socket, format="float32")
+        socket.send(pack_samples(0.0, *rows, *rows))
+        assert receive_message(socket)["problem"]["code"] == "message-too-large"
+        assert receive_close(socket) == (4413, "message-too-large")
     wait_until(lambda: tight.parts.streams.n_open == 0, 10, "the place is free again")
     with socket_of(tight, **login) as socket:
-        configure(socket)
-        assert heard(socket)["problem"]["code"] == "stream-idle"
-        assert goodbye(socket) == (4408, "stream-idle")
+        send_configuration(socket)
+        assert receive_message(socket)["problem"]["code"] == "stream-idle"
+        assert receive_close(socket) == (4408, "stream-idle")
 
 
-def test_who_may_not_call_gets_no_stream(tight: Served, service: Served) -> None:
+def test_unauthorised_callers_get_no_stream(tight: Served, service: Served) -> None:
     foreign = {"Origin": "http://evil.example"}
     for running, headers in ((tight, {}), (tight, {"Authorization": "Bearer wrong"}), (service, foreign)):
         with pytest.raises(InvalidStatus) as refused, socket_of(running, **headers):
@@ -266,15 +268,15 @@ def test_who_may_not_call_gets_no_stream(tight: Served, service: Served) -> None
     assert not children()
 
 
-def test_a_stopping_service_says_so(postgres: TestDatabases, tmp_path: Any) -> None:
+def test_a_stopping_service_closes_streams_with_its_code(postgres: TestDatabases, tmp_path: Any) -> None:
     with postgres.fresh() as url, served(url, tmp_path) as running, socket_of(running) as socket:
-        configure(socket)
+        send_configuration(socket)
         running.loop.call_soon_threadsafe(running.parts.closing.set)
-        assert goodbye(socket) == (1001, "service-stops")
+        assert receive_close(socket) == (1001, "service-stops")
         wait_until(lambda: not children(), 10, "its process ends")
 
 
-def test_a_rate_allows_a_burst_and_then_its_share() -> None:
+def test_a_sample_rate_limit_allows_a_burst_and_then_its_rate() -> None:
     now = [0.0]
     rate = SampleRateLimiter(100.0, lambda: now[0])
     rate.count_samples(int(100 * BURST_S))
@@ -286,11 +288,11 @@ def test_a_rate_allows_a_burst_and_then_its_share() -> None:
 
 
 @pytest.mark.parametrize("form", ["json", "float32"])
-def test_latency_is_told(service: Served, form: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_latency_is_reported(service: Served, form: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Measured, not asserted: from sending a sample to holding its estimate, sample by sample and in blocks of 10."""
     from stridelab.client import Client
 
-    told = []
+    latencies = []
     with Client(service.base_url) as lab:
         began = time.perf_counter()
         with lab.stream_com(CONFIGURATION.model_copy(update={"format": form})) as stream:
@@ -303,6 +305,8 @@ def test_latency_is_told(service: Served, form: str, capsys: pytest.CaptureFixtu
                     at = time.perf_counter()
                     assert len(stream.send(block)) == size
                     took.append(1e3 * (time.perf_counter() - at))
-                told.append(f"blocks of {size}: median {np.median(took):.2f} ms, 95 % {np.percentile(took, 95):.2f} ms")
+                latencies.append(
+                    f"blocks of {size}: median {np.median(took):.2f} ms, 95 % {np.percentile(took, 95):.2f} ms"
+                )
     with capsys.disabled():
-        print(f"\n{form} stream at {RATE_HZ:g} Hz: opened in {opened_s:.2f} s, {'; '.join(told)}")
+        print(f"\n{form} stream at {RATE_HZ:g} Hz: opened in {opened_s:.2f} s, {'; '.join(latencies)}")

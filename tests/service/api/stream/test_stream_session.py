@@ -13,7 +13,7 @@ from stridelab.schemas.streams import StreamConfiguration, StreamPriors
 from stridelab.service.api.stream.estimators import smoother_priors
 from stridelab.service.api.stream.messages import PACKED, TEXT, Parcel
 from stridelab.service.api.stream.session import StreamSession
-from support.service.streams import CONFIGURATION, MOTION, packed, walk_samples
+from support.service.streams import CONFIGURATION, MOTION, pack_samples, walk_samples
 
 SAMPLE = {"time_s": 0.0, "geometry_m": [0, 0, 1], "force_n": [0, 0, 686.7], "moment_nm": [0, 0, 0]}
 ROW = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 686.7, 0.0, 0.0, 0.0)
@@ -46,8 +46,8 @@ def test_blocks_and_single_samples_give_the_same_numbers(method: str) -> None:
 
 def test_an_empty_message_has_an_empty_answer() -> None:
     assert json.loads(session().answer_message(text([])).content) == {"samples": []}
-    answer = session(format="float32").answer_message(Parcel(PACKED, packed(3.0)))
-    assert (answer.content, answer.samples) == (packed(3.0), 0)
+    answer = session(format="float32").answer_message(Parcel(PACKED, pack_samples(3.0)))
+    assert (answer.content, answer.samples) == (pack_samples(3.0), 0)
 
 
 def test_times_of_a_long_stream_keep_their_resolution() -> None:
@@ -55,12 +55,12 @@ def test_times_of_a_long_stream_keep_their_resolution() -> None:
     day = 86_400.0
     running = session(format="float32")
     for k in range(5):
-        answer = running.answer_message(Parcel(PACKED, packed(day + k / 1000, ROW)))
+        answer = running.answer_message(Parcel(PACKED, pack_samples(day + k / 1000, ROW)))
         assert answer.content[:8] == struct.pack("<d", day + k / 1000)
 
 
 @pytest.mark.parametrize("cutoffs", ["auto", "thesis", (0.3, 2.0)])
-def test_the_cutoffs_are_told(cutoffs: Any) -> None:
+def test_the_cutoffs_are_reported(cutoffs: Any) -> None:
     ready = session(cutoffs=cutoffs).ready
     known = {"auto": (0.2, 1.0), "thesis": (0.4, 4.0)}
     assert (ready.low_hz, ready.high_hz) == (known[cutoffs] if isinstance(cutoffs, str) else cutoffs)
@@ -77,7 +77,7 @@ def test_priors_decide_the_band_and_not_the_position() -> None:
     assert wide[0]["sd_m"][2] == pytest.approx(0.08, rel=0.05)
 
 
-def test_the_smoother_goes_by_what_is_stated() -> None:
+def test_the_smoother_uses_the_stated_errors() -> None:
     """By one pair of numbers each: L = L' / (2 pi f), and errors of force / mass as a force and a share of g."""
     stated = StreamPriors(
         marker_m=0.003,
@@ -94,13 +94,13 @@ def test_the_smoother_goes_by_what_is_stated() -> None:
     assert priors.momentum_m_s is not None
     momentum_nms = 80.0 * GRAVITY_M_S2 * np.array(priors.momentum_m_s)
     t = np.linspace(0.0, 1.0, 1000, endpoint=False)
-    for hz, rate_nm, found_nms in zip((1.0, 2.0), (8.0, 24.0), momentum_nms, strict=True):
+    for hz, rate_nm, expected_nms in zip((1.0, 2.0), (8.0, 24.0), momentum_nms, strict=True):
         rate = np.sqrt(2.0) * rate_nm * np.cos(2 * np.pi * hz * t)
         momentum = np.cumsum(rate) * (t[1] - t[0])
-        assert np.std(momentum) == pytest.approx(found_nms, rel=1e-3)
+        assert np.std(momentum) == pytest.approx(expected_nms, rel=1e-3)
 
 
-def test_the_smoother_sees_through_what_the_filter_takes_for_motion() -> None:
+def test_the_smoother_rejects_errors_that_the_filter_takes_for_motion() -> None:
     """A table off by 6 mm: both keep it, and only the smoother's velocity is free of the markers' noise."""
     samples = [sample.model_dump() for sample in walk_samples(3.0)]
     t = np.array([sample["time_s"] for sample in samples])
@@ -110,15 +110,15 @@ def test_the_smoother_sees_through_what_the_filter_takes_for_motion() -> None:
         sample["geometry_m"] = row.tolist()
     off = {}
     for method in METHODS:
-        told = json.loads(session(method=method).answer_message(text(samples)).content)["samples"][200:]
-        position, velocity = (np.array([s[name] for s in told]) for name in ("com_m", "velocity_m_s"))
-        band = np.array([s["sd_m"] for s in told])
+        estimates = json.loads(session(method=method).answer_message(text(samples)).content)["samples"][200:]
+        position, velocity = (np.array([s[name] for s in estimates]) for name in ("com_m", "velocity_m_s"))
+        band = np.array([s["sd_m"] for s in estimates])
         assert (np.abs(position - true_m[200:]) < 1.96 * band).mean() > 0.9, method
         off[method] = np.sqrt(np.mean((velocity - true_m_s[200:])[:, :2] ** 2))
     assert off["smoother"] < 0.5 * off["complementary"]
 
 
-def test_the_smoother_is_told_the_direction_in_any_length() -> None:
+def test_the_direction_for_the_smoother_may_have_any_length() -> None:
     samples = [sample.model_dump() for sample in walk_samples(0.5)]
     unknown, along, longer, across = (
         json.loads(session(method="smoother", ahead=ahead).answer_message(text(samples)).content)["samples"][-1]
@@ -130,16 +130,16 @@ def test_the_smoother_is_told_the_direction_in_any_length() -> None:
 
 
 @pytest.mark.parametrize(
-    ("asked", "code", "where"),
+    ("options", "code", "where"),
     [
         ({"method": "smoother", "cutoffs": "thesis"}, "cutoffs-not-used", "cutoffs"),
         ({"method": "smoother", "cutoffs": (0.2, 1.0)}, "cutoffs-not-used", "cutoffs"),
         ({"method": "complementary", "ahead": (1.0, 0.0)}, "ahead-not-used", "ahead"),
     ],
 )
-def test_what_would_have_no_effect_is_refused(asked: dict[str, Any], code: str, where: str) -> None:
+def test_options_without_effect_are_refused(options: dict[str, Any], code: str, where: str) -> None:
     with pytest.raises(InvalidInput) as refused:
-        session(**asked)
+        session(**options)
     assert refused.value.code == code
     assert [fault.where for fault in refused.value.faults] == [where]
 
@@ -173,7 +173,7 @@ def test_bad_samples_are_named(name: str, method: str) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"\xff\xfe", b"[", b"3", b"{}", b'{"samples": [], "more": 1}', b"{" * 9999])
-def test_what_is_no_message_is_refused(content: bytes) -> None:
+def test_an_invalid_message_is_refused(content: bytes) -> None:
     with pytest.raises(InvalidInput) as refused:
         session().answer_message(Parcel(TEXT, content))
     assert refused.value.code == "invalid-samples"
@@ -183,16 +183,16 @@ def test_what_is_no_message_is_refused(content: bytes) -> None:
     ("content", "code"),
     [
         (b"", "wrong-packing"),
-        (packed(0.0, ROW)[:-1], "wrong-packing"),
-        (packed(0.0, ROW) + b"\x00" * 4, "wrong-packing"),
+        (pack_samples(0.0, ROW)[:-1], "wrong-packing"),
+        (pack_samples(0.0, ROW) + b"\x00" * 4, "wrong-packing"),
         (struct.pack("<10f", *ROW), "wrong-packing"),
-        (packed(NAN, ROW), "not-finite"),
-        (packed(INFINITE, ROW), "not-finite"),
-        (packed(0.0, (*ROW[:3], NAN, *ROW[4:])), "not-finite"),
-        (packed(0.0, (*ROW[:4], INFINITE, *ROW[5:])), "not-finite"),
-        (packed(0.0, (*ROW[:4], NAN, NAN, NAN, *ROW[7:])), "force-without-moment"),
-        (packed(0.0, (0.0, NAN, NAN, NAN, *ROW[4:])), "geometry-missing"),
-        (packed(0.0, ROW, ROW), "time-not-increasing"),
+        (pack_samples(NAN, ROW), "not-finite"),
+        (pack_samples(INFINITE, ROW), "not-finite"),
+        (pack_samples(0.0, (*ROW[:3], NAN, *ROW[4:])), "not-finite"),
+        (pack_samples(0.0, (*ROW[:4], INFINITE, *ROW[5:])), "not-finite"),
+        (pack_samples(0.0, (*ROW[:4], NAN, NAN, NAN, *ROW[7:])), "force-without-moment"),
+        (pack_samples(0.0, (0.0, NAN, NAN, NAN, *ROW[4:])), "geometry-missing"),
+        (pack_samples(0.0, ROW, ROW), "time-not-increasing"),
         (struct.pack(">d20f", 1.0, *ROW, *ROW), "time-not-increasing"),
     ],
 )
@@ -203,8 +203,8 @@ def test_wrong_packing_is_refused(content: bytes, code: str, method: str) -> Non
     assert refused.value.code == code
 
 
-def test_the_format_is_kept_to() -> None:
-    for form, parcel in (("json", Parcel(PACKED, packed(0.0, ROW))), ("float32", text([SAMPLE]))):
+def test_every_message_has_the_documented_format() -> None:
+    for form, parcel in (("json", Parcel(PACKED, pack_samples(0.0, ROW))), ("float32", text([SAMPLE]))):
         with pytest.raises(InvalidInput) as refused:
             session(format=form).answer_message(parcel)
         assert refused.value.code == "wrong-format"
@@ -212,7 +212,7 @@ def test_the_format_is_kept_to() -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("field", ["geometry_m", "force_n", "moment_nm"])
-def test_huge_numbers_are_no_crash(field: str, method: str) -> None:
+def test_huge_numbers_do_not_crash_the_session(field: str, method: str) -> None:
     """Whatever comes out, it is an answer or a refusal."""
     huge = [{**SAMPLE, "time_s": k / 100, field: [1e308, -1e308, 1e308 * (-1) ** k]} for k in range(20)]
     with pytest.raises(InvalidInput) as refused:
@@ -227,8 +227,8 @@ def test_the_largest_and_smallest_errors_that_can_be_stated_give_a_finite_band(e
     stated["step_hz"] = max(0.1, min(extreme, 10))
     stated |= {"geometry_m": (extreme,) * 3, "acceleration_m_s2": (extreme,) * 3, "momentum_rate_nm_kg": (extreme,) * 2}
     samples = [sample.model_dump() for sample in walk_samples(1.0)]
-    told = json.loads(session(method=method, priors=stated).answer_message(text(samples)).content)["samples"]
-    assert np.isfinite([s["sd_m"] for s in told]).all()
+    estimates = json.loads(session(method=method, priors=stated).answer_message(text(samples)).content)["samples"]
+    assert np.isfinite([s["sd_m"] for s in estimates]).all()
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -238,10 +238,10 @@ def test_a_stream_goes_on_where_markers_or_plates_are_missing(method: str) -> No
         sample["geometry_m"] = None
     for sample in samples[220:260]:
         sample["force_n"] = sample["moment_nm"] = None
-    told = json.loads(session(method=method).answer_message(text(samples)).content)["samples"]
+    estimates = json.loads(session(method=method).answer_message(text(samples)).content)["samples"]
     true_m = MOTION.com.at(np.array([sample["time_s"] for sample in samples]))
-    assert np.abs(np.array([s["com_m"] for s in told]) - true_m).max() < 0.03
-    assert told[159]["sd_m"][2] > told[119]["sd_m"][2]
+    assert np.abs(np.array([s["com_m"] for s in estimates]) - true_m).max() < 0.03
+    assert estimates[159]["sd_m"][2] > estimates[119]["sd_m"][2]
 
 
 def test_a_parcel_of_any_bytes_passes_through_json() -> None:

@@ -16,14 +16,14 @@ from support.command_line import SAMPLE, estimate_task, quiet
 TRIAL = SAMPLE / "recording.c3d"
 
 
-def refusal_of(folder: Path, kind: type[StridelabError], file: Path = TRIAL, **asked: object) -> StridelabError:
+def refusal_of(folder: Path, kind: type[StridelabError], file: Path = TRIAL, **options: object) -> StridelabError:
     with pytest.raises(kind) as refusal:
-        estimate_com.run(estimate_task(file, folder, method="complementary", **asked), folder, quiet)
+        estimate_com.run(estimate_task(file, folder, method="complementary", **options), folder, quiet)
     return refusal.value
 
 
 @pytest.mark.parametrize(
-    ("asked", "code", "field"),
+    ("options", "code", "field"),
     [
         ({"cutoffs": (4.0, 0.4)}, "cutoffs-out-of-range", "cutoffs"),
         ({"cutoffs": (1.0, 1.0)}, "cutoffs-out-of-range", "cutoffs"),
@@ -36,9 +36,9 @@ def refusal_of(folder: Path, kind: type[StridelabError], file: Path = TRIAL, **a
     ],
 )
 def test_a_number_that_makes_no_sense_is_refused_by_its_field(
-    tmp_path: Path, asked: dict[str, object], code: str, field: str
+    tmp_path: Path, options: dict[str, object], code: str, field: str
 ) -> None:
-    refusal = refusal_of(tmp_path, InvalidInput, **asked)
+    refusal = refusal_of(tmp_path, InvalidInput, **options)
     assert refusal.code == code
     assert field in {fault.where for fault in refusal.faults}
 
@@ -51,16 +51,16 @@ def test_an_absurd_latency_is_refused_by_its_field(latency: object) -> None:
 
 
 @pytest.mark.parametrize(("stated_kg", "share"), [(68.0, "-12%"), (53.0, "+13%")])
-def test_a_mass_that_the_plates_contradict_is_not_used_and_both_masses_are_said(
+def test_a_mass_that_the_plates_contradict_is_not_used_and_both_masses_are_reported(
     tmp_path: Path, stated_kg: float, share: str
 ) -> None:
     """The impulse of the vertical force has an error of 1 %, so that a tenth is significant; the truth is 60 kg."""
     task = estimate_task(TRIAL, tmp_path, method="complementary", subject=SubjectFields(mass_kg=stated_kg))
     summary = EstimateComSummary.model_validate(estimate_com.run(task, tmp_path, quiet).summary)
-    (said,) = (warning.message for warning in summary.warnings if warning.code == "mass-disagrees-with-force")
-    assert f"{stated_kg:g} kg" in said
-    assert f"{summary.mass_from_force_kg:.1f} ± " in said
-    assert share in said
+    (message,) = (warning.message for warning in summary.warnings if warning.code == "mass-disagrees-with-force")
+    assert f"{stated_kg:g} kg" in message
+    assert f"{summary.mass_from_force_kg:.1f} ± " in message
+    assert share in message
     assert summary.mass_source == "force"
     assert summary.mass_kg == pytest.approx(60.0, rel=0.005)
 

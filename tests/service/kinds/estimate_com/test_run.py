@@ -21,7 +21,7 @@ from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.result_tables import known_references, read_metadata
 from stridelab.service.processes.child import with_json
 from stridelab.simulation.truth_table import com_errors_mm
-from support.command_line import SAMPLE, Told, estimate_task, quiet
+from support.command_line import SAMPLE, RecordedProgress, estimate_task, quiet
 
 TRIAL = SAMPLE / "recording.c3d"
 AXES = "xyz"
@@ -32,23 +32,25 @@ def columns(table: Path, *names: str) -> np.ndarray:
     return np.column_stack([read[name].to_numpy() for name in names])
 
 
-def summary_of(folder: Path, **asked: object) -> EstimateComSummary:
-    outcome = estimate_com.run(estimate_task(TRIAL, folder, **asked), folder, quiet)
+def summary_of(folder: Path, **options: object) -> EstimateComSummary:
+    outcome = estimate_com.run(estimate_task(TRIAL, folder, **options), folder, quiet)
     return EstimateComSummary.model_validate(outcome.summary)
 
 
-def filtered(folder: Path, **asked: object) -> EstimateComSummary:
+def filtered(folder: Path, **options: object) -> EstimateComSummary:
     """By the complementary filter, which takes least time."""
-    return summary_of(folder, method="complementary", **asked)
+    return summary_of(folder, method="complementary", **options)
 
 
 @pytest.fixture(scope="module")
-def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, EstimateComSummary, tuple[str, ...], Told]:
-    folder, told = tmp_path_factory.mktemp("result"), Told()
-    outcome = estimate_com.run(estimate_task(TRIAL, folder, latency="apply"), folder, told)
+def result(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[Path, EstimateComSummary, tuple[str, ...], RecordedProgress]:
+    folder, progress = tmp_path_factory.mktemp("result"), RecordedProgress()
+    outcome = estimate_com.run(estimate_task(TRIAL, folder, latency="apply"), folder, progress)
     assert {a.name for a in outcome.artifacts} == {"com.parquet", "com.csv", "com.c3d"}
     assert {p.name for p in folder.iterdir()} == {"trial", *(a.name for a in outcome.artifacts)}
-    return folder, EstimateComSummary.model_validate(outcome.summary), outcome.references, told
+    return folder, EstimateComSummary.model_validate(outcome.summary), outcome.references, progress
 
 
 def test_the_error_against_the_truth_is_that_of_the_table(result) -> None:  # type: ignore[no-untyped-def]
@@ -59,7 +61,7 @@ def test_the_error_against_the_truth_is_that_of_the_table(result) -> None:  # ty
         assert fused < geometry + 1.0
 
 
-def test_the_injected_latency_is_found_and_taken_out_unless_told_otherwise(result, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_the_injected_latency_is_estimated_and_removed_by_default(result, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     summary = result[1]
     assert summary.latency_s == pytest.approx(0.012, abs=0.003)
     assert summary.latency_applied_s == summary.latency_s
@@ -141,24 +143,24 @@ def test_the_c3d_is_the_upload_with_two_more_points(result) -> None:  # type: ig
     np.testing.assert_allclose(after["data"]["points"][:3, len(known)].T / 1000.0, fused, atol=1e-6)
 
 
-def test_a_result_says_where_it_comes_from(result) -> None:  # type: ignore[no-untyped-def]
-    folder, summary, references, told = result
+def test_a_result_has_provenance(result) -> None:  # type: ignore[no-untyped-def]
+    folder, summary, references, progress = result
     about = read_metadata(folder / "com.parquet")
     assert about["provenance"]["file"] == "recording.c3d"
     assert about["provenance"]["summary"]["method"] == summary.method == "smoother"
     assert set(references) <= known_references()
     assert {"carpentier2017thesis", "dumas2007"} <= set(references)
-    assert told.fractions[-1] == 1.0
-    assert len(told.messages) >= 5
+    assert progress.fractions[-1] == 1.0
+    assert len(progress.messages) >= 5
 
 
 def test_the_observability_is_that_of_walking(result) -> None:  # type: ignore[no-untyped-def]
-    seen = result[1].observability
-    assert (seen["rank_force"], seen["rank_with_geometry"]) == (7, 11)
-    assert seen["unobservable"][2] > 0.99
-    assert 0.05 < seen["tilt_rad"] < 0.5
-    assert seen["flight_s"] == 0.0
-    assert "the height comes from the markers" in seen["sentence"]
+    observability = result[1].observability
+    assert (observability["rank_force"], observability["rank_with_geometry"]) == (7, 11)
+    assert observability["unobservable"][2] > 0.99
+    assert 0.05 < observability["tilt_rad"] < 0.5
+    assert observability["flight_s"] == 0.0
+    assert "the height comes from the markers" in observability["sentence"]
 
 
 def test_the_direction_that_the_force_cannot_see_is_given_over_time(result) -> None:  # type: ignore[no-untyped-def]
@@ -185,9 +187,9 @@ def test_a_users_statement_wins_over_the_file_but_not_over_the_plates(tmp_path: 
     assert filtered(tmp_path / "b").mass_source == "file"
     assert stated.mass_from_force_kg == pytest.approx(60.0, rel=0.02)
     heavy = filtered(tmp_path / "c", subject=SubjectFields(mass_kg=70.0))
-    (said,) = (w.message for w in heavy.warnings if w.code == "mass-disagrees-with-force")
-    assert "70 kg" in said
-    assert f"{heavy.mass_from_force_kg:.1f} ± " in said
+    (message,) = (w.message for w in heavy.warnings if w.code == "mass-disagrees-with-force")
+    assert "70 kg" in message
+    assert f"{heavy.mass_from_force_kg:.1f} ± " in message
     assert heavy.mass_source == "force"
     assert {known.source for known in heavy.masses} == {"stated", "impulse"}
 
@@ -207,7 +209,7 @@ def test_geometry_alone_needs_no_plates(tmp_path: Path) -> None:
     assert not table["complete"].to_numpy().any()
 
 
-def test_cutoffs_and_window_are_those_asked_for(tmp_path: Path) -> None:
+def test_cutoffs_and_window_are_those_requested(tmp_path: Path) -> None:
     whole = filtered(tmp_path / "a")
     start_s, end_s = whole.window_s
     part = filtered(tmp_path / "b", window_s=(start_s + 0.1, end_s - 0.1))
@@ -216,7 +218,7 @@ def test_cutoffs_and_window_are_those_asked_for(tmp_path: Path) -> None:
     assert thesis.bias_m != wide.bias_m
 
 
-def test_the_best_method_is_taken_unless_something_else_is_asked_for(tmp_path: Path) -> None:
+def test_the_best_method_is_the_default(tmp_path: Path) -> None:
     """Cut-offs ask for the filter, which alone has them; options of the smoother ask for the smoother."""
     assert summary_of(tmp_path / "a").method == "smoother"
     assert summary_of(tmp_path / "b", cutoffs="thesis").method == "complementary"
@@ -224,13 +226,13 @@ def test_the_best_method_is_taken_unless_something_else_is_asked_for(tmp_path: P
     assert summary_of(tmp_path / "d", method="rts").method == "rts"
 
 
-def test_where_the_best_method_refuses_another_stands_in_and_says_why(tmp_path: Path) -> None:
+def test_if_the_best_method_refuses_another_is_used_with_a_remark(tmp_path: Path) -> None:
     """A window without a whole single support: the smoother refuses it, and so does the job where it was named."""
     short = {"window_s": (2.1, 2.52), "latency": "report"}
     summary = summary_of(tmp_path / "a", **short)
     assert summary.method == "complementary"
-    (said,) = (w.message for w in summary.warnings if w.code == "best-method-refused")
-    assert "single support" in said
+    (message,) = (w.message for w in summary.warnings if w.code == "best-method-refused")
+    assert "single support" in message
     for k, named in enumerate(({"method": "smoother"}, {"smoother": {}})):
         with pytest.raises(NotEstimable) as refusal:
             summary_of(tmp_path / str(k), **short, **named)
@@ -240,21 +242,21 @@ def test_where_the_best_method_refuses_another_stands_in_and_says_why(tmp_path: 
     assert all(w.code != "best-method-refused" for w in plain.warnings)
 
 
-def test_what_is_stated_to_the_smoother_is_used_and_what_it_found_is_told(tmp_path: Path) -> None:
+def test_stated_errors_are_used_by_the_smoother_and_learned_ones_reported(tmp_path: Path) -> None:
     usual = summary_of(tmp_path / "a")
     assert {"marker_mm", "step_hz", "plate_bias_statistic"} <= usual.diagnostics.keys()
     assert usual.diagnostics["step_hz"] == pytest.approx(1.75, abs=0.1)
     stated = {"marker_m": 0.003, "step_hz": 1.6, "momentum_m_s": (0.001, 0.004)}
-    told = summary_of(tmp_path / "b", smoother={"learn": False, "priors": stated}).diagnostics
-    assert told["marker_mm"] == pytest.approx(3.0)
-    assert told["step_hz"] == 1.6
+    diagnostics = summary_of(tmp_path / "b", smoother={"learn": False, "priors": stated}).diagnostics
+    assert diagnostics["marker_mm"] == pytest.approx(3.0)
+    assert diagnostics["step_hz"] == 1.6
     assert usual.mass_kg is not None
     weight_n = 9.81 * usual.mass_kg
-    assert told["momentum_about_walk_nms"] == pytest.approx(0.001 * weight_n, rel=0.01)
-    assert told["momentum_about_side_nms"] == pytest.approx(0.004 * weight_n, rel=0.01)
+    assert diagnostics["momentum_about_walk_nms"] == pytest.approx(0.001 * weight_n, rel=0.01)
+    assert diagnostics["momentum_about_side_nms"] == pytest.approx(0.004 * weight_n, rel=0.01)
     required = {"learn": False, "priors": stated, "segment_momentum": True}
     rest = summary_of(tmp_path / "c", smoother=required).diagnostics
-    assert rest["momentum_about_side_nms"] == pytest.approx(0.6 * told["momentum_about_side_nms"])
+    assert rest["momentum_about_side_nms"] == pytest.approx(0.6 * diagnostics["momentum_about_side_nms"])
 
 
 def test_a_plate_bias_beyond_the_declared_one_is_remarked(tmp_path: Path) -> None:
@@ -265,9 +267,9 @@ def test_a_plate_bias_beyond_the_declared_one_is_remarked(tmp_path: Path) -> Non
     )
     write_c3d(tmp_path / "biased.c3d", replace(recording, plates=plates))
     for k, (declared_n, doubted) in enumerate(((1.0, True), (20.0, False))):
-        told = {"priors": {"plate_force_n": declared_n}}
+        options = {"priors": {"plate_force_n": declared_n}}
         outcome = estimate_com.run(
-            estimate_task(tmp_path / "biased.c3d", tmp_path / str(k), smoother=told), tmp_path / str(k), quiet
+            estimate_task(tmp_path / "biased.c3d", tmp_path / str(k), smoother=options), tmp_path / str(k), quiet
         )
         assert ("undeclared-plate-bias" in {w["code"] for w in outcome.summary["warnings"]}) == doubted
 
@@ -291,7 +293,7 @@ def test_an_error_that_no_input_can_have_is_refused_naming_it(priors: dict[str, 
 
 
 @pytest.mark.parametrize("method", ["complementary", "kalman", "rts", "geometry"])
-def test_options_of_the_smoother_are_no_other_methods(method: str) -> None:
+def test_options_of_the_smoother_are_refused_for_other_methods(method: str) -> None:
     with pytest.raises(ValidationError, match=f"the {method} estimator does not use them") as refused:
         EstimateComInput.model_validate({"recording_id": "r", "method": method, "smoother": {}})
     assert [error["loc"] for error in refused.value.errors()] == [("smoother",)]
@@ -312,7 +314,7 @@ def test_a_table_can_be_chosen(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("asked", "kind", "code"),
+    ("options", "kind", "code"),
     [
         ({"method": "kalman", "cutoffs": (0.2, 1.0)}, InvalidInput, "cutoffs-not-used"),
         ({"method": "smoother", "cutoffs": "thesis"}, InvalidInput, "cutoffs-not-used"),
@@ -330,10 +332,10 @@ def test_a_table_can_be_chosen(tmp_path: Path) -> None:
     ],
 )
 def test_a_refusal_leaves_no_artifact(
-    tmp_path: Path, asked: dict[str, object], kind: type[StridelabError], code: str
+    tmp_path: Path, options: dict[str, object], kind: type[StridelabError], code: str
 ) -> None:
     with pytest.raises(kind) as refusal:
-        summary_of(tmp_path, **asked)
+        summary_of(tmp_path, **options)
     assert refusal.value.code == code
     assert [p.name for p in tmp_path.iterdir()] == ["trial"]
 
@@ -345,7 +347,7 @@ def without_labels(target: Path) -> None:
     content.write(str(target))
 
 
-def test_unknown_labels_are_refused_with_what_was_found(tmp_path: Path) -> None:
+def test_unknown_labels_are_refused_with_the_labels_of_the_file(tmp_path: Path) -> None:
     without_labels(tmp_path / "odd.c3d")
     folder = tmp_path / "task"
     with pytest.raises(NotEstimable) as refusal:
@@ -372,7 +374,7 @@ def test_a_damaged_static_trial_is_named(tmp_path: Path) -> None:
     assert refusal.value.faults[0].where == "standing 1.c3d"
 
 
-def test_the_child_gets_and_gives_json(tmp_path: Path) -> None:
+def test_task_and_outcome_of_the_child_are_json(tmp_path: Path) -> None:
     task = estimate_task(TRIAL, tmp_path)
-    done = with_json(estimate_com.run)(task.model_dump(mode="json"), tmp_path, quiet)
-    assert set(done) == {"summary", "references", "artifacts"}
+    outcome = with_json(estimate_com.run)(task.model_dump(mode="json"), tmp_path, quiet)
+    assert set(outcome) == {"summary", "references", "artifacts"}

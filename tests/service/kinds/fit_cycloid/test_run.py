@@ -19,7 +19,7 @@ from stridelab.service.kinds.fit_cycloid import run as fit_cycloid
 from stridelab.service.kinds.result_tables import known_references, read_metadata
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
 from stridelab.service.processes.child import with_json
-from support.command_line import SAMPLE, Told, quiet
+from support.command_line import SAMPLE, RecordedProgress, quiet
 
 TRIAL = SAMPLE / "recording.c3d"
 DECLARED = (
@@ -29,33 +29,35 @@ DECLARED = (
 
 
 def task(
-    folder: Path, file: Path = TRIAL, plates: dict[int, PlateSwitch] | None = None, **asked: object
+    folder: Path, file: Path = TRIAL, plates: dict[int, PlateSwitch] | None = None, **options: object
 ) -> FitCycloidTask:
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(file, folder / "trial")
     source = RecordingSource(file="trial", filename=file.name, subject=SubjectFields(), plates=plates or {})
-    return FitCycloidTask(recording=source, input=FitCycloidInput.model_validate({"recording_id": "r", **asked}))
+    return FitCycloidTask(recording=source, input=FitCycloidInput.model_validate({"recording_id": "r", **options}))
 
 
-def summary_of(folder: Path, **asked: object) -> FitCycloidSummary:
-    return fit_cycloid_of_recording(task(folder, **asked), folder, quiet).summary  # type: ignore[arg-type]
+def summary_of(folder: Path, **options: object) -> FitCycloidSummary:
+    return fit_cycloid_of_recording(task(folder, **options), folder, quiet).summary  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
-def fitted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, FitCycloidSummary, tuple[str, ...], Told]:
-    folder, told = tmp_path_factory.mktemp("wheel"), Told()
-    outcome = fit_cycloid.run(task(folder), folder, told)
+def fitted(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[Path, FitCycloidSummary, tuple[str, ...], RecordedProgress]:
+    folder, progress = tmp_path_factory.mktemp("wheel"), RecordedProgress()
+    outcome = fit_cycloid.run(task(folder), folder, progress)
     assert [a.name for a in outcome.artifacts] == ["steps.parquet", "steps.csv", "wheel.parquet", "wheel.csv"]
     assert {p.name for p in folder.iterdir()} == {"trial", *(a.name for a in outcome.artifacts)}
-    return folder, FitCycloidSummary.model_validate(outcome.summary), outcome.references, told
+    return folder, FitCycloidSummary.model_validate(outcome.summary), outcome.references, progress
 
 
 @pytest.fixture(scope="module")
 def walkway(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Every footprint on a plate of its own, so that many steps are measured."""
     folder = tmp_path_factory.mktemp("walkway")
-    asked = SimulateRecordingInput(duration_s=4.0, lab="walkway", seed=3)
-    simulate_recording.run(SimulateRecordingTask(input=asked), folder, quiet)
+    simulation = SimulateRecordingInput(duration_s=4.0, lab="walkway", seed=3)
+    simulate_recording.run(SimulateRecordingTask(input=simulation), folder, quiet)
     return folder / "recording.c3d"
 
 
@@ -72,7 +74,7 @@ def test_the_step_on_the_plates_is_that_of_the_simulated_walk(fitted) -> None:  
     assert step.t0_s <= step.fitted_s[0] < step.fitted_s[1] <= step.t1_s
 
 
-def test_the_wheel_fits_and_what_is_said_of_it_agrees(fitted) -> None:  # type: ignore[no-untyped-def]
+def test_the_wheel_fits_and_its_figures_agree(fitted) -> None:  # type: ignore[no-untyped-def]
     summary = fitted[1]
     (step,) = summary.steps
     assert step.error_mean_mm < 1.5
@@ -113,7 +115,7 @@ def test_the_table_of_samples_is_the_wheel(fitted) -> None:  # type: ignore[no-u
 
 
 def test_the_table_of_steps_is_the_summary(fitted) -> None:  # type: ignore[no-untyped-def]
-    folder, summary, references, told = fitted
+    folder, summary, references, progress = fitted
     (row,) = pq.read_table(folder / "steps.parquet").to_pylist()
     (step,) = summary.steps
     for name in ("t0_s", "R_m", "r_m", "z0_m", "omega_rad_s", "error_mean_mm", "step_length_m", "speed_m_s"):
@@ -127,7 +129,7 @@ def test_the_table_of_steps_is_the_summary(fitted) -> None:  # type: ignore[no-u
     assert about["units"]["omega_rad_s"] == "rad/s"
     assert about["provenance"]["summary"]["steps"] == [step.model_dump(mode="json")]
     assert set(references) <= known_references()
-    assert told.fractions[-1] == 1.0
+    assert progress.fractions[-1] == 1.0
 
 
 def test_many_steps_scatter_by_themselves(walkway: Path, tmp_path: Path) -> None:
@@ -143,7 +145,7 @@ def test_many_steps_scatter_by_themselves(walkway: Path, tmp_path: Path) -> None
     assert lasts_s == pytest.approx([0.12] * len(lasts_s), abs=0.04)
 
 
-def test_all_steps_are_more_and_say_that_they_were_not_measured(tmp_path: Path) -> None:
+def test_all_steps_are_more_and_are_marked_as_not_measured(tmp_path: Path) -> None:
     summary = summary_of(tmp_path, steps="all")
     assert len(summary.steps) >= 4
     assert sum(step.measured for step in summary.steps) == 1
@@ -163,9 +165,9 @@ def test_one_plate_is_refused_with_its_steps(tmp_path: Path) -> None:
     assert caught.value.code == "one-plate-only"
 
 
-def test_without_any_force_standing_is_told_before_missing_plates(tmp_path: Path) -> None:
-    asked = SimulateRecordingInput(duration_s=2.0, speed_m_s=0.0, seed=5)
-    simulate_recording.run(SimulateRecordingTask(input=asked), tmp_path, quiet)
+def test_standing_without_any_force_is_reported_before_missing_plates(tmp_path: Path) -> None:
+    simulation = SimulateRecordingInput(duration_s=2.0, speed_m_s=0.0, seed=5)
+    simulate_recording.run(SimulateRecordingTask(input=simulation), tmp_path, quiet)
     off = {index: PlateSwitch(use=False) for index in (1, 2, 3, 4)}
     with pytest.raises(NotEstimable) as caught:
         summary_of(tmp_path / "fit", file=tmp_path / "recording.c3d", plates=off)
@@ -190,7 +192,7 @@ def test_a_window_that_holds_no_step_and_values_that_make_no_sense(tmp_path: Pat
         FitCycloidInput.model_validate({"recording_id": "r", "steps": "some"})
 
 
-def test_the_child_takes_and_gives_json(tmp_path: Path) -> None:
+def test_task_and_outcome_of_the_fit_are_json(tmp_path: Path) -> None:
     staged = task(tmp_path, method="complementary")
     outcome = with_json(fit_cycloid.run)(staged.model_dump(mode="json"), tmp_path, quiet)
     assert FitCycloidSummary.model_validate(outcome["summary"]).method == "complementary"

@@ -106,7 +106,7 @@ def test_arrays_are_read_without_pickle(tmp_path: Path) -> None:
             np.testing.assert_array_equal(read[f"points_{foot}"], corners_m())
 
 
-def test_what_would_need_pickle_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
+def test_an_array_that_would_need_pickle_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="objects"):
         write_arrays(tmp_path / "x.npz", {"bad": np.array([{}])})
     assert list(tmp_path.iterdir()) == []

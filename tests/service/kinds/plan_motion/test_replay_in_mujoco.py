@@ -40,13 +40,13 @@ def test_base_and_joints_of_other_names_are_set(folder: Path) -> None:
     assert qpos[1] == pytest.approx([0.2, 0.2, 0.8, 0.8, 0.0, 0.0, 0.6, 0.4, -0.6, 0.0])
 
 
-def test_it_runs_alone_and_says_what_fits(folder: Path) -> None:
+def test_the_script_runs_alone_and_reports_the_fit(folder: Path) -> None:
     command = [sys.executable, "replay_in_mujoco.py", "robot.xml", "--check"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
     model = mujoco.MjModel.from_xml_path(str(folder / "robot.xml"))
     data = mujoco.MjData(model)
     data.qpos[:] = positions(model, read_motion(folder / "joints.csv"))[0]
     mujoco.mj_forward(model, data)
-    assert done.stdout.startswith(f"2 joints fit; centre of mass {data.subtree_com[0, 2]:.3f} m high at the start")
-    assert done.stdout.rstrip().endswith("not in the model: arm_rad")
+    assert run.stdout.startswith(f"2 joints fit; centre of mass {data.subtree_com[0, 2]:.3f} m high at the start")
+    assert run.stdout.rstrip().endswith("not in the model: arm_rad")
     assert np.isfinite(data.qpos).all()

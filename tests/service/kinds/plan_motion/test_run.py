@@ -30,7 +30,7 @@ from stridelab.service.kinds.plan_motion import run as plan_motion
 from stridelab.service.kinds.result_tables import known_references, read_metadata
 from stridelab.service.processes.child import with_json
 from stridelab.service.processes.pool import IsolatedPool
-from support.command_line import Told, quiet
+from support.command_line import RecordedProgress, quiet
 from support.robots.plans import Planned, changed, plan_task, run, short_walk, stopping_after
 
 CENTROIDAL_FILES = {"centroidal.parquet", "centroidal.csv", "iterations.parquet", "iterations.csv", "scenario.json"}
@@ -50,7 +50,7 @@ def test_the_files_are_those_of_the_contract(walked: Planned) -> None:
     json.dumps(walked.outcome.to_json(), allow_nan=False)
 
 
-def test_the_summary_says_what_every_stage_found(walked: Planned) -> None:
+def test_the_summary_has_the_result_of_every_stage(walked: Planned) -> None:
     summary = walked.summary
     assert (summary.converged, summary.robot, summary.n_phases) == (True, "talos", len(short_walk().phases))
     assert summary.duration_s == pytest.approx(sum(phase.duration_s for phase in short_walk().phases))
@@ -70,13 +70,13 @@ def test_the_summary_says_what_every_stage_found(walked: Planned) -> None:
     assert summary.warnings == []
 
 
-def test_progress_goes_through_the_stages_and_tells_the_motions_time(walked: Planned) -> None:
-    told = walked.told
-    named = list(dict.fromkeys(message.partition(":")[0] for message in told.messages))
+def test_progress_goes_through_the_stages_with_the_time_of_the_motion(walked: Planned) -> None:
+    progress = walked.progress
+    named = list(dict.fromkeys(message.partition(":")[0] for message in progress.messages))
     assert named == [*STAGES, "done"]
-    assert told.fractions[-1] == 1.0
+    assert progress.fractions[-1] == 1.0
     for stage in ("whole body", "replay"):
-        ticking = [m for m in told.messages if m.startswith(f"{stage}: ")]
+        ticking = [m for m in progress.messages if m.startswith(f"{stage}: ")]
         assert ticking[0] == f"{stage}: 0.0 of {walked.summary.duration_s:.1f} s"
         assert len(ticking) >= 10
         for message in ticking[1:]:
@@ -128,7 +128,7 @@ def newton(walked: Planned, table: str) -> tuple[np.ndarray, np.ndarray, np.ndar
     return time_s, com, v, a
 
 
-def test_a_foot_in_the_air_carries_nothing_in_the_tables(walked: Planned) -> None:
+def test_a_foot_in_the_air_has_no_force_in_the_tables(walked: Planned) -> None:
     for phase, stage in enumerate(short_walk().phases):
         standing = {contact.effector for contact in stage.contacts}
         for foot in ("left_foot", "right_foot"):
@@ -180,33 +180,35 @@ def test_feet_stand_where_the_scenario_puts_them_and_the_com_is_that_of_the_join
 
 def test_scenario_and_certificate_can_be_read_back(walked: Planned) -> None:
     assert Scenario.model_validate_json((walked.folder / "scenario.json").read_text()) == short_walk()
-    kept = CertificateSummary.model_validate_json((walked.folder / "certificate.json").read_text())
-    assert kept == walked.summary.certificate
+    certificate = CertificateSummary.model_validate_json((walked.folder / "certificate.json").read_text())
+    assert certificate == walked.summary.certificate
 
 
 def test_without_the_whole_body_there_is_the_plan_only(tmp_path: Path) -> None:
     task = plan_task(whole_body=False).model_dump(mode="json")
-    done = with_json(plan_motion.run)(task, tmp_path, quiet)
-    assert {a["name"] for a in done["artifacts"]} == CENTROIDAL_FILES == {path.name for path in tmp_path.iterdir()}
-    assert list(done["summary"]["stage_times_s"]) == ["check", "reachability", "centroidal", "export"]
-    assert (done["summary"]["certificate"], done["summary"]["replay"]) == (None, None)
+    outcome = with_json(plan_motion.run)(task, tmp_path, quiet)
+    assert {a["name"] for a in outcome["artifacts"]} == CENTROIDAL_FILES == {path.name for path in tmp_path.iterdir()}
+    assert list(outcome["summary"]["stage_times_s"]) == ["check", "reachability", "centroidal", "export"]
+    assert (outcome["summary"]["certificate"], outcome["summary"]["replay"]) == (None, None)
 
 
-def refused(folder: Path, kind: type[StridelabError], scenario: Scenario | None = None, **asked: Any) -> StridelabError:
+def refused(
+    folder: Path, kind: type[StridelabError], scenario: Scenario | None = None, **options: Any
+) -> StridelabError:
     with pytest.raises(kind) as failure:
-        plan_motion.run(plan_task(scenario, **asked), folder, quiet)
+        plan_motion.run(plan_task(scenario, **options), folder, quiet)
     assert type(failure.value) is kind
     assert list(folder.iterdir()) == [], "a failed run leaves nothing"
     return failure.value
 
 
-def test_a_solver_that_is_not_there_is_refused_before_any_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_solver_is_refused_before_any_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plan_problem, "native_unavailable_reason", lambda: "It was not built.")
-    told = Told()
+    progress = RecordedProgress()
     with pytest.raises(NotEstimable) as failure:
-        plan_motion.run(plan_task(solver="native"), tmp_path, told)
+        plan_motion.run(plan_task(solver="native"), tmp_path, progress)
     assert failure.value.code == "solver-unavailable"
-    assert told.messages == []
+    assert progress.messages == []
 
 
 BAD = {
@@ -224,7 +226,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_scenario_that_cannot_be_is_refused_naming_the_phase(tmp_path: Path, name: str) -> None:
+def test_an_invalid_scenario_is_refused_naming_the_phase(tmp_path: Path, name: str) -> None:
     change, where = BAD[name]
     error = refused(tmp_path, InvalidInput, changed(short_walk(), change))
     assert error.code == "scenario-invalid"
@@ -250,9 +252,9 @@ def test_densities_of_another_description_are_refused(tmp_path: Path, monkeypatc
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("asked", "taken"), [(None, DEFAULT_MEASURE), ("uniform", "uniform"), ("conditioned",) * 2])
-def test_the_measure_that_is_asked_for_is_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: str | None, taken: str
+@pytest.mark.parametrize(("requested", "used"), [(None, DEFAULT_MEASURE), ("uniform", "uniform"), ("conditioned",) * 2])
+def test_the_requested_measure_is_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, requested: str | None, used: str
 ) -> None:
     """Null means the default one."""
     looked: list[str] = []
@@ -263,11 +265,11 @@ def test_the_measure_that_is_asked_for_is_taken(
 
     monkeypatch.setattr(plan_problem, "load_card", stand_in)
     with pytest.raises(NotFound):
-        run(tmp_path, short_walk(), whole_body=False, measure=asked)
-    assert looked == [taken]
+        run(tmp_path, short_walk(), whole_body=False, measure=requested)
+    assert looked == [used]
 
 
-def test_a_solver_that_does_not_converge_is_said_with_status_and_iterations(
+def test_a_solver_that_does_not_converge_is_reported_with_status_and_iterations(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def solve(*args: Any, **options: Any) -> Any:
@@ -282,7 +284,7 @@ def test_a_solver_that_does_not_converge_is_said_with_status_and_iterations(
     assert [fault.where for fault in error.faults] == ["solver", "stage: centroidal"]
 
 
-def test_a_body_that_cannot_follow_keeps_plan_and_motion_and_its_own_words(
+def test_a_body_that_cannot_follow_keeps_plan_motion_and_the_reason(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pipeline, "WholeBodyController", stopping_after(1.2))
@@ -291,8 +293,8 @@ def test_a_body_that_cannot_follow_keeps_plan_and_motion_and_its_own_words(
     assert error is not None
     assert error.code == "whole-body-failed"
     assert [fault.where for fault in error.faults] == ["phases[1]", "stage: whole body"]
-    said = stuck.outcome.to_json()["problem"]
-    assert (said["code"], said["detail"]) == (error.code, error.message)
+    problem = stuck.outcome.to_json()["problem"]
+    assert (problem["code"], problem["detail"]) == (error.code, error.message)
     stopped = stuck.summary.stopped
     assert stopped is not None
     assert (stopped.time_s, stopped.phase, stopped.level) == (1.2, 1, 0)
@@ -302,10 +304,10 @@ def test_a_body_that_cannot_follow_keeps_plan_and_motion_and_its_own_words(
     about = json.loads((tmp_path / "poses.json").read_text())
     assert about["time_s"][-1] == pytest.approx(1.2)
     assert stuck.arrays()["q"].shape[0] == 301
-    assert stuck.told.messages[-1] == "stopped at 1.20 s"
+    assert stuck.progress.messages[-1] == "stopped at 1.20 s"
 
 
-def test_a_solver_that_hangs_is_ended_and_its_stage_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_solver_that_hangs_is_ended_and_its_stage_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))
     heard: list[str] = []
 

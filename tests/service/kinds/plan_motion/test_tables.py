@@ -31,8 +31,14 @@ def test_centroidal_has_the_contracts_columns_and_units(tmp_path: Path) -> None:
     expected += ["friction_left_foot", "friction_right_foot"]
     assert table.column_names == expected
     units = read_metadata(tmp_path / "centroidal.parquet")["units"]
-    told = {"com_x_m": "m", "com_vx_m_s": "m/s", "com_ax_m_s2": "m/s^2", "l_x_nms": "N m s", "f_left_foot_0_x_n": "N"}
-    assert {name: units[name] for name in told} == told
+    expected_units = {
+        "com_x_m": "m",
+        "com_vx_m_s": "m/s",
+        "com_ax_m_s2": "m/s^2",
+        "l_x_nms": "N m s",
+        "f_left_foot_0_x_n": "N",
+    }
+    assert {name: units[name] for name in expected_units} == expected_units
     assert read_metadata(tmp_path / "iterations.parquet")["units"]["cost_s"] == "s"
     twin = pyarrow.csv.read_csv(tmp_path / "centroidal.csv")
     assert twin.column_names == expected
@@ -40,7 +46,7 @@ def test_centroidal_has_the_contracts_columns_and_units(tmp_path: Path) -> None:
         np.testing.assert_allclose(twin[name].to_numpy(), table[name].to_numpy(), rtol=1e-12)
 
 
-def test_what_is_constant_over_an_interval_stands_at_its_start_and_the_last_row_repeats() -> None:
+def test_interval_values_stand_at_the_start_of_the_interval_and_the_last_row_repeats() -> None:
     plan = made_up_plan()
     columns = centroidal_columns(plan)
     assert len({len(column) for column in columns.values()}) == 1

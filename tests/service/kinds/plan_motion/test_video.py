@@ -19,7 +19,7 @@ from stridelab.service.kinds.plan_motion.video import (
     require_film,
     write_film,
 )
-from support.command_line import Told, quiet
+from support.command_line import RecordedProgress, quiet
 from support.robots.plans import made_up_motion, one_step, plan_task, talos
 
 FFMPEG = """#!/bin/sh
@@ -53,26 +53,26 @@ def poses() -> np.ndarray:
 def test_without_ffmpeg_a_film_is_refused_before_any_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(video.shutil, "which", lambda _: None)
     require_film(None)
-    told = Told()
+    progress = RecordedProgress()
     with pytest.raises(NotEstimable) as refusal:
-        plan_motion.run(plan_task(film="mp4"), tmp_path, told)
+        plan_motion.run(plan_task(film="mp4"), tmp_path, progress)
     assert refusal.value.code == "film-unavailable"
     assert "apt-get install ffmpeg" in refusal.value.message
-    assert told.messages == []
+    assert progress.messages == []
 
 
 @pytest.mark.parametrize("film", ["gif", "mp4"])
-def test_every_frame_is_handed_to_ffmpeg(programs: Path, tmp_path: Path, film: video.Film) -> None:
+def test_every_frame_is_passed_to_ffmpeg(programs: Path, tmp_path: Path, film: video.Film) -> None:
     install(programs, FFMPEG)
     artifact = write_film(tmp_path, film, one_step().terrain, link_meshes(talos()), poses(), 25.0, quiet)
     assert (artifact.name, artifact.media_type) == (f"motion.{film}", video.MEDIA_TYPES[film])
     assert (tmp_path / artifact.name).is_file()
     assert int((tmp_path / "bytes").read_text()) == 2 * 3 * SIZE_PX[0] * SIZE_PX[1]
-    said = (tmp_path / "arguments").read_text()
-    assert f"-s {SIZE_PX[0]}x{SIZE_PX[1]} -r 25 -i -" in said
+    arguments = (tmp_path / "arguments").read_text()
+    assert f"-s {SIZE_PX[0]}x{SIZE_PX[1]} -r 25 -i -" in arguments
 
 
-def test_what_ffmpeg_says_last_is_the_reason(programs: Path, tmp_path: Path) -> None:
+def test_the_last_line_of_ffmpeg_is_the_reason(programs: Path, tmp_path: Path) -> None:
     install(programs, "#!/bin/sh\necho 'Unknown encoder libx264' >&2\nexit 1\n")
     with pytest.raises(NotEstimable) as failure:
         write_film(tmp_path, "mp4", one_step().terrain, link_meshes(talos()), poses(), 25.0, quiet)
@@ -82,12 +82,12 @@ def test_what_ffmpeg_says_last_is_the_reason(programs: Path, tmp_path: Path) -> 
 
 
 def test_the_robot_stands_where_the_camera_looks(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen = poses()
-    camera = Camera.looking_at(seen[:1, :, :3].reshape(-1, 3))
+    link_poses = poses()
+    camera = Camera.looking_at(link_poses[:1, :, :3].reshape(-1, 3))
     monkeypatch.setattr(Camera, "looking_at", staticmethod(lambda _: camera))
-    seen[1] = np.nan  # a robot that is not there
+    link_poses[1] = np.nan  # a robot that is not there
     with_robot, without = (
-        np.asarray(picture) for picture in render_frames(one_step().terrain, link_meshes(talos()), seen)
+        np.asarray(picture) for picture in render_frames(one_step().terrain, link_meshes(talos()), link_poses)
     )
     changed = np.argwhere((with_robot != without).any(axis=2))
     assert len(changed) > 0.02 * SIZE_PX[0] * SIZE_PX[1]
@@ -95,7 +95,7 @@ def test_the_robot_stands_where_the_camera_looks(monkeypatch: pytest.MonkeyPatch
     assert (without == BACKGROUND_COLOUR).all(axis=2).any()
 
 
-def test_what_is_nearer_is_larger_and_the_middle_stays_in_the_middle() -> None:
+def test_nearer_objects_are_larger_and_the_middle_stays_in_the_middle() -> None:
     box = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-0.5, 0.5) for z in (0.0, 1.6)])
     camera = Camera.looking_at(box)
     pixels, depth = camera.project_points(box)

@@ -35,12 +35,12 @@ def recorded() -> tuple[dict[str, Any], np.ndarray]:
 
 
 def moves(document: dict[str, Any], kind: str, node: str, field: str) -> dict[float, list[float]]:
-    """What a node is told, by time; the last word of an instant counts."""
-    found = [(t, m) for t, m in document["messages"] if m["type"] == kind and m["name"] == node]
-    return {round(t, 6): m[field] for t, m in found}
+    """Messages of a node by time; the last one of an instant counts."""
+    messages = [(t, m) for t, m in document["messages"] if m["type"] == kind and m["name"] == node]
+    return {round(t, 6): m[field] for t, m in messages}
 
 
-def test_every_link_is_where_the_motion_has_it_at_every_instant(recorded) -> None:  # type: ignore[no-untyped-def]
+def test_every_link_has_its_pose_of_the_motion_at_every_instant(recorded) -> None:  # type: ignore[no-untyped-def]
     document, poses = recorded
     assert document["durationSeconds"] == pytest.approx(len(poses) / 25.0)
     for k, name in enumerate(LINKS):

@@ -19,7 +19,7 @@ from stridelab.schemas.reachability import EffectorReach, RobotReachability
 from stridelab.service.kinds.robots import reachability as robot_reachability
 from stridelab.service.kinds.robots.reachability import plottable_reachability, run
 from stridelab.service.processes.child import with_json
-from support.command_line import Told, quiet
+from support.command_line import RecordedProgress, quiet
 
 UNIFORM = {"robot": "talos", "measure": "uniform"}
 
@@ -37,9 +37,9 @@ def cloud(card: ReachabilityCard) -> dict[str, Points]:
 
 @pytest.fixture(scope="module")
 def drawn(card: ReachabilityCard, cloud: dict[str, Points]) -> dict[str, EffectorReach]:
-    found = plottable_reachability(load_robot("talos"), card, cloud)
-    assert (found.robot, found.measure) == ("talos", "uniform")
-    return {each.card.effector: each for each in found.effectors}
+    reachability = plottable_reachability(load_robot("talos"), card, cloud)
+    assert (reachability.robot, reachability.measure) == ("talos", "uniform")
+    return {each.card.effector: each for each in reachability.effectors}
 
 
 def test_frames_are_where_the_reference_posture_has_the_effectors(drawn: dict[str, EffectorReach]) -> None:
@@ -58,29 +58,29 @@ def test_a_density_in_the_heading_frame_stands_upright_at_the_same_place(
 ) -> None:
     heading = replace(card.effectors["right_hand"], frame="heading")
     changed = replace(card, effectors={"right_hand": heading})
-    (found,) = plottable_reachability(load_robot("talos"), changed, cloud).effectors
-    assert found.reference_pose[:3] == drawn["right_hand"].reference_pose[:3]
-    assert found.reference_pose[3:] == (1.0, 0.0, 0.0, 0.0)
-    assert found.card.frame == "heading"
+    (drawn_effector,) = plottable_reachability(load_robot("talos"), changed, cloud).effectors
+    assert drawn_effector.reference_pose[:3] == drawn["right_hand"].reference_pose[:3]
+    assert drawn_effector.reference_pose[3:] == (1.0, 0.0, 0.0, 0.0)
+    assert drawn_effector.card.frame == "heading"
 
 
 def test_samples_are_the_first_to_the_millimetre(drawn: dict[str, EffectorReach], cloud: dict[str, Points]) -> None:
-    for name, found in drawn.items():
-        assert len(found.com_m) == 2000
-        assert np.array(found.com_m) == pytest.approx(cloud[name][:2000], abs=0.501e-3)
+    for name, effector in drawn.items():
+        assert len(effector.com_m) == 2000
+        assert np.array(effector.com_m) == pytest.approx(cloud[name][:2000], abs=0.501e-3)
 
 
 def test_surfaces_lie_where_the_density_is_their_threshold(
     drawn: dict[str, EffectorReach], card: ReachabilityCard
 ) -> None:
-    for name, found in drawn.items():
+    for name, effector in drawn.items():
         mixture = learned(card, name).to_mixture()
-        assert [level.mass for level in found.level_sets] == [0.5, 0.8, 0.95]
-        for level in found.level_sets:
+        assert [level.mass for level in effector.level_sets] == [0.5, 0.8, 0.95]
+        for level in effector.level_sets:
             log_p = mixture.log_density(np.array(level.vertices_m))
             assert np.median(log_p) == pytest.approx(np.log(level.density_per_m3), abs=0.05)
             assert max(max(triangle) for triangle in level.triangles) == len(level.vertices_m) - 1
-        assert found.card.components == learned(card, name).components
+        assert effector.card.components == learned(card, name).components
 
 
 def learned(card: ReachabilityCard, name: str) -> EffectorCard:
@@ -88,11 +88,11 @@ def learned(card: ReachabilityCard, name: str) -> EffectorCard:
 
 
 def test_maps_hold_all_of_both_densities(drawn: dict[str, EffectorReach]) -> None:
-    for found in drawn.values():
-        assert [(each.along, each.right, each.up) for each in found.projections] == [
+    for effector in drawn.values():
+        assert [(each.along, each.right, each.up) for each in effector.projections] == [
             ("x", "y", "z"), ("y", "x", "z"), ("z", "x", "y"),
         ]  # fmt: skip
-        for each in found.projections:
+        for each in effector.projections:
             step_m = each.right_m[1] - each.right_m[0]
             assert np.diff(each.up_m) == pytest.approx(step_m, abs=2e-4)
             for values in (np.array(each.kernel_per_m2), np.array(each.mixture_per_m2)):
@@ -101,16 +101,21 @@ def test_maps_hold_all_of_both_densities(drawn: dict[str, EffectorReach]) -> Non
 
 
 def test_the_child_leaves_one_compressed_file(tmp_path: Path) -> None:
-    told = Told()
-    outcome = with_json(run)(UNIFORM, tmp_path, told)
-    assert told.fractions[-1] == 1.0
+    progress = RecordedProgress()
+    outcome = with_json(run)(UNIFORM, tmp_path, progress)
+    assert progress.fractions[-1] == 1.0
     assert [item["name"] for item in outcome["artifacts"]] == ["reachability.json.gz"]
     assert [path.name for path in tmp_path.iterdir()] == ["reachability.json.gz"]
     packed = (tmp_path / "reachability.json.gz").read_bytes()
-    found = RobotReachability.model_validate_json(gzip.decompress(packed))
-    assert [each.card.effector for each in found.effectors] == ["left_foot", "right_foot", "left_hand", "right_hand"]
+    reachability = RobotReachability.model_validate_json(gzip.decompress(packed))
+    assert [each.card.effector for each in reachability.effectors] == [
+        "left_foot",
+        "right_foot",
+        "left_hand",
+        "right_hand",
+    ]
     assert len(packed) < 500_000
-    assert found.robot_sha256 == load_robot("talos").sha256
+    assert reachability.robot_sha256 == load_robot("talos").sha256
 
 
 def test_unknown_robots_and_measures_and_cards_of_others_are_refused(
@@ -129,7 +134,7 @@ def test_unknown_robots_and_measures_and_cards_of_others_are_refused(
     assert not list(tmp_path.iterdir())
 
 
-def test_what_was_not_learned_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_effector_that_was_not_learned_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "reachability").mkdir()
     shutil.copytree(models_dir() / "robots", tmp_path / "robots")
     monkeypatch.setattr("stridelab.reachability.store.models_dir", lambda: tmp_path)

@@ -1,4 +1,4 @@
-"""What the service tells of a robot and what it shows, with the children that make it."""
+"""Facts and meshes of a robot, and the child processes that compute them."""
 
 import asyncio
 import json
@@ -22,16 +22,16 @@ from stridelab.service.kinds.robots import description, links
 from stridelab.service.processes.child import with_json
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.running_child import IsolatedOutcome
-from support.command_line import Told, quiet
+from support.command_line import RecordedProgress, quiet
 
 KINDS = "stridelab.service.kinds"
 
 
 @pytest.fixture(scope="module")
 def facts(tmp_path_factory: pytest.TempPathFactory) -> RobotFacts:
-    told = Told()
-    value = with_json(description.run)({"robot": "talos"}, tmp_path_factory.mktemp("facts"), told)
-    assert told.fractions[-1] == 1.0
+    progress = RecordedProgress()
+    value = with_json(description.run)({"robot": "talos"}, tmp_path_factory.mktemp("facts"), progress)
+    assert progress.fractions[-1] == 1.0
     assert value["artifacts"] == []
     return RobotFacts.model_validate(value["summary"])
 
@@ -80,20 +80,20 @@ def test_links_of_talos_are_where_the_reference_posture_has_them(facts: RobotFac
 
 
 def test_proxies_are_those_of_the_reachability_file(facts: RobotFacts) -> None:
-    kept = json.loads((models_dir() / "reachability" / "talos" / "uniform.json").read_text(encoding="utf-8"))
+    stored = json.loads((models_dir() / "reachability" / "talos" / "uniform.json").read_text(encoding="utf-8"))
     proxies = [proxy for proxy in facts.proxies if proxy.measure == "uniform"]
-    assert [proxy.effector for proxy in proxies] == list(kept["effectors"])
+    assert [proxy.effector for proxy in proxies] == list(stored["effectors"])
     assert "uniform" in facts.measures
     assert facts.default_measure in facts.measures
     for proxy in proxies:
-        learned = kept["effectors"][proxy.effector]
+        learned = stored["effectors"][proxy.effector]
         assert proxy.components == len(learned["weights"])
-        assert (proxy.samples, proxy.tried, proxy.seed) == (kept["samples"], kept["tried"], kept["seed"])
+        assert (proxy.samples, proxy.tried, proxy.seed) == (stored["samples"], stored["tried"], stored["seed"])
         assert (proxy.kl_nats, list(proxy.mode_m)) == (learned["kl_nats"], learned["mode_m"])
         assert (proxy.frame, proxy.thesis_components) == (learned["frame"], learned["thesis_components"])
-        assert proxy.rejected_share == pytest.approx(1.0 - kept["samples"] / kept["tried"])
+        assert proxy.rejected_share == pytest.approx(1.0 - stored["samples"] / stored["tried"])
         assert [size.components for size in proxy.sizes] == list(range(1, 21))
-        assert (proxy.learned_on, proxy.versions) == (kept["learned_on"], kept["versions"])
+        assert (proxy.learned_on, proxy.versions) == (stored["learned_on"], stored["versions"])
 
 
 def test_a_robot_whose_reach_was_never_learned_is_described(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,9 +117,9 @@ def test_densities_of_another_description_are_not_the_robots(monkeypatch: pytest
 
 
 def test_links_come_as_one_named_node_each(tmp_path: Path, facts: RobotFacts) -> None:
-    told = Told()
-    value = with_json(links.run)({"robot": "talos"}, tmp_path, told)
-    assert told.fractions[-1] == 1.0
+    progress = RecordedProgress()
+    value = with_json(links.run)({"robot": "talos"}, tmp_path, progress)
+    assert progress.fractions[-1] == 1.0
     assert value["summary"]["links"] == facts.links
     assert value["summary"]["sha256"] == facts.sha256
     assert value["artifacts"] == [{"name": "links.glb", "media_type": "model/gltf-binary"}]

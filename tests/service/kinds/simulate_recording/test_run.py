@@ -23,23 +23,23 @@ from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
 from stridelab.service.kinds.result_tables import known_references
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
 from stridelab.service.kinds.simulate_recording.kind import FACTS_FILE
-from support.command_line import Told, quiet
+from support.command_line import RecordedProgress, quiet
 
 WALK = SimulateRecordingInput(duration_s=2.0, height_m=1.8, mass_kg=75.0, sex="male", seed=3, lab="two_plates")
 
 
-def simulated(folder: Path, asked: SimulateRecordingInput = WALK) -> SimulateRecordingSummary:
+def simulated(folder: Path, simulation: SimulateRecordingInput = WALK) -> SimulateRecordingSummary:
     folder.mkdir(exist_ok=True)
-    outcome = simulate_recording.run(SimulateRecordingTask(input=asked), folder, quiet)
+    outcome = simulate_recording.run(SimulateRecordingTask(input=simulation), folder, quiet)
     return SimulateRecordingSummary.model_validate(outcome.summary)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder, told = tmp_path_factory.mktemp("simulated"), Told()
-    outcome = simulate_recording.run(SimulateRecordingTask(input=WALK), folder, told)
+    folder, progress = tmp_path_factory.mktemp("simulated"), RecordedProgress()
+    outcome = simulate_recording.run(SimulateRecordingTask(input=WALK), folder, progress)
     assert [a.name for a in outcome.artifacts] == ["recording.c3d", "truth.parquet", "truth.csv"]
-    assert told.fractions[-1] == 1.0
+    assert progress.fractions[-1] == 1.0
     assert set(outcome.references) <= known_references()
     summary = SimulateRecordingSummary.model_validate(outcome.summary)
     assert summary.speed_m_s == pytest.approx(1.2, abs=0.15)
@@ -96,7 +96,7 @@ def test_the_same_seed_repeats_and_another_does_not(folder: Path, tmp_path: Path
     assert not np.allclose(truth(tmp_path / "other", "com_x_m"), truth(folder, "com_x_m"), atol=1e-3)
 
 
-def test_noise_off_is_noise_off(folder: Path, tmp_path: Path) -> None:
+def test_without_noise_the_recording_is_exact(folder: Path, tmp_path: Path) -> None:
     silent = SimulationNoise(force_n=0, moment_nm=0, marker_m=0)
     simulated(tmp_path / "a", WALK.model_copy(update={"noise": silent}))
     clean, noisy = read_recording(tmp_path / "a" / "recording.c3d"), read_recording(folder / "recording.c3d")
@@ -115,9 +115,9 @@ def test_only_the_artifacts_remain_where_no_row_is_made(folder: Path, tmp_path: 
 def talos(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """TALOS walks for four seconds; its recording reads back as a file from a laboratory would."""
     folder = tmp_path_factory.mktemp("talos")
-    asked = SimulateRecordingInput.model_validate({"robot": "talos", "duration_s": 4.0, "seed": 2})
-    assert asked.speed_m_s == pytest.approx(0.4), "its own speed, unless one is stated"
-    outcome = simulate_recording.run(SimulateRecordingTask(input=asked), folder, quiet)
+    simulation = SimulateRecordingInput.model_validate({"robot": "talos", "duration_s": 4.0, "seed": 2})
+    assert simulation.speed_m_s == pytest.approx(0.4), "its own speed, unless one is stated"
+    outcome = simulate_recording.run(SimulateRecordingTask(input=simulation), folder, quiet)
     assert [a.name for a in outcome.artifacts] == ["recording.c3d", "truth.parquet", "truth.csv"]
     assert set(outcome.references) <= known_references()
     summary = SimulateRecordingSummary.model_validate(outcome.summary)
@@ -152,14 +152,14 @@ def test_talos_is_estimated_like_a_person(talos: Path) -> None:
     recording = trial.recording
     geometric = SegmentModel("carried").com(recording, trial.match.landmarks, subject=recording.subject)
     wrench = wrench_track(recording, trial.windows)
-    found = ComplementaryFilter().estimate(geometric, wrench, 90.27)
-    at = np.round(found.time_s * 100.0).astype(int)
-    error = found.com_m - truth(talos, "com_x_m", "com_y_m", "com_z_m")[at]
+    estimate = ComplementaryFilter().estimate(geometric, wrench, 90.27)
+    at = np.round(estimate.time_s * 100.0).astype(int)
+    error = estimate.com_m - truth(talos, "com_x_m", "com_y_m", "com_z_m")[at]
     assert np.sqrt(np.mean(error**2, axis=0)).max() < 3e-3
 
 
 @pytest.mark.parametrize(
-    ("asked", "part"),
+    ("options", "part"),
     [
         ({"gait": "running"}, "only TALOS runs"),
         ({"robot": "talos", "mass_kg": 80.0}, "its own height and mass"),
@@ -168,22 +168,22 @@ def test_talos_is_estimated_like_a_person(talos: Path) -> None:
         ({"mass_kg": None}, "a person needs"),
     ],
 )
-def test_what_nobody_can_simulate_is_refused_at_the_door(asked: dict[str, Any], part: str) -> None:
+def test_impossible_simulations_are_refused_at_submission(options: dict[str, Any], part: str) -> None:
     with pytest.raises(ValidationError, match=part):
-        SimulateRecordingInput.model_validate(asked)
+        SimulateRecordingInput.model_validate(options)
 
 
 @pytest.mark.parametrize(
-    "asked", [{"robot": "talos", "speed_m_s": 1.5}, {"robot": "talos", "gait": "running", "speed_m_s": 2.0}]
+    "options", [{"robot": "talos", "speed_m_s": 1.5}, {"robot": "talos", "gait": "running", "speed_m_s": 2.0}]
 )
-def test_speeds_beyond_talos_are_refused_by_the_job(asked: dict[str, Any], tmp_path: Path) -> None:
+def test_speeds_beyond_talos_are_refused_by_the_job(options: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="TALOS") as refusal:
-        simulated(tmp_path / "a", SimulateRecordingInput.model_validate(asked))
+        simulated(tmp_path / "a", SimulateRecordingInput.model_validate(options))
     assert refusal.value.code == "walker-out-of-range"
 
 
 def test_an_input_that_travels_as_json_stays_the_same() -> None:
-    asked = SimulateRecordingInput.model_validate({"robot": "talos", "gait": "running", "seed": 1})
-    assert asked.speed_m_s == pytest.approx(1.0)
-    assert asked.mass_kg is None
-    assert SimulateRecordingInput.model_validate_json(asked.model_dump_json()) == asked
+    simulation = SimulateRecordingInput.model_validate({"robot": "talos", "gait": "running", "seed": 1})
+    assert simulation.speed_m_s == pytest.approx(1.0)
+    assert simulation.mass_kg is None
+    assert SimulateRecordingInput.model_validate_json(simulation.model_dump_json()) == simulation

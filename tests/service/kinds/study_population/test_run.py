@@ -43,13 +43,13 @@ def walks(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     files = []
     for n, height_m in enumerate((1.6, 1.8)):
         folder = tmp_path_factory.mktemp("walk")
-        asked = SimulateRecordingInput(duration_s=2.5, height_m=height_m, seed=n)
-        simulate_recording.run(SimulateRecordingTask(input=asked), folder, quiet)
+        simulation = SimulateRecordingInput(duration_s=2.5, height_m=height_m, seed=n)
+        simulate_recording.run(SimulateRecordingTask(input=simulation), folder, quiet)
         files.append((folder / "recording.c3d").rename(folder / f"walk-{n}.c3d"))
     return files
 
 
-def test_two_people_have_means_and_what_cannot_be_fitted_is_named(walks: list[Path], tmp_path: Path) -> None:
+def test_two_people_have_means_and_recordings_without_a_fit_are_named(walks: list[Path], tmp_path: Path) -> None:
     broken = tmp_path / "broken.c3d"
     broken.write_bytes(b"no recording")
     members = [
@@ -81,7 +81,7 @@ def test_two_people_have_means_and_what_cannot_be_fitted_is_named(walks: list[Pa
     assert {artifact.name for artifact in outcome.artifacts} == names
 
 
-def test_nothing_at_all_is_refused_with_every_reason(tmp_path: Path) -> None:
+def test_a_study_without_any_fit_is_refused_with_every_reason(tmp_path: Path) -> None:
     broken = tmp_path / "broken.c3d"
     broken.write_bytes(b"no recording")
     with pytest.raises(NotEstimable) as refused:
@@ -90,7 +90,7 @@ def test_nothing_at_all_is_refused_with_every_reason(tmp_path: Path) -> None:
     assert refused.value.faults[0].where == "broken.c3d"
 
 
-def test_a_person_in_two_recordings_is_one_and_contradictions_are_said() -> None:
+def test_a_person_in_two_recordings_counts_once_and_contradictions_are_remarked() -> None:
     sheets = [
         RecordingSubject("a.c3d", PersonFields(subject="P01", height_m=1.70, age_years=30), 0.80),
         RecordingSubject("b.c3d", PersonFields(subject="P01", height_m=1.80), 0.82),
@@ -128,7 +128,7 @@ def test_a_person_in_two_groups_is_refused() -> None:
         {"recording_ids": [str(n) for n in range(501)]},
     ],
 )
-def test_what_the_contract_refuses(fields: dict[str, object]) -> None:
+def test_invalid_inputs_are_refused_by_the_contract(fields: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         StudyPopulationInput.model_validate(fields)
 
