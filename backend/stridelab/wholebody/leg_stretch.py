@@ -39,7 +39,7 @@ RANGE_SHARE: Final = 0.025
 AIR_M: Final = 0.04
 AIR_WINDOWS: Final = ((0.0, 0.3), (0.65, 0.96))
 """Shares of a swing in which the allowance of a leg in the air grows and ends."""
-ENOUGH_M: Final = 0.012
+ENOUGH_M: Final = 0.008
 """Missing height that is left alone: the base tilts by as much. Lower plans bend the knees towards the next tread."""
 MAX_LOWERING_M: Final = 0.12
 MAX_PASSES: Final = 4

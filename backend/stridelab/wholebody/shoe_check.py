@@ -30,10 +30,15 @@ def require_room_for_shoes(robot: Robot, sequence: ContactSequence) -> None:
     Raises ``InvalidInput`` (``scenario-invalid``) with the phase, the effector, the other part and the distance of
     every fault.
     """
-    faults = [*_overlaps(robot, sequence), *_close_steps(robot, sequence)]
+    faults = shoe_faults(robot, sequence)
     if faults:
         named = "; ".join(f"{fault.where}: {fault.message}" for fault in faults[:3])
         raise InvalidInput("scenario-invalid", f"The shoes of {robot.title} have no room. {named}.", faults)
+
+
+def shoe_faults(robot: Robot, sequence: ContactSequence) -> list[Fault]:
+    """Faults of shoes that overlap, then of shoes too near to a step; each contact once."""
+    return [*_overlaps(robot, sequence), *_close_steps(robot, sequence)]
 
 
 def _overlaps(robot: Robot, sequence: ContactSequence) -> Iterator[Fault]:

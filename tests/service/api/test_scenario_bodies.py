@@ -1,12 +1,15 @@
 """``POST /scenarios/check`` with ``body_checked``: what the whole body says beside the judge."""
 
 import json
+import math
 import time
 from typing import Any
 
 import httpx
 import pytest
 
+from experiments.terrains.steps import Pose, Steps, wide_ground
+from stridelab.contacts.scenarios.parts import TALOS, Timing
 from stridelab.machine.models_folder import models_dir
 from support.robots.scenario_bodies import one_step, with_contact
 from support.service.web_server import refusal_code
@@ -54,6 +57,22 @@ def test_a_scenario_within_the_learned_reach_that_no_body_can_do_is_invalid(http
     assert any(limit.startswith("LLEG_JOINT") for limit in out[0]["limits"])
     assert [fault["where"] for fault in whole["errors"]] == ["phases[10].contacts[left_foot]"]
     assert whole["errors"][0]["message"] == out[0]["reason"]
+
+
+def test_shoes_that_overlap_are_errors_of_the_check_as_of_a_plan(http: httpx.Client) -> None:
+    def turned(angle_deg: float) -> dict[str, Any]:
+        steps = Steps.from_pose(TALOS, Timing(1.0, 1.0, 0.2), Pose(0.0, 0.0))
+        steps.move_foot("left_foot", Pose(0.0, 0.0, math.radians(angle_deg)))
+        return dict(steps.as_scenario("turn", "", [wide_ground()]))
+
+    plain = http.post(CHECK, json=turned(30.0)).json()
+    assert (plain["valid"], plain["errors"]) == (True, [])
+    whole = asked(http, turned(30.0))
+    assert whole["valid"] is False
+    (fault,) = (one for one in whole["errors"] if "shoe" in one["message"])
+    assert fault["where"] == "phases[2].contacts[right_foot]"
+    assert "overlaps with that of left_foot by" in fault["message"]
+    assert not [one for one in asked(http, turned(20.0))["errors"] if "shoe" in one["message"]]
 
 
 def test_a_hand_a_metre_and_a_half_away_is_unreachable(http: httpx.Client) -> None:

@@ -10,6 +10,7 @@ from stridelab.centroidal.plan import Reference
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control import tasks
 from stridelab.wholebody.control.hierarchical_qp import Rows
+from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.rigid_body import RigidBody
 from stridelab.wholebody.control.tasks import Gain
 
@@ -117,3 +118,30 @@ def test_stacked_rows_are_weighted_and_widened() -> None:
     rows = tasks.stack_weighted([(2.0, one), (np.array([3.0, 4.0]), two)], 3)
     assert np.array_equal(rows.A, [[2.0, 2.0, 0.0], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
     assert np.array_equal(rows.b, [6.0, 3.0, 8.0])
+
+
+def test_a_joint_near_the_end_of_its_range_is_pushed_away_and_others_are_left_alone(state: State) -> None:
+    """The weight begins at zero with the distance at which the task acts, so that accelerations are continuous."""
+    body, limits, acts_rad = state.body, JointLimits.of_model(state.body.model), 0.1
+    at_rest = np.zeros(body.model.nv)
+    lower, upper, free = 6 + np.array([3, 9, 4])
+
+    def task_at(distance_rad: float, v: np.ndarray = at_rest) -> tuple[np.ndarray, Rows]:
+        q = state.q.copy()
+        q[lower + 1] = limits.lower_rad[lower - 6] + distance_rad
+        q[upper + 1] = limits.upper_rad[upper - 6] - distance_rad
+        q[free + 1] = 0.5 * (limits.lower_rad[free - 6] + limits.upper_rad[free - 6])
+        body.update(q, v)
+        return tasks.range_task(body, limits, (int(lower), int(upper), int(free)), GAIN, acts_rad)
+
+    weights, rows = task_at(0.04)
+    assert weights == pytest.approx([0.36, 0.36, 0.0])
+    a = np.linalg.lstsq(rows.A[:2], rows.b[:2])[0]
+    assert a[lower] == pytest.approx(GAIN.kp * 0.06)
+    assert a[upper] == pytest.approx(-GAIN.kp * 0.06)
+    assert np.count_nonzero(a) == 2
+    assert task_at(acts_rad - 1e-6)[0].max() < 1e-9
+    approaching = at_rest.copy()
+    approaching[lower] = -0.5
+    assert task_at(acts_rad + 0.01, approaching)[0][0] == pytest.approx(0.16)
+    assert task_at(acts_rad + 0.01)[0].max() == 0.0

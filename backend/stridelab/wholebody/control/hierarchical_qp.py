@@ -33,6 +33,8 @@ _DAMPING = 1e-9
 _PROXIMAL = -1e-5
 """Weight of the proximal steps for a level that does not determine ``w``; negative: only if necessary."""
 _BINDING = 1e-6
+_ROUNDING = 1e-10
+"""Largest entry, relative to the level's rows, of a level that the levels above leave nothing to decide."""
 _NO_BOUND = 1e30
 
 
@@ -172,6 +174,8 @@ def _solve_level(z: Unknowns, Z: Basis, level: Rows, bounds: Inequalities) -> _L
     if not Z.shape[1]:
         return _LevelSolution(np.zeros(0), 1, np.zeros(len(bounds.upper)))
     B = level.A @ Z
+    if np.abs(B).max(initial=0.0) <= _ROUNDING * np.abs(level.A).max(initial=0.0):
+        B = np.zeros_like(B)  # the level is decided above; rounding errors would drive w until the bounds stop it
     off = bounds.G @ z
     w, _, flag, info = daqp.solve(
         B.T @ B,

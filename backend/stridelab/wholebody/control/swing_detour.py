@@ -17,7 +17,7 @@ arms and CoM with it, since the sole is a task above them.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -100,8 +100,9 @@ class AnkleRelief:
     def of_sole(robot: Robot, effector: str, limits: JointLimits) -> "AnkleRelief":
         """The ankle of a sole; without effect for a robot whose card names none."""
         sole = robot.effectors[effector]
-        columns = tuple(6 + robot.joint_names.index(name) for name in sole.ankle or ())
-        return AnkleRelief(columns, limits, SHOE_SHARE * (sole.contact_half_size_m or (0.0, 0.0))[0])
+        return AnkleRelief(
+            ankle_columns(robot, (effector,)), limits, SHOE_SHARE * (sole.contact_half_size_m or (0.0, 0.0))[0]
+        )
 
     def push(self, body: RigidBody, effector: str) -> Offset:
         """Acceleration of the offset that turns the sole away from the ends of the ankle's range, and raises it."""
@@ -115,6 +116,12 @@ class AnkleRelief:
                 push[2] += self.lever_m * abs(pushed)
                 push[3:] += pushed * body.frame_state(effector).J[3:, column]
         return push
+
+
+def ankle_columns(robot: Robot, effectors: Iterable[str]) -> tuple[int, ...]:
+    """Columns of the velocity that belong to the ankle joints of some effectors."""
+    joints = (name for effector in effectors for name in robot.effectors[effector].ankle or ())
+    return tuple(6 + robot.joint_names.index(name) for name in joints)
 
 
 def _window(t_s: float, duration_s: float) -> tuple[float, float, float]:

@@ -4,8 +4,8 @@ Unknowns ``z = (a, f)``: joint accelerations ``(nv,)`` and one force per contact
 
     level 0   base rows of  M a + h = S' tau + J' f ;  fixed contacts
     level 1   CoM on the plan ; effectors in the air on their curves
-    level 2   angular momentum, upright base, posture, collision avoidance, planned forces,
-              orientation of hands                                                               (weighted)
+    level 2   angular momentum, upright base, posture, collision avoidance, ankles inside their ranges,
+              planned forces, orientation of hands                                               (weighted)
     always    friction pyramids ;  |tau| <= tau_max ;  acceleration bounds from the joint limits
 
 The actuated rows of the equations of motion, apart from those of the base (2.2), give the torques,
@@ -28,10 +28,10 @@ from stridelab.wholebody.control.collision_avoidance import AvoidanceSettings, C
 from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows
 from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.rigid_body import RigidBody
-from stridelab.wholebody.control.swing_detour import AnkleRelief, Offset, SwingDetour
+from stridelab.wholebody.control.swing_detour import AnkleRelief, Offset, SwingDetour, ankle_columns
 from stridelab.wholebody.control.tasks import Gain, force_jacobian, friction_pyramid
 
-FIRM, MIDDLE, GENTLE = (Gain.critically_damped(kp) for kp in (400.0, 60.0, 30.0))
+FIRM, PROMPT, MIDDLE, GENTLE = (Gain.critically_damped(kp) for kp in (400.0, 200.0, 60.0, 30.0))
 
 
 @dataclass(frozen=True)
@@ -40,16 +40,19 @@ class Settings:
 
     ``posture_weight`` is per group of joints; arms without contact or swing get ``free_arm`` times the weight.
     ``contact_margin_m`` shrinks the rectangle of a surface, so that the centre of pressure stays inside the real sole.
+    ``ankle_acts_rad`` is the distance from the end of an ankle's range at which the rest of the body begins to make
+    room for it (``tasks.range_task``).
     ``range_share``, ``joint_margin_rad``, ``velocity_share`` and ``torque_share`` keep the motion inside the limits
     that the certificate checks. ``barrier_per_s`` and ``velocity_rate_per_s`` are the constants of ``joint_limits``.
     """
 
     contact: Gain = FIRM
     effector: Gain = FIRM
-    com: Gain = MIDDLE
+    com: Gain = PROMPT
     base: Gain = MIDDLE
     posture: Gain = GENTLE
     hand: Gain = GENTLE
+    ankle: Gain = MIDDLE
     momentum_per_s: float = 8.0
     momentum_weight: float = 0.05
     base_weight: float = 2.0
@@ -57,6 +60,8 @@ class Settings:
     free_arm: float = 4.0
     force_weight: float = 1e-3
     hand_weight: float = 0.3
+    ankle_weight: float = 4.0
+    ankle_acts_rad: float = 0.1
     contact_margin_m: float = 0.01
     range_share: float = 0.02
     joint_margin_rad: float = 0.005
@@ -114,6 +119,7 @@ class PhaseHierarchy:
             settings.range_share, settings.joint_margin_rad, settings.velocity_share, settings.torque_share
         )
         self._reliefs = {name: AnkleRelief.of_sole(robot, name, self._limits) for name in swings if self._surface[name]}
+        self._ankles = ankle_columns(robot, (*contacts, *swings))
         self._rest = robot.q_reference[7:]
         self._posture_weights = settings.posture_weights(robot, self._surface)
         nv, na = body.model.nv, body.model.nv - 6
@@ -216,6 +222,9 @@ class PhaseHierarchy:
         if self._avoidance is not None:
             rows, weights = self._avoidance.task_rows()
             weighted.append((weights, rows))
+        if self._ankles:
+            weights, rows = tasks.range_task(body, self._limits, self._ankles, s.ankle, s.ankle_acts_rad)
+            weighted.append((s.ankle_weight * weights, rows))
         zero = np.zeros(3)
         for name, contact in self._contacts.items():
             if not self._surface[name]:

@@ -19,6 +19,7 @@ that of the next phase by the quintic with zero rates at both ends,
 ``s(x) = x^3 (10 - 15 x + 6 x^2)``.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
@@ -32,10 +33,15 @@ from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.conventions import Angles, Points, Rotation, Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows
+from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.rigid_body import FrameState, RigidBody
 
 Weight = float | Float[np.ndarray, "_"]
 """One for all rows, or one per row."""
+
+
+RANGE_AHEAD_S = 0.1
+"""Time by which the distance of a joint from the end of its range is predicted."""
 
 
 class Gain(NamedTuple):
@@ -92,6 +98,27 @@ def orientation_task(frame: FrameState, R: Rotation, w_rad_s: Vector3, w_rate_ra
 def posture_task(body: RigidBody, angles_rad: Angles, gain: Gain) -> Rows:
     """Actuated joints at rest at ``angles_rad`` ``(na,)``."""
     return Rows(_select_last(len(angles_rad), 6), gain.kp * (angles_rad - body.q[7:]) - gain.kd * body.v[6:])
+
+
+def range_task(
+    body: RigidBody, limits: JointLimits, columns: Sequence[int], gain: Gain, acts_rad: float
+) -> tuple[Angles, Rows]:
+    """Weights and rows that push joints at ``columns`` of the velocity away from the nearer ends of their ranges.
+
+    With the distance d from that end, predicted ``RANGE_AHEAD_S`` ahead, the weight is ``(1 - d / acts_rad)^2``, zero
+    from ``acts_rad`` on, so that accelerations are continuous. A joint that meets its bound instead is locked: the
+    other joints then have to follow the CoM at once, with the momentum of the arms.
+    """
+    at = np.asarray(columns, dtype=int)
+    q, v = body.q[at + 1], body.v[at]
+    to_lower, to_upper = q - limits.lower_rad[at - 6], limits.upper_rad[at - 6] - q
+    away = np.where(to_lower < to_upper, 1.0, -1.0)
+    distance = np.minimum(to_lower, to_upper)
+    nearest = np.minimum(distance, distance + RANGE_AHEAD_S * away * v)
+    weights = np.clip(1.0 - nearest / acts_rad, 0.0, 1.0) ** 2
+    A = np.zeros((len(at), body.model.nv))
+    A[np.arange(len(at)), at] = away
+    return weights, Rows(A, gain.kp * np.maximum(0.0, acts_rad - distance) - gain.kd * away * v)
 
 
 def force_task(planned_n: Float[np.ndarray, "nf"], nv: int) -> Rows:

@@ -3,6 +3,7 @@
 The request contains the support regions of the scenario validation, so that they are not computed twice:
 
     {"ask": "stances", "robot": name, "posture_of": phase | null, "within_s": seconds | null,
+     "scenario": the whole scenario if it is valid | null,
      "phases": [{"contacts": [...], "region_m": [[x, y], ...], "com_m": [x, y, z] | null}, ...]}
 """
 
@@ -13,9 +14,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenario_io import sequence_of
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.loader import load_robot
 from stridelab.robots.visuals import link_poses
+from stridelab.wholebody.shoe_check import shoe_faults
 from stridelab.wholebody.stance_check import Stance, StanceCheck, StanceResult, mid_swing_placement
 
 Json = dict[str, Any]
@@ -26,7 +30,10 @@ DIGITS: Final = 5
 
 
 def answer_request(question: Json) -> Json:
-    """Return ``{"phases": [...]}``: the fields of ``PhaseBody`` without its number; null for a phase not checked.
+    """Return ``{"phases": [...], "shoes": [...]}``.
+
+    ``phases`` are the fields of ``PhaseBody`` without its number, null for a phase not checked; ``shoes`` the faults of
+    shoes without room, as ``where`` and ``message``.
 
     The phase ``posture_of`` is checked first and always has an answer, then its neighbours. At least one phase that is
     not cached is checked per request. Raises the errors of ``load_robot``.
@@ -47,7 +54,7 @@ def answer_request(question: Json) -> Json:
             continue
         searched += not is_cached
         answers[k] = _stance_answer(check, check.check_stance(stance), shown=k == shown)
-    return {"phases": answers}
+    return {"phases": answers, "shoes": _shoe_faults(check, question.get("scenario"))}
 
 
 def stances_of(check: StanceCheck, phases: Sequence[Json]) -> list[Stance | None]:
@@ -71,6 +78,14 @@ def stances_of(check: StanceCheck, phases: Sequence[Json]) -> list[Stance | None
         target_m = check.usual_com_m(contacts) if com_m is None else np.array(com_m, dtype=float)
         stances.append(Stance(contacts, target_m, region_m, swing_poses))
     return stances
+
+
+def _shoe_faults(check: StanceCheck, scenario: Json | None) -> list[Json]:
+    """Faults of shoes without room, which a plan would be refused for; none for a scenario that is invalid already."""
+    if scenario is None:
+        return []
+    sequence = sequence_of(scenario, effector_shapes(check.robot.name))
+    return [{"where": fault.where, "message": fault.message} for fault in shoe_faults(check.robot, sequence)]
 
 
 @cache

@@ -20,7 +20,7 @@ async def add_body_checks(
     posture_of: int | None,
     within_s: float | None = None,
 ) -> ScenarioCheck:
-    """Add the whole-body answers to ``validation.phases``, and unreachable stances to its errors.
+    """Add the whole-body answers to ``validation.phases``; unreachable stances and shoes without room to its errors.
 
     Phases that are not reached ``within_s`` are not checked, except ``posture_of``; null is the limit of the child. The
     check is skipped for an unknown robot. ``ask_body`` takes the robot and the request; its errors are raised.
@@ -35,6 +35,7 @@ async def add_body_checks(
         for k, result in enumerate(answer["phases"])
         if result is not None and result["body"] == "unreachable"
     ]
+    faults += [FaultItem(where=fault["where"], message=fault["message"]) for fault in answer["shoes"]]
     return validation.model_copy(
         update={
             "valid": validation.valid and not faults,
@@ -46,13 +47,15 @@ async def add_body_checks(
 
 
 def _stance_request(scenario: Scenario, validation: ScenarioCheck, posture_of: int | None) -> Json:
-    """Request for the stance check; a phase has a support region only if the CoM can be at rest above it."""
+    """Request for the stance and shoe checks; a phase has a support region only if the CoM can be at rest above it."""
     phases = []
     for phase, region_m, rest in zip(scenario.phases, validation.support_region_m, validation.support, strict=True):
         rests = rest.margin_m is not None and rest.margin_m >= 0.0
         contacts = [contact.model_dump(mode="json") for contact in phase.contacts]
         phases.append({"contacts": contacts, "region_m": region_m if rests else [], "com_m": rest.com_m})
-    return {"ask": "stances", "robot": scenario.robot, "posture_of": posture_of, "phases": phases}
+    whole = scenario.model_dump(mode="json") if validation.valid else None
+    request = {"ask": "stances", "robot": scenario.robot, "posture_of": posture_of, "phases": phases}
+    return request | {"scenario": whole}
 
 
 def _body_remarks(scenario: Scenario, answers: list[Json | None]) -> list[Remark]:
