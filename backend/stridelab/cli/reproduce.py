@@ -85,13 +85,12 @@ def show_reproduction(result: JobResult, target: Path) -> None:
     """Print the claims as a table."""
     summary = ReproduceSummary.model_validate(result.summary)
     out.print(f"[bold]{escape(summary.item)}[/] {escape(summary.title)}")
-    table = Table("", "thesis, or our aim", "holds if", "ours", "", "evidence", box=None, pad_edge=False)
+    table = Table("", "thesis, or our aim", "ours", "", "evidence", box=None, pad_edge=False)
     for claim in summary.claims:
         thesis = claim.thesis if isinstance(claim.thesis, str) else format_quantity(claim.thesis, claim.unit)
         table.add_row(
-            escape(claim.says),
+            escape(claim.says) + (f"\n[dim]holds if {escape(claim.holds)}[/]" if claim.holds else ""),
             escape(thesis),
-            escape(claim.holds),
             format_quantity(claim.ours, claim.unit),
             OUTCOME_MARKUP[claim.outcome],
             escape(basis_text(Claim(**claim.model_dump(include=CLAIM_FIELDS)))),

@@ -35,8 +35,8 @@ def run(seeds: range, tell: Progress) -> Reproduction:
     return Reproduction(
         claims=(*_p_value_claims(), *_model_claims(fits), *_hub_targets(fits, speeds)),
         note="What the thesis says of subjects and their steps is in the item numbers-3-people, on people: of a "
-        "simulated walker the height is a cosine, and the variation between steps a parameter. The p-values follow from "
-        "the printed coefficients and the number of subjects.",
+        "simulated walker the height is a cosine, and the variation between steps a parameter. The p-values "
+        "follow from the printed coefficients and the number of subjects.",
         tables={
             "hub": {
                 "step": np.arange(1.0, len(fits) + 1),
