@@ -100,7 +100,11 @@ def _rank_claims(trial: StudyTrial) -> tuple[Claim, ...]:
 def _rank_claim(key: str, says: str, thesis: int, ranks: np.ndarray) -> Claim:
     worst = int(ranks[np.argmax(np.abs(ranks - thesis))])
     return Measured(
-        key, float(thesis), float(worst), "1", within(thesis, thesis, "thesis", otherwise="thesis_in_error")
+        key,
+        float(thesis),
+        float(worst),
+        "1",
+        within(float(thesis), float(thesis), "thesis", otherwise="thesis_in_error"),
     ).says(
         says,
         f"The same in all {len(ranks)} states." if len(ranks) > 1 and np.ptp(ranks) == 0 else "",
