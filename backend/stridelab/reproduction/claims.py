@@ -214,8 +214,8 @@ class Criterion:
         if not math.isfinite(value):
             return False
         if self.strict:
-            return (self.low is None or value > self.low) and (self.high is None or value < self.high)
-        return (self.low is None or value >= self.low) and (self.high is None or value <= self.high)
+            return bool((self.low is None or value > self.low) and (self.high is None or value < self.high))
+        return bool((self.low is None or value >= self.low) and (self.high is None or value <= self.high))
 
     def verdict(self, ours: float, interval: tuple[float, float] | None = None) -> Verdict:
         """Verdict on our number: "undecided" if the claim holds in a part of its ``interval`` only."""
@@ -233,7 +233,7 @@ class Criterion:
             return True
         below = self.low is not None and not math.isnan(high) and high < self.low
         above = self.high is not None and not math.isnan(low) and low > self.high
-        return below or above
+        return bool(below or above)
 
 
 def at_most(
