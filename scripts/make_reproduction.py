@@ -16,14 +16,14 @@ import sys
 import time
 from pathlib import Path
 
-from experiments.reproduction_page import render_markdown, replace_sections
+from experiments.reproduction_page import BLOCKS, insert_block, render_markdown, replace_sections
 from stridelab.machine.parallel import PROCESSES_MAX, available_processes
 from stridelab.reproduction.registry import ITEMS
 from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import PEOPLE, QUICK_SEEDS, Section, collect_sections, recipes_of
 
 ROOT = Path(__file__).parents[1]
-PAGE, CACHE = ROOT / "docs" / "reproduction.md", ROOT / ".data" / "reproduction"
+PAGE, KEPT = ROOT / "docs" / "reproduction.md", ROOT / ".data" / "reproduction"
 SEEDS = 50
 
 
@@ -39,11 +39,12 @@ def main() -> None:
     arguments = parser.parse_args()
     chosen = [*(arguments.only or ()), *arguments.update]
     folder = None if arguments.real is None else Path(arguments.real)
-    selected = [r for r in recipes_of(ITEMS, arguments.seeds, folder, arguments.seed) if not chosen or r.name in chosen]
+    names = chosen or [*ITEMS, *(PEOPLE if folder else ())]
+    wanted = recipes_of(names, arguments.seeds, folder, arguments.seed)
     sections = []
     processes = min(available_processes(), PROCESSES_MAX)
     start = time.monotonic()
-    for section in collect_sections(selected, ResultCache(CACHE), lambda _f, _m: None, processes=processes):
+    for section in collect_sections(wanted, ResultCache(KEPT), lambda _f, _m: None, processes=processes):
         sections.append(section)
         sys.stderr.write(f"{section.name}: {section.failure or f'{time.monotonic() - start:.0f} s'}\n")
         start = time.monotonic()
@@ -54,6 +55,16 @@ def main() -> None:
         PAGE.write_text(replace_sections(PAGE.read_text(encoding="utf-8"), updated), encoding="utf-8")
     elif not arguments.only:
         PAGE.write_text(render_markdown(head(sections, arguments.seeds), sections), encoding="utf-8")
+    if not arguments.only:
+        renew_blocks()
+
+
+def renew_blocks() -> None:
+    """Write the tables of other pages that repeat numbers of this one."""
+    page = PAGE.read_text(encoding="utf-8")
+    for name, (table, block_of) in BLOCKS.items():
+        other = PAGE.parent / name
+        other.write_text(insert_block(other.read_text(encoding="utf-8"), table, block_of(page)), encoding="utf-8")
 
 
 def head(sections: list[Section], seeds: int) -> str:
@@ -62,15 +73,25 @@ def head(sections: list[Section], seeds: int) -> str:
     note = "" if any(section.name in PEOPLE for section in sections) else missing
     return f"""# Reproduction
 
-Written by `scripts/make_reproduction.py --seeds {seeds}`: every figure and table, and the numbers of the text. The
-sentence before each table says what the item draws at random, and how often. `stridelab reproduce ITEM` computes one
+Written by `scripts/make_reproduction.py --seeds {seeds}`, single sections anew by `--update`: every figure and table,
+and the numbers of the text. Each section says what it draws at random and how often, and the command that computes it
+again. `stridelab reproduce ITEM` computes one
 of them, with all its tables and the drawing, `stridelab reproduce --all` all of them as one report.
 
-Verdicts are computed. *met* is what the thesis says, *better* is better than that, *not met* is worse, and *thesis in
-error* cannot hold as stated. *our aim* is a threshold of this project, reached or missed: it is no verdict on the
-thesis. The last column says what our number is computed from: *simulated* (models and simulated recordings),
-*replayed* (motions carried out in a physics simulation), *people* (recordings of people) or *external* (numbers
-published by others); n is the number of cases behind it (draws, steps, people, contact sets, plans).{note}
+Every claim has its place in the thesis: section, figure or table; the text at hand has no page numbers. Chapter 3 on
+people is in the thesis' words, the others are shortened. Verdicts are computed from the column *holds if*: a number in
+its range is *met*, or *better* where it is better than claimed; outside it is *not met*, or *thesis in error* where the
+claim cannot hold as stated; and *undecided* if the 95 % interval is neither inside nor outside. A number (with an
+interval: an interval) on the other side overturns a verdict. The bounds of the range are the *thesis'* printed number,
+follow from *its words* without a number of ours (a sign, an order, equality up to rounding or sampling error), or are
+*our aim*: with another aim of the reader's the verdict may change. *our aim: reached* and *missed* stand on claims that
+the thesis does not make. The last column says what our number is computed from: *simulated* (models and simulated
+recordings), *replayed* (motions carried out in a physics simulation), *people* (recordings of people) or *external*
+(numbers published by others); n is the number of cases behind it (draws, steps, people, contact sets, plans).
+
+The recordings of adults are a part (11 of 50 people) of the data of Schreiber and Moissenet 2019
+(doi 10.1038/s41597-019-0124-4), published at doi 10.6084/m9.figshare.7734767; put the folders of the people below
+FOLDER/gait/rehazenter-adult-walking. Fukuchi et al. 2018 (doi 10.7717/peerj.4640) has 42 more, not used here.{note}
 """
 
 

@@ -121,6 +121,7 @@ _VERDICTS = {
     "beaten": "better than the thesis",
     "not_met": "not confirmed here",
     "thesis_in_error": "cannot hold as printed",
+    "undecided": "undecided",
     "aim_reached": "our aim: reached",
     "aim_missed": "our aim: missed",
 }

@@ -1,13 +1,17 @@
-"""Markdown page of the items: claims with their remarks and short tables, without drawings."""
+"""Markdown page of the items: claims with their remarks and short tables, without drawings.
 
-from collections.abc import Mapping, Sequence
+Tables of other pages that repeat numbers of this one are written from it, between two comments.
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from stridelab.reproduction.claims import WORDS, Claim, Column
-from stridelab.reproduction.report.formatting import basis_text, claim_numbers, table_cells
+from stridelab.reproduction.report.formatting import basis_text, claim_numbers, holds_text, table_cells
 from stridelab.reproduction.runner import Section
 
-COLUMNS: Final = ("claim", "thesis", "ours", "", "evidence")
+COLUMNS: Final = ("claim", "place", "thesis", "holds if", "ours", "", "evidence")
 
 
 def render_markdown(head: str, sections: Sequence[Section]) -> str:
@@ -30,7 +34,14 @@ def section_text(section: Section) -> str:
     if section.result is None:
         return "\n".join([*lines, f"**Not computed**: {section.failure}"]) + "\n"
     result = section.result
-    lines += [f"{result.note} {section.sampling}", "", f"| {' | '.join(COLUMNS)} |", f"|{' --- |' * len(COLUMNS)}"]
+    again = [f"Computed again by `{section.command}`.", ""] if section.command else []
+    lines += [
+        f"{result.note} {section.sampling}",
+        "",
+        *again,
+        f"| {' | '.join(COLUMNS)} |",
+        f"|{' --- |' * len(COLUMNS)}",
+    ]
     lines += [_claim_row(claim) for claim in result.claims]
     lines += ["", *(f"- {claim.says}: {claim.note}" for claim in result.claims if claim.note)]
     for key in section.printed:
@@ -41,9 +52,71 @@ def section_text(section: Section) -> str:
 def _claim_row(claim: Claim) -> str:
     thesis, ours = claim_numbers(claim)
     verdict = "**not met**" if claim.outcome == "not_met" else WORDS[claim.outcome]
-    return f"| {claim.says.replace('|', 'or')} | {thesis} | {ours} | {verdict} | {basis_text(claim)} |"
+    says, place = claim.says.replace("|", "or"), claim.where or "ours"
+    return f"| {says} | {place} | {thesis} | {holds_text(claim)} | {ours} | {verdict} | {basis_text(claim)} |"
 
 
 def _markdown_table(columns: Mapping[str, Column]) -> list[str]:
     heads, rows = table_cells(columns)
     return [f"| {' | '.join(heads)} |", f"|{' --- |' * len(heads)}", *(f"| {' | '.join(row)} |" for row in rows)]
+
+
+def _rows_of(page: str, item: str, first_head: str) -> list[list[str]]:
+    """Cells of the first table of an item whose heading begins with a word; raises ``KeyError`` without one."""
+    section = page.partition(f"\n## {item}:")[2].partition("\n## ")[0]
+    for table in section.split("\n\n"):
+        lines = [line for line in table.splitlines() if line.startswith("| ")]
+        if lines and lines[0].startswith(f"| {first_head} |"):
+            return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+    raise KeyError(item)
+
+
+def coverage_block(page: str) -> str:
+    """Table of theory/smoother.md: error, width and coverage of the band, robot and human cadence, x and y."""
+    names = {
+        "thesis": "thesis' noise",
+        "white": "white noise",
+        "table-40": "40 % table, declared",
+        "plate-bias": "plate bias of 5 N, 3 Nm, declared",
+        "mask": "marker-like, force in 1 s of 2",
+        "first-order": "thesis' noise, high-passed once",
+    }
+    rows = {(row[0], row[1]): row[2:] for row in _rows_of(page, "coverage", "gait")}
+    lines = [
+        "| | RMS error, mm | mean sd over it | coverage of the 95 % band |",
+        "| --- | --- | --- | --- |",
+    ]
+    for key, name in names.items():
+        robot, human = rows["robot", key], rows["human", key]
+        cells = [", ".join(f"{of[a]} / {of[a + 1]}" for of in (robot, human)) for a in (3, 6, 0)]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def height_block(page: str) -> str:
+    """Table of theory/population.md: correlations with the height over all steps of the adults."""
+    lines = ["| | all steps, both speeds, height | thesis |", "| --- | --- | --- |"]
+    for item in ("fig-3.7-people", "fig-3.8-people", "fig-3.9-people"):
+        for says, _, thesis, _, ours, _, basis in _rows_of(page, item, "claim"):
+            interval = re.search(r"95 % from (\S+) to (\S+)", basis)
+            if "correlat" in says and interval is not None:
+                letter = "omega" if "angular velocity" in says else says.partition(" ")[0]
+                lines.append(f"| {letter} | {ours} [{interval[1]}, {interval[2]}] | {thesis} |")
+    return "\n".join(lines)
+
+
+BLOCKS: Final[Mapping[str, tuple[str, Callable[[str], str]]]] = {
+    "theory/smoother.md": ("coverage", coverage_block),
+    "theory/population.md": ("height", height_block),
+}
+"""Tables on other pages of the docs that repeat numbers of the reproduction: the name of the table and its text."""
+
+
+def insert_block(text: str, name: str, block: str) -> str:
+    """The text of a page with a table between its comments; raises ``KeyError`` if the page has not both."""
+    begin, end = f"<!-- {name} of reproduction.md -->", f"<!-- end of {name} -->"
+    before, found, rest = text.partition(begin)
+    _, closed, after = rest.partition(end)
+    if not found or not closed:
+        raise KeyError(name)
+    return f"{before}{begin}\n\n{block}\n\n{end}{after}"

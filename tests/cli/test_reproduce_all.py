@@ -61,6 +61,9 @@ def test_all_items_are_in_one_report_and_computed_once(
         (["--all", "--server", "http://127.0.0.1:1"], "--server"),
         (["fig-2.5", "--quick"], "--quick"),
         (["fig-2.5", "--recordings", "."], "--recordings"),
+        (["fig-3.6-people"], "--recordings"),
+        (["fig-3.6-people", "--recordings", ".", "--seed", "3"], "--seeds"),
+        (["fig-3.6-people", "--recordings", ".", "--server", "http://127.0.0.1:1"], "--server"),
         (["--all", "--quick", "--seeds", "5"], "--quick"),
         (["--all", "--seeds", "201"], "--seeds"),
     ],
@@ -91,7 +94,7 @@ def test_an_unwritable_folder_is_reported_before_any_work(tmp_path: Path) -> Non
 
 def test_the_exit_code_says_that_an_item_failed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(app.signal, "signal", lambda *_: None)
-    monkeypatch.setattr("stridelab.cli.reproduce.reproduce_all", lambda **_: False)
+    monkeypatch.setattr("stridelab.cli.reproduce.reproduce_all", lambda *_, **__: False)
     monkeypatch.setattr(sys, "argv", ["stridelab", "reproduce", "--all", "--out", str(tmp_path)])
     with pytest.raises(SystemExit) as end:
         app.main()

@@ -9,12 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.reproduction_page import COLUMNS, render_markdown, replace_sections
+from experiments.reproduction_page import (
+    BLOCKS,
+    COLUMNS,
+    coverage_block,
+    height_block,
+    insert_block,
+    render_markdown,
+    replace_sections,
+)
 from stridelab.conventions import Progress
-from stridelab.errors import NotEstimable
+from stridelab.errors import NotEstimable, NotFound
 from stridelab.reproduction import result_cache
 from stridelab.reproduction.chapter2 import fig_2_5
-from stridelab.reproduction.claims import WORDS, Claim, Reproduction, target
+from stridelab.reproduction.claims import WORDS, Claim, Reproduction, above, at_least, at_most, below, target, within
 from stridelab.reproduction.registry import ITEMS
 from stridelab.reproduction.report.formatting import count_outcomes, table_cells
 from stridelab.reproduction.report.html import render_html
@@ -24,13 +32,19 @@ from stridelab.reproduction.runner import PEOPLE, Recipe, Section, collect_secti
 BOOK = Path(__file__).parents[2] / "docs" / "reproduction.md"
 FOUND = Reproduction(
     claims=(
-        Claim("a", "one <claim>", 0.25, 0.0125, "m", "met", "With a <remark>.", "simulated", 5, "ipopt", (0.011, 0.5)),
-        Claim("b", "another", "about the same", 1500.0, "N", "thesis_in_error", evidence="people", n=11),
+        Claim(
+            "a", "one <claim>", 0.25, 0.0125, "m", "met", "With a <remark>.", "simulated", 5, "ipopt", (0.011, 0.5),
+            where="figure 9.9", holds_to=0.5, threshold="thesis",
+        ),
+        Claim(
+            "b", "another", "about the same", 1500.0, "N", "thesis_in_error", evidence="people", n=11,
+            holds_from=1400.0, holds_to=1450.0,
+        ),
     ),
     note="What it means & more.",
     tables={"printed": {"who": np.array(["me", "you"]), "error_m": np.array([0.002, np.nan])}, "other": {}},
     drawing='<svg xmlns="http://www.w3.org/2000/svg"><text>drawn</text></svg>\n',
-)
+)  # fmt: skip
 
 
 class Counting:
@@ -184,7 +198,7 @@ class Outline(HTMLParser):
 
 
 SECTIONS = (
-    Section("x", "Title of x", "Draws once.", ("printed",), FOUND),
+    Section("x", "Title of x", "Draws once.", ("printed",), FOUND, command="stridelab reproduce x --seed 4"),
     Section("y", "Title of y", "", (), None, "No <sole> is there."),
 )
 
@@ -211,6 +225,11 @@ def test_the_report_is_one_file_with_every_item_and_its_verdicts() -> None:
     assert '<b class="aim_reached">0</b> our aim: reached' in text
     assert '<b class="beaten">0</b> better, <b class="met">1</b> met' in text
     assert "simulated, n = 5; solver ipopt; 95 % from 11 mm to 0.5 m" in text
+    assert "<small>figure 9.9</small>" in text
+    assert "≤ 0.5 m (thesis)" in text
+    assert "Overturned by a 95 % interval outside ≤ 0.5 m." in text
+    assert "Overturned by a number inside 1400 N to 1450 N." in text
+    assert "<code>stridelab reproduce x --seed 4</code>" in text
     assert "1 item failed" in text
     assert "Not computed: No &lt;sole&gt; is there." in text
 
@@ -218,8 +237,14 @@ def test_the_report_is_one_file_with_every_item_and_its_verdicts() -> None:
 def test_the_page_of_the_book_has_the_same_numbers() -> None:
     text = render_markdown("# Head\n", SECTIONS)
     assert text.startswith("# Head\n\n## x: Title of x\n\nWhat it means & more. Draws once.\n")
-    assert "| one <claim> | 0.25 m | 12.5 mm | met | simulated, n = 5; solver ipopt; 95 % from 11 mm to 0.5 m |" in text
-    assert "| another | about the same | 1500 N | thesis in error | people, n = 11 |" in text
+    assert (
+        "| one <claim> | figure 9.9 | 0.25 m | ≤ 0.5 m (thesis) | 12.5 mm | met | simulated, n = 5; solver ipopt; 95 % "
+        "from 11 mm to 0.5 m |"
+    ) in text
+    assert (
+        "| another | ours | about the same | 1400 N to 1450 N (our aim) | 1500 N | thesis in error | people, n = 11 |"
+    ) in text
+    assert "Computed again by `stridelab reproduce x --seed 4`." in text
     assert "- one <claim>: With a <remark>." in text
     assert "| who | error mm |" in text
     assert "| me | 2 |" in text
@@ -230,19 +255,22 @@ def test_an_aim_of_ours_is_counted_and_printed_apart_from_the_verdicts_on_the_th
     aims = [target(key, ours, "1", at_most=1.0).says(key) for key, ours in (("reached", 0.5), ("missed", 2.0))]
     both = replace(FOUND, claims=(*FOUND.claims, *aims))
     assert count_outcomes(both.claims) == {
-        "not_met": 0, "thesis_in_error": 1, "met": 1, "beaten": 0, "aim_missed": 1, "aim_reached": 1,
+        "not_met": 0, "thesis_in_error": 1, "undecided": 0, "met": 1, "beaten": 0, "aim_missed": 1, "aim_reached": 1,
     }  # fmt: skip
     assert both.verdict == "thesis_in_error", "the missed aim weighs nothing beside a verdict on the thesis"
     assert replace(FOUND, claims=tuple(aims)).verdict == "not_met"
     text = render_markdown("", [replace(SECTIONS[0], result=both.with_basis("simulated", 1))])
-    assert "| reached | aim ≤ 1 | 0.5 | our aim: reached |" in text
-    assert "| missed | aim ≤ 1 | 2 | our aim: missed |" in text
+    assert "| reached | ours | aim ≤ 1 | ≤ 1 (our aim) | 0.5 | our aim: reached |" in text
+    assert "| missed | ours | aim ≤ 1 | ≤ 1 (our aim) | 2 | our aim: missed |" in text
 
 
 def test_what_is_better_than_claimed_is_not_printed_as_met() -> None:
-    better = replace(FOUND, claims=(Claim("c", "faster", 10.0, 1.0, "s", "beaten", evidence="simulated", n=1),))
+    better = replace(FOUND, claims=(Claim("c", "faster", 10.0, 1.0, "s", "beaten", evidence="simulated", n=1,
+                                           holds_to=10.0),))  # fmt: skip
     section = replace(SECTIONS[0], result=better)
-    assert "| faster | 10 s | 1 s | better | simulated, n = 1 |" in render_markdown("", [section])
+    assert "| faster | ours | 10 s | ≤ 10 s (our aim) | 1 s | better | simulated, n = 1 |" in render_markdown(
+        "", [section]
+    )
     assert '<td class="beaten">better</td>' in render_html([section], "")
 
 
@@ -268,11 +296,64 @@ def test_the_end_of_a_columns_name_is_its_unit() -> None:
 
 def test_recordings_of_people_are_an_item_where_they_are(tmp_path: Path) -> None:
     assert [each.name for each in recipes_of(ITEMS, None, None)] == list(ITEMS)
-    assert [each.name for each in recipes_of(["fig-2.5"], 3, tmp_path)] == ["fig-2.5", *PEOPLE]
+    with_people = recipes_of(["fig-2.5", *PEOPLE], 3, tmp_path)
+    assert [each.name for each in with_people] == ["fig-2.5", *PEOPLE]
+    assert all(each.command.endswith("--recordings FOLDER") for each in with_people[1:])
+    with pytest.raises(NotFound, match="needs recordings"):
+        recipes_of(["fig-3.6-people"], None, None)
     assert len(recipes_of(["fig-2.7"], None, None)[0].seeds) == ITEMS["fig-2.7"].default_seeds
     assert [each.seeds for each in recipes_of(["fig-2.7", "fig-4.5", "fig-2.5"], 3, None, 7)] == [
         range(7, 10), range(7, 8), range(1),
     ]  # fmt: skip
+
+
+UNITS = {"mm": 1e-3, "ms": 1e-3}
+
+
+def printed_number(text: str) -> float:
+    """A number of the page in the unit of its claim, to the three digits that are printed."""
+    number, _, unit = text.partition(" ")
+    return float(number) * UNITS.get(unit, 1.0)
+
+
+def assert_follows(holds: str, ours: str, verdict: str, evidence: str) -> None:
+    """The verdict is the one that follows from the printed number, range and interval, as far as three digits tell."""
+    value, bounds = printed_number(ours), holds.rpartition(" (")[0]
+    ends = [printed_number(end) for end in re.split(" to ", bounds.lstrip("≤≥<> "))]
+    low, high = (ends[0], ends[-1]) if bounds[0] not in "≤≥<>" else (
+        (-np.inf, ends[0]) if bounds[0] in "≤<" else (ends[0], np.inf)
+    )  # fmt: skip
+    slack = 6e-3 * max(abs(value), abs(ends[0]))
+    if low + slack < value < high - slack:
+        assert verdict.strip("*") in ("met", "better", "undecided", "our aim: reached"), (holds, ours, verdict)
+    if value < low - slack or value > high + slack:
+        assert verdict.strip("*") not in ("met", "our aim: reached"), (holds, ours, verdict)
+        assert verdict != "better" or bounds[0] == ">", (holds, ours, verdict)
+    interval = re.search(r"95 % from (\S+(?: \S+)?) to ([^;|]+)", evidence)
+    if verdict == "undecided":
+        assert interval is not None, (holds, ours)
+        ours_low, ours_high = (printed_number(end.strip()) for end in interval.groups())
+        assert ours_low < low < ours_high or ours_low < high < ours_high, (holds, evidence)
+
+
+def test_a_verdict_that_the_interval_does_not_settle_is_undecided() -> None:
+    holds = within(-1.0, 2.0, "thesis")
+    assert holds.verdict(0.0, (-0.5, 1.0)) == "met"
+    assert holds.verdict(0.0, (-1.5, 1.0)) == holds.verdict(3.0, (1.0, 4.0)) == "undecided"
+    assert holds.verdict(0.5, (-2.0, 3.0)) == "undecided", "an interval around the range settles nothing"
+    assert holds.verdict(3.0, (2.5, 4.0)) == holds.verdict(-3.0, (-4.0, -1.5)) == "not_met"
+    assert at_most(1.0, "words", otherwise="thesis_in_error").verdict(2.0, (1.5, 3.0)) == "thesis_in_error"
+    assert at_most(1.0, "words").verdict(0.5, (float("nan"), 0.7)) == "undecided"
+    assert at_most(1.0, "words").verdict(float("nan")) == "not_met"
+
+
+def test_a_claim_is_settled_by_its_bounds_and_what_is_better_is_beyond_another() -> None:
+    fast = at_most(10.0, "thesis", better_than=5.0)
+    assert [fast.verdict(value) for value in (11.0, 10.0, 5.0, 4.9)] == ["not_met", "met", "met", "beaten"]
+    high = at_least(20.0, "thesis", better_than=30.0)
+    assert [high.verdict(value) for value in (19.0, 20.0, 31.0)] == ["not_met", "met", "beaten"]
+    assert (above(0.5, "words").verdict(0.5), below(0.5, "words").verdict(0.5)) == ("not_met", "not_met")
+    assert within(7.0, 7.0, "thesis").verdict(7.0) == "met"
 
 
 def test_the_book_misses_no_item() -> None:
@@ -284,9 +365,34 @@ def test_the_book_misses_no_item() -> None:
         claims = part.partition(f"|{' --- |' * len(COLUMNS)}\n")[2].partition("\n\n")[0].splitlines()
         assert claims, name
         for row in claims:
-            assert row.count(" | ") == 4, row
-            _, thesis, _, verdict, evidence = row.removesuffix(" |").split(" | ")
+            assert row.count(" | ") == 6, row
+            _, place, thesis, holds, ours, verdict, evidence = row.removesuffix(" |").split(" | ")
             assert verdict.strip("*") in WORDS.values(), row
-            assert thesis.startswith("aim ") == verdict.startswith("our aim"), row
+            assert thesis.startswith("aim ") == verdict.startswith("our aim") == (place == "ours"), row
+            assert holds.endswith(("(thesis)", "(its words)", "(our aim)")), row
+            assert_follows(holds, ours, verdict, evidence)
             assert re.fullmatch(r"(simulated|replayed|people|external), n = [1-9]\d*(; .*)?", evidence), row
+        assert f"Computed again by `stridelab reproduce {name}" in part, name
         assert re.search(r"(Draws nothing|One random sample|random draws, seeds)", part), name
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_tables_of_other_pages_are_those_of_the_book(name: str) -> None:
+    """One source: a number that is renewed in the book is renewed on the page, or this fails."""
+    table, block_of = BLOCKS[name]
+    text = (BOOK.parent / name).read_text(encoding="utf-8")
+    assert insert_block(text, table, block_of(BOOK.read_text(encoding="utf-8"))) == text
+
+
+def test_a_table_is_copied_cell_by_cell() -> None:
+    cells = "0.1 | 0.2 | 0.3 | 1 | 2 | 3 | 4 | 5 | 6"
+    kinds_of = ("thesis", "white", "table-40", "plate-bias", "mask", "first-order")
+    rows = "".join(f"| {gait} | {kind} | {cells} |\n" for gait in ("robot", "human") for kind in kinds_of)
+    page = f"# Head\n\n## coverage: Title\n\n| claim | x |\n| --- | --- |\n| a | b |\n\n| gait | s |\n| --- |\n{rows}"
+    assert "| white noise | 1 / 2, 1 / 2 | 4 / 5, 4 / 5 | 0.1 / 0.2, 0.1 / 0.2 |" in coverage_block(page)
+    with pytest.raises(KeyError):
+        height_block(page)
+    text = "before <!-- t of reproduction.md -->old<!-- end of t --> after"
+    assert insert_block(text, "t", "new") == "before <!-- t of reproduction.md -->\n\nnew\n\n<!-- end of t --> after"
+    with pytest.raises(KeyError):
+        insert_block("without comments", "t", "new")

@@ -86,6 +86,15 @@ def test_every_item_has_claims_tables_and_a_drawing(found: Mapping[str, Reproduc
     assert all(np.isfinite(claim.ours) for claim in result.claims)
     assert all(claim.evidence is not None and (claim.n or 0) >= 1 for claim in result.claims)
     assert all(claim.aim == str(claim.thesis).startswith("aim ") for claim in result.claims)
+    for claim in result.claims:
+        assert claim.holds_from is not None or claim.holds_to is not None, claim.key
+        assert bool(claim.where) != claim.aim, claim.key
+        if claim.aim:
+            assert claim.threshold == "ours", claim.key
+        bounds = kinds.Criterion(claim.threshold, claim.holds_from, claim.holds_to, claim.strict)
+        assert bounds.contains(claim.ours) or claim.verdict != "met", claim.key
+        if isinstance(claim.thesis, str) and claim.threshold == "thesis":
+            assert any(sign.isdigit() for sign in claim.thesis), "words without a number have no threshold of their own"
     for columns in result.tables.values():
         assert len({len(column) for column in columns.values()}) == 1
     root = ElementTree.fromstring(result.drawing)
@@ -249,14 +258,14 @@ def test_the_verdict_is_that_of_the_worst_claim() -> None:
     assert verdict("met", "beaten") == "met"
     assert verdict("met", "thesis_in_error") == "thesis_in_error"
     assert verdict("thesis_in_error", "not_met", "beaten") == "not_met"
-    assert kinds.target("k", 0.93, "1", at_least=0.92, at_most=0.99).verdict == "beaten"
+    assert kinds.target("k", 0.93, "1", at_least=0.92, at_most=0.99).says("k").verdict == "beaten"
     for outside in (0.91, 1.0, float("nan")):
-        assert kinds.target("k", outside, "1", at_least=0.92, at_most=0.99).verdict == "not_met"
+        assert kinds.target("k", outside, "1", at_least=0.92, at_most=0.99).says("k").verdict == "not_met"
     assert kinds.target("k", 0.003, "m", at_most=0.004).thesis == "aim ≤ 4 mm"
     assert kinds.target("k", 1.0, "1", at_least=0.95).thesis == "aim ≥ 0.95"
     assert kinds.target("k", 0.95, "1", at_least=0.92, at_most=0.99).thesis == "aim 0.92 to 0.99"
-    assert (kinds.met_if(False), kinds.error_unless(False)) == ("not_met", "thesis_in_error")
-    assert kinds.met_if(True) == kinds.error_unless(True) == "met"
+    at = kinds.at_most(1.0, "words", otherwise="thesis_in_error")
+    assert (at.verdict(1.0), at.verdict(1.1)) == ("met", "thesis_in_error")
 
 
 def test_unknown_items_and_numbers_of_seeds_are_refused() -> None:

@@ -39,17 +39,13 @@ def test_the_recording_is_segmented_to_milliseconds(found):
     assert np.ptp(height["mean_z_m"]) == pytest.approx(0.035, abs=0.005)
 
 
-def test_a_walker_who_knows_nothing_of_wheels_fits_one_as_people_do(found):
+def test_a_walker_who_knows_nothing_of_wheels_gives_no_verdict(found):
+    """Its height is a cosine by construction: only aims of ours, on the fit itself."""
+    for result in found.values():
+        assert all(c.aim for c in result.claims)
     result = found["fig-3.5"]
-    assert claim(result, "mean_distance_m").verdict == "met"
     assert claim(result, "mean_distance_m").ours == pytest.approx(0.0009, abs=2e-4)
-    assert claim(result, "largest_error_m").verdict == "not_met"
-    assert claim(result, "up_over_ahead").ours > 5
-    assert claim(result, "even_clock_m").verdict == "not_met"
-    assert claim(result, "even_clock_m").ours == pytest.approx(0.0085, abs=1e-3)
-    existing = claim(result, "over_pendulum")
-    assert (existing.verdict, existing.comparator) == ("met", "inverted pendulum")
-    assert existing.ours == pytest.approx(0.03, abs=0.01)
+    assert claim(result, "free_below_even").ours == pytest.approx(0.0009 / 0.0085, abs=0.03)
     step = result.tables["step"]
     steps = simulated_steps()
     wheel = steps.fits[0].path.wheel.position_m(step["theta_rad"])
@@ -57,20 +53,35 @@ def test_a_walker_who_knows_nothing_of_wheels_fits_one_as_people_do(found):
     assert wheel - measured == pytest.approx(np.column_stack([step["error_x_m"], step["error_z_m"]]))
 
 
-def test_the_crossings_miss_its_double_support_by_tens_of_milliseconds(found):
+def test_at_both_crossings_the_body_is_as_high_as_the_hub(found):
     result = found["fig-3.10"]
-    assert claim(result, "start_s").ours == pytest.approx(-0.064, abs=0.005)
-    assert claim(result, "end_s").ours == pytest.approx(0.061, abs=0.005)
-    assert {c.verdict for c in result.claims} == {"not_met"}
     table, steps = result.tables["crossings"], simulated_steps()
-    for k, fit in enumerate(steps.fits[:-1]):  # at both crossings the body is as high as the hub, near its mid-height
+    assert table["start_error_s"].mean() == pytest.approx(-0.064, abs=0.005)
+    assert table["end_error_s"].mean() == pytest.approx(0.061, abs=0.005)
+    off_m = []
+    for k, fit in enumerate(steps.fits[:-1]):
         start, end = (
             at + table[f"{name}_error_s"][k]
             for at, name in zip(fit.step.double_support_s, ("start", "end"), strict=True)
         )
         height = np.interp([start, end], steps.recorded.truth.time_s, steps.path_m[:, 1])
-        assert height == pytest.approx(fit.path.wheel.z0_m, abs=0.004)
-    doubles = np.mean([np.diff(fit.step.double_support_s)[0] for fit in steps.fits])
-    expected = 1 + (claim(result, "end_s").ours - claim(result, "start_s").ours) / doubles
-    assert claim(result, "enclosed_over_double_support").ours == pytest.approx(expected, rel=0.02)
-    assert expected > 1.8
+        off_m.append(np.abs(height - fit.path.wheel.z0_m).max())
+    assert max(off_m) < 0.004
+    assert claim(result, "crossing_height_m").ours == pytest.approx(max(off_m), abs=0.002)
+    assert claim(result, "double_pair").ours == 1.0
+
+
+@pytest.mark.parametrize("name", ["fig-3.3", "fig-3.5", "fig-3.10", "numbers-3", "fig-4.2", "fig-4.4"])
+def test_another_seed_gives_the_same_verdicts(name):
+    outcomes = [
+        {c.key: c.outcome for c in reproduce_item(name, None, lambda _fraction, _message: None, seed).claims}
+        for seed in (0, 1000)
+    ]
+    assert outcomes[0] == outcomes[1]
+
+
+def test_the_page_says_that_the_largest_error_of_an_event_depends_on_the_walk(found):
+    other = reproduce_item("fig-3.4", None, lambda _fraction, _message: None, 1000)
+    timing = claim(other, "timing_error_s")
+    assert timing.outcome == "aim_missed"
+    assert f"with seed 1000 it is {1e3 * timing.ours:.0f} ms" in claim(found["fig-3.4"], "timing_error_s").note

@@ -135,14 +135,18 @@ def test_the_uniform_product_covers_the_truth_with_a_trunk_as_free_as_its_own() 
     placements = stair_contacts("hrp2")["2 contacts"]
     com_m = search.sample_com(placements, 300, 0)
     truth = Truth.from_postures(com_m, held_out_bandwidth_m([com_m[:150]]))
-    (row,) = compare_densities(search, "stair", placements, truth, {"uniform": load_proxies("hrp2", "uniform")}, 10)
+    (row,) = compare_densities(search, "stair", placements, truth, {"uniform": load_proxies("hrp2", "uniform")}, 10, 20)
+    assert len(row.denser_resampled) == 20
+    assert min(row.denser_resampled) - 0.1 < row.denser_than_mode < max(row.denser_resampled) + 0.1
     assert row.product_volumes_m3[-1] > row.truth_volumes_m3[-1]
     assert row.mass_inside > 0.7
     claims = {claim.key: claim for claim in figure_claims([row, row, replace(row, densities="conditioned")])}
     assert claims["volume_over_truth"].verdict == "met"
     assert claims["denser_than_mode"].verdict == "met"
-    far = [replace(row, denser_than_mode=0.99), replace(row, densities="conditioned")]
-    assert {claim.key: claim.verdict for claim in figure_claims([row, *far])}["denser_than_mode"] == "not_met"
+    for share, spread, verdict in ((0.99, 0.005, "not_met"), (0.52, 0.05, "undecided"), (0.48, 0.05, "undecided")):
+        drawn = tuple(share + spread * np.linspace(-1.0, 1.0, 20))
+        far = [replace(row, denser_than_mode=share, denser_resampled=drawn), replace(row, densities="conditioned")]
+        assert {claim.key: claim.verdict for claim in figure_claims([row, *far])}["denser_than_mode"] == verdict
 
 
 def test_the_set_of_the_truth_is_that_which_holds_its_share_of_unseen_postures() -> None:

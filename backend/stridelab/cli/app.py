@@ -191,7 +191,8 @@ def reproduce(
     item: Annotated[
         str | None,
         typer.Argument(
-            help="fig-2.2, fig-2.5 to fig-2.9, fig-3.3 to fig-3.10, fig-4.2 to fig-4.9, table-4.1, numbers-2 to -4."
+            help="fig-2.2, fig-2.5 to fig-2.9, fig-3.3 to fig-3.10, fig-4.2 to fig-4.9, table-4.1, numbers-2 to -4; "
+            "with --recordings also fig-2.8-people, fig-3.3-people to fig-3.10-people, numbers-3-people, real-walks."
         ),
     ] = None,
     everything: Annotated[bool, typer.Option("--all", help="All items, as one HTML report.")] = False,
@@ -199,7 +200,8 @@ def reproduce(
     seed: Annotated[int | None, typer.Option("--seed", help="First seed of the draws; 0 by default.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="With --all: only three draws, for a quick look.")] = False,
     recordings: Annotated[
-        Path | None, typer.Option("--recordings", help="With --all: folder whose gait/ holds measured walks.")
+        Path | None,
+        typer.Option("--recordings", help="With --all or an item on people: folder whose gait/ holds walks."),
     ] = None,
     delivery: Delivery,
 ) -> None:
@@ -207,13 +209,21 @@ def reproduce(
     from stridelab.cli.reproduce import reproduce_item as run
     from stridelab.cli.reproduce import require_one
 
-    name = require_one(item, everything=everything, quick=quick, recordings=recordings, server=delivery.server)
-    if name is not None:
+    name = require_one(
+        item,
+        everything=everything,
+        quick=quick,
+        recordings=recordings,
+        server=delivery.server,
+        drawn=seeds is not None or seed is not None,
+    )
+    if name is not None and recordings is None:
         run(name, seeds, seed, delivery)
         return
     from stridelab.cli.reproduce import reproduce_all
 
     if not reproduce_all(
+        None if name is None else (name,),
         seeds=seeds,
         seed=seed,
         quick=quick,

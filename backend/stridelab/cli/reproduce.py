@@ -5,6 +5,7 @@
 
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Final
 
@@ -21,33 +22,48 @@ from stridelab.reproduction.registry import ITEMS, MAX_SEEDS
 from stridelab.reproduction.report.formatting import basis_text, count_outcomes, format_quantity
 from stridelab.reproduction.report.html import render_html
 from stridelab.reproduction.result_cache import ResultCache
-from stridelab.reproduction.runner import QUICK_SEEDS, Section, collect_sections, recipes_of
+from stridelab.reproduction.runner import PEOPLE, QUICK_SEEDS, Section, collect_sections, recipes_of
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary, ReproduceTask
 from stridelab.service.kinds.result_tables import software_versions
 from stridelab.service.local_runs import cannot_write, validate_options, write_file
 
-COLOURS: Final = {"not_met": "red", "aim_missed": "red", "thesis_in_error": "yellow"}
+CLAIM_FIELDS: Final = {field.name for field in fields(Claim)}
+COLOURS: Final = {"not_met": "red", "aim_missed": "red", "thesis_in_error": "yellow", "undecided": "yellow"}
 """Colours of the outcomes; green without an entry."""
 OUTCOME_MARKUP: Final = {code: f"[{COLOURS.get(code, 'green')}]{text}[/]" for code, text in WORDS.items()}
 
 
 def require_one(
-    item: str | None, *, everything: bool, quick: bool, recordings: Path | None, server: str | None
+    item: str | None,
+    *,
+    everything: bool,
+    quick: bool,
+    recordings: Path | None,
+    server: str | None,
+    drawn: bool = False,
 ) -> str | None:
     """The requested item, or None for all.
 
-    Raises ``InvalidInput`` (``option-invalid``) unless either the item or ``--all`` is given, and for options
-    of the other one.
+    Raises ``InvalidInput`` (``option-invalid``) unless either the item or ``--all`` is given, for options of the other
+    one, and for draws (``drawn``) of an item on people or for one without ``recordings``.
     """
     wrong = []
+    on_people = item in PEOPLE
     if everything == (item is not None):
         wrong.append(Fault("ITEM", "give one item, or --all"))
     if everything and server is not None:
         wrong.append(Fault("--server", "--all computes on this machine; on a server the page /reproduction does"))
-    if not everything:
-        wrong += [Fault(option, "only with --all") for option, given in
-                  (("--quick", quick), ("--recordings", recordings is not None)) if given]  # fmt: skip
+    if quick and not everything:
+        wrong.append(Fault("--quick", "only with --all"))
+    if recordings is not None and not (everything or on_people):
+        wrong.append(Fault("--recordings", f"only with --all or an item on people: {', '.join(PEOPLE)}"))
+    if on_people and recordings is None:
+        wrong.append(Fault("--recordings", f"{item} needs a folder whose gait/ holds the recordings"))
+    if on_people and drawn:
+        wrong.append(Fault("--seeds", f"{item} draws nothing at random: leave --seeds and --seed out"))
+    if on_people and server is not None:
+        wrong.append(Fault("--server", f"{item} computes on this machine"))
     if wrong:
         raise InvalidInput("option-invalid", "These options do not go together.", wrong)
     return item
@@ -73,11 +89,11 @@ def show_reproduction(result: JobResult, target: Path) -> None:
     for claim in summary.claims:
         thesis = claim.thesis if isinstance(claim.thesis, str) else format_quantity(claim.thesis, claim.unit)
         table.add_row(
-            escape(claim.says),
+            escape(claim.says) + (f"\n[dim]holds if {escape(claim.holds)}[/]" if claim.holds else ""),
             escape(thesis),
             format_quantity(claim.ours, claim.unit),
             OUTCOME_MARKUP[claim.outcome],
-            escape(basis_text(Claim(**claim.model_dump()))),
+            escape(basis_text(Claim(**claim.model_dump(include=CLAIM_FIELDS)))),
         )
     out.print(table)
     out.print(escape(f"{summary.note} {summary.sampling}"))
@@ -90,7 +106,7 @@ CACHE_FOLDER: Final = "kept"
 
 
 def reproduce_all(
-    names: Iterable[str] = tuple(ITEMS),
+    names: Iterable[str] | None = None,
     *,
     seeds: int | None,
     seed: int | None,
@@ -102,10 +118,13 @@ def reproduce_all(
 ) -> bool:
     """Compute the items that are not cached in the folder, write the report, and return whether all succeeded.
 
+    ``names`` None are all items, with those on people if there are ``recordings``.
+
     Raises ``InvalidInput``: ``option-invalid`` for an invalid or repeated number of draws;
     ``output-not-writable``.
     """
     draws = _number_of_draws(seeds, quick=quick)
+    chosen = [*ITEMS, *(PEOPLE if recordings is not None else ())] if names is None else list(names)
     target = (out_dir or FOLDER).expanduser()
     try:
         (target / CACHE_FOLDER).mkdir(parents=True, exist_ok=True)
@@ -114,7 +133,7 @@ def reproduce_all(
     sections = []
     with progress_bar("reproduction") as bar:
         for section in collect_sections(
-            recipes_of(names, draws, recordings, seed),
+            recipes_of(chosen, draws, recordings, seed),
             ResultCache(target / CACHE_FOLDER),
             bar,
             recompute=recompute,

@@ -3,16 +3,17 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final, Literal, TypedDict, Unpack
 
 import numpy as np
 
 from stridelab.conventions import Progress
 
-Verdict = Literal["met", "beaten", "not_met", "thesis_in_error"]
-VERDICTS: Final[tuple[Verdict, ...]] = ("not_met", "thesis_in_error", "met", "beaten")
+Verdict = Literal["met", "beaten", "not_met", "thesis_in_error", "undecided"]
+VERDICTS: Final[tuple[Verdict, ...]] = ("not_met", "thesis_in_error", "undecided", "met", "beaten")
 """Verdicts in order of decreasing importance; the first one present is the verdict of an item."""
-Outcome = Literal["not_met", "thesis_in_error", "met", "beaten", "aim_missed", "aim_reached"]
+Outcome = Literal["not_met", "thesis_in_error", "undecided", "met", "beaten", "aim_missed", "aim_reached"]
 OUTCOMES: Final[tuple[Outcome, ...]] = (*VERDICTS, "aim_missed", "aim_reached")
 """Verdicts on the thesis, then what became of our own aims, which are no verdicts on the thesis."""
 WORDS: Final[dict[Outcome, str]] = {
@@ -20,12 +21,16 @@ WORDS: Final[dict[Outcome, str]] = {
     "beaten": "better",
     "not_met": "not met",
     "thesis_in_error": "thesis in error",
+    "undecided": "undecided",
     "aim_reached": "our aim: reached",
     "aim_missed": "our aim: missed",
 }
 Evidence = Literal["simulated", "replayed", "people", "external"]
 """Origin of our number: computed from models and simulated recordings; motions carried out in a physics simulation;
 recordings of people; numbers published by others (the thesis itself, descriptions of robots)."""
+Threshold = Literal["thesis", "words", "ours"]
+"""Whose the bounds of a claim are: printed in the thesis; implied by its words without a number of ours (a sign, an
+order, equality up to rounding or to sampling error); or an aim of this project."""
 Sampling = Literal["nothing", "one", "many"]
 """What an item draws at random: nothing, one sample of fixed size, or a number of draws that can be chosen."""
 
@@ -37,11 +42,15 @@ Column = np.ndarray
 class Claim:
     """One statement of a figure, expressed by one number.
 
-    ``thesis`` is the printed number, or words if there is none. ``verdict``: "met" if the claim is confirmed, "beaten"
-    if our result is better than claimed, "not_met" if our result is worse, "thesis_in_error" if the claim is wrong.
-    ``aim`` marks a threshold of this project, on which "beaten" and "not_met" are no verdicts on the thesis.
+    ``thesis`` is the printed number, or words if there is none, ``where`` the section or figure that makes the claim.
+    ``verdict``: "met" if the claim is confirmed, "beaten" if our result is better than claimed, "not_met" if our result
+    is worse, "thesis_in_error" if the claim is wrong, "undecided" if the interval contains values of both kinds.
+    The claim holds from ``holds_from`` to ``holds_to`` (without the bounds if ``strict``), which are the bounds of
+    ``threshold``; a value on the other side overturns the verdict. ``aim`` marks claims that the thesis does not make:
+    on them "beaten" and "not_met" are no verdicts on the thesis.
     ``n`` is the number of cases (draws, steps, people, contact sets) behind our number, ``interval`` its 95 % interval,
-    ``comparator`` what it is compared with. Only before ``Reproduction.with_basis``, ``evidence`` and ``n`` may lack.
+    ``comparator`` what it is compared with. Only before ``Reproduction.with_basis``, ``evidence``, ``n`` and ``where``
+    may lack.
     """
 
     key: str
@@ -57,6 +66,11 @@ class Claim:
     interval: tuple[float, float] | None = None
     comparator: str | None = None
     aim: bool = False
+    where: str = ""
+    holds_from: float | None = None
+    holds_to: float | None = None
+    strict: bool = False
+    threshold: Threshold = "ours"
 
     @property
     def outcome(self) -> Outcome:
@@ -86,14 +100,26 @@ class Reproduction:
         judged = [claim for claim in self.claims if not claim.aim] or self.claims
         return min((claim.verdict for claim in judged), key=VERDICTS.index)
 
-    def with_basis(self, evidence: Evidence, n: int) -> "Reproduction":
-        """The same with ``evidence`` and ``n`` on all claims that do not state their own."""
+    def with_basis(self, evidence: Evidence, n: int, where: str = "") -> "Reproduction":
+        """The same with ``evidence``, ``n`` and ``where`` on all claims that do not state their own."""
         cases = n if self.n is None else self.n
         claims = (
-            replace(each, evidence=each.evidence or evidence, n=cases if each.n is None else each.n)
+            replace(
+                each,
+                evidence=each.evidence or evidence,
+                n=cases if each.n is None else each.n,
+                where=each.where or ("" if each.aim else where),
+            )
             for each in self.claims
         )
         return replace(self, claims=tuple(claims))
+
+
+def place_of(item: str) -> str:
+    """The figure, table or chapter of the thesis that an item reproduces: "figure 4.5"; else the study of 2.5.4."""
+    kind, _, rest = item.partition("-")
+    places = {"fig": "figure", "table": "table", "numbers": "chapter"}
+    return f"{places[kind]} {rest.partition('-')[0]}" if kind in places else "2.5.4"
 
 
 @dataclass(frozen=True)
@@ -112,11 +138,27 @@ class Item:
     printed: tuple[str, ...] = ()
     evidence: Evidence = "simulated"
 
+    @property
+    def where(self) -> str:
+        """Place of the thesis."""
+        return place_of(self.name)
+
     def __call__(self, seeds: range, tell: Progress) -> Reproduction:
-        """Compute the item; all claims of the result have their evidence and number of cases."""
-        result = self.run(seeds, tell).with_basis(self.evidence, len(seeds))
+        """Compute the item; all claims of the result have their evidence, number of cases and place."""
+        result = self.run(seeds, tell).with_basis(self.evidence, len(seeds), self.where)
         tell(1.0, "done")
         return result
+
+
+@dataclass(frozen=True)
+class PeopleItem:
+    """An item on recordings of people: ``run(gait, tell)`` computes it from those below the folder ``gait``."""
+
+    name: str
+    title: str
+    run: Callable[[Path, Progress], Reproduction]
+    module: str
+    printed: tuple[str, ...] = ()
 
 
 def reproduces(
@@ -142,39 +184,118 @@ def sampling_text(draws: Sampling, seeds: range) -> str:
 
 
 class Basis(TypedDict, total=False):
-    """Fields of a claim that say what our number is computed from."""
+    """Fields of a claim that say what our number is computed from, and where the thesis makes the claim."""
 
     n: int | None
     evidence: Evidence | None
     solver: str | None
     interval: tuple[float, float] | None
     comparator: str | None
+    where: str
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """Range of our number in which a claim holds, and whose bounds these are.
+
+    Outside the range the verdict is ``otherwise``. Inside it is "met", or "beaten" on the far side of ``better_than``
+    from the bound.
+    """
+
+    threshold: Threshold
+    low: float | None = None
+    high: float | None = None
+    strict: bool = False
+    better_than: float | None = None
+    otherwise: Verdict = "not_met"
+
+    def contains(self, value: float) -> bool:
+        """Whether the claim holds for this number; never if it is not finite."""
+        if not math.isfinite(value):
+            return False
+        if self.strict:
+            return bool((self.low is None or value > self.low) and (self.high is None or value < self.high))
+        return bool((self.low is None or value >= self.low) and (self.high is None or value <= self.high))
+
+    def verdict(self, ours: float, interval: tuple[float, float] | None = None) -> Verdict:
+        """Verdict on our number: "undecided" if the claim holds in a part of its ``interval`` only."""
+        if interval is not None and not self._settles(*interval):
+            return "undecided"
+        if not self.contains(ours):
+            return self.otherwise
+        if self.better_than is not None and (ours < self.better_than if self.low is None else ours > self.better_than):
+            return "beaten"
+        return "met"
+
+    def _settles(self, low: float, high: float) -> bool:
+        """Whether the claim holds at all values of the interval, or at none of them."""
+        if self.contains(low) and self.contains(high):
+            return True
+        below = self.low is not None and not math.isnan(high) and high < self.low
+        above = self.high is not None and not math.isnan(low) and low > self.high
+        return bool(below or above)
+
+
+def at_most(
+    bound: float, threshold: Threshold, *, better_than: float | None = None, otherwise: Verdict = "not_met"
+) -> Criterion:
+    """The claim holds up to ``bound``."""
+    return Criterion(threshold, high=bound, better_than=better_than, otherwise=otherwise)
+
+
+def at_least(
+    bound: float, threshold: Threshold, *, better_than: float | None = None, otherwise: Verdict = "not_met"
+) -> Criterion:
+    """The claim holds from ``bound`` on."""
+    return Criterion(threshold, low=bound, better_than=better_than, otherwise=otherwise)
+
+
+def below(
+    bound: float, threshold: Threshold, *, better_than: float | None = None, otherwise: Verdict = "not_met"
+) -> Criterion:
+    """The claim holds below ``bound``."""
+    return Criterion(threshold, high=bound, strict=True, better_than=better_than, otherwise=otherwise)
+
+
+def above(bound: float, threshold: Threshold, *, otherwise: Verdict = "not_met") -> Criterion:
+    """The claim holds above ``bound``."""
+    return Criterion(threshold, low=bound, strict=True, otherwise=otherwise)
+
+
+def within(low: float, high: float, threshold: Threshold, *, otherwise: Verdict = "not_met") -> Criterion:
+    """The claim holds from ``low`` to ``high``."""
+    return Criterion(threshold, low=low, high=high, otherwise=otherwise)
 
 
 @dataclass(frozen=True)
 class Measured:
-    """The numbers of a claim, before its words: ``Measured("r", 0.67, ours, "1", met_if(ours > 0.5)).says("...")``."""
+    """The numbers of a claim, before its words: ``Measured("r", 0.67, ours, "1", above(0.5, "ours")).says("...")``."""
 
     key: str
     thesis: float | str
     ours: float
     unit: str
-    verdict: Verdict
+    criterion: Criterion
     aim: bool = False
 
     def says(self, says: str, note: str = "", **basis: Unpack[Basis]) -> Claim:
         """The claim that the thesis makes in these words, with a remark on our number and what it is computed from."""
-        return Claim(self.key, says, self.thesis, self.ours, self.unit, self.verdict, note, aim=self.aim, **basis)
-
-
-def met_if(holds: bool | np.bool) -> Verdict:
-    """Verdict "met" or "not_met"."""
-    return "met" if holds else "not_met"
-
-
-def error_unless(holds: bool | np.bool) -> Verdict:
-    """Verdict "met" or "thesis_in_error"."""
-    return "met" if holds else "thesis_in_error"
+        holds = self.criterion
+        return Claim(
+            self.key,
+            says,
+            self.thesis,
+            self.ours,
+            self.unit,
+            holds.verdict(self.ours, None if self.aim else basis.get("interval")),
+            note,
+            aim=self.aim,
+            holds_from=holds.low,
+            holds_to=holds.high,
+            strict=holds.strict,
+            threshold=holds.threshold,
+            **basis,
+        )
 
 
 def target(
@@ -184,7 +305,6 @@ def target(
 
     Outside the bounds, or if the number is not finite, the verdict is "not_met".
     """
-    inside = (at_most is None or ours <= at_most) and (at_least is None or ours >= at_least)
     word, scale = (f"m{unit}", 1e3) if unit in ("m", "s") else (unit, 1.0)
     suffix = "" if unit == "1" else f" {word}"
     if at_least is not None and at_most is not None:
@@ -192,8 +312,9 @@ def target(
     else:
         bound, sign = (at_most, "≤") if at_most is not None else (at_least, "≥")
         aim = f"{sign} {format_three_digits(scale * (bound or 0.0))}{suffix}"
-    verdict: Verdict = "beaten" if inside and math.isfinite(ours) else "not_met"
-    return Measured(key, f"aim {aim}", ours, unit, verdict, aim=True)
+    better = math.inf if at_least is None else -math.inf
+    criterion = Criterion("ours", low=at_least, high=at_most, better_than=better)
+    return Measured(key, f"aim {aim}", ours, unit, criterion, aim=True)
 
 
 def format_three_digits(value: float) -> str:

@@ -69,6 +69,14 @@ def seeds_of(item: Item, seeds: int | None, seed: int | None) -> range:
     return range(first, first + max(count, item.min_seeds))
 
 
+def command_of(item: Item, seeds: range) -> str:
+    """The command line that computes an item with the same draws."""
+    words = ["stridelab", "reproduce", item.name]
+    words += ["--seeds", f"{len(seeds)}"] if item.draws == "many" else []
+    words += ["--seed", f"{seeds[0]}"] if item.draws != "nothing" else []
+    return " ".join(words)
+
+
 def reproduce_item(name: str, seeds: int | None, tell: Progress, seed: int | None = None) -> Reproduction:
     """Compute one item with the draws of ``seeds_of``.
 

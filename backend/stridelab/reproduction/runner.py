@@ -1,24 +1,30 @@
 """Computation of items with a result cache; a failed item is reported and does not stop the others."""
 
 import pickle
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final
 
 from stridelab.conventions import Progress
-from stridelab.errors import StridelabError
+from stridelab.errors import NotFound, StridelabError
 from stridelab.machine.parallel import map_isolated
 from stridelab.reproduction.chapter2 import fig_2_8_people, table_real_walks
-from stridelab.reproduction.chapter3 import wheel_people
-from stridelab.reproduction.claims import Reproduction, sampling_text
-from stridelab.reproduction.registry import ITEMS, item_of, seeds_of
+from stridelab.reproduction.chapter3 import people_figures
+from stridelab.reproduction.claims import PeopleItem, Reproduction, place_of, sampling_text
+from stridelab.reproduction.registry import ITEMS, command_of, item_of, seeds_of
 from stridelab.reproduction.result_cache import ResultCache, digest_of
 
-_PEOPLE_MODULES: Final = (fig_2_8_people, table_real_walks, wheel_people)
-PEOPLE: Final = tuple(module.NAME for module in _PEOPLE_MODULES)
-"""Items on real recordings, computed only if the recordings are available."""
+_MODULES: Final = (fig_2_8_people, table_real_walks)
+PEOPLE: Final[Mapping[str, PeopleItem]] = {
+    each.name: each
+    for each in (
+        *(PeopleItem(of.NAME, of.TITLE, of.run, of.__name__, of.PRINTED) for of in _MODULES),
+        *people_figures.PEOPLE_ITEMS,
+    )
+}
+"""Items on real recordings by name, computed only if the recordings are available."""
 QUICK_SEEDS: Final = 3
 """Number of draws for a quick run."""
 ONE_SEED: Final = range(1)
@@ -26,7 +32,10 @@ ONE_SEED: Final = range(1)
 
 @dataclass(frozen=True)
 class Section:
-    """Result of one item, or the error message if it failed; ``sampling`` says what it draws and how often."""
+    """Result of one item, or the error message if it failed.
+
+    ``sampling`` says what it draws and how often, ``command`` is the command line that computes it again.
+    """
 
     name: str
     title: str
@@ -34,6 +43,7 @@ class Section:
     printed: tuple[str, ...]
     result: Reproduction | None
     failure: str = ""
+    command: str = ""
 
 
 @dataclass(frozen=True)
@@ -47,6 +57,7 @@ class Recipe:
     printed: tuple[str, ...]
     module: str
     run: Callable[[Progress], Reproduction]
+    command: str = ""
 
 
 def recipes_of(
@@ -54,24 +65,32 @@ def recipes_of(
 ) -> list[Recipe]:
     """Recipes of items by name; ``seeds`` None uses the default of each item, items that draw nothing take neither.
 
-    ``recordings`` is a folder with real recordings in ``gait/`` and adds the items on them. Raises ``NotFound``
-    (``item-not-found``) for an unknown name.
+    ``recordings`` is a folder with real recordings in ``gait/``, which the items on people need. Raises ``NotFound``:
+    ``item-not-found`` for an unknown name, ``recordings-missing`` for an item on people without the folder.
     """
-    selected = [recipe_of(name, seeds, seed) for name in names]
-    if recordings is not None:
-        selected += [
-            Recipe(
-                each.NAME,
-                each.TITLE,
-                sampling_text("nothing", ONE_SEED),
-                ONE_SEED,
-                each.PRINTED,
-                each.__name__,
-                partial(each.run, recordings / "gait"),
-            )
-            for each in _PEOPLE_MODULES
-        ]
-    return selected
+    return [
+        _recipe_on_people(PEOPLE[name], recordings) if name in PEOPLE else recipe_of(name, seeds, seed)
+        for name in names
+    ]
+
+
+def _recipe_on_people(item: PeopleItem, recordings: Path | None) -> Recipe:
+    if recordings is None:
+        raise NotFound("recordings-missing", f"{item.name} needs recordings of people: name their folder.")
+    return Recipe(
+        item.name,
+        item.title,
+        sampling_text("nothing", ONE_SEED),
+        ONE_SEED,
+        item.printed,
+        item.module,
+        partial(_run_on_people, item, recordings / "gait"),
+        f"stridelab reproduce {item.name} --recordings FOLDER",
+    )
+
+
+def _run_on_people(item: PeopleItem, gait: Path, tell: Progress) -> Reproduction:
+    return item.run(gait, tell).with_basis("people", 1, place_of(item.name))
 
 
 def recipe_of(name: str, seeds: int | None, seed: int | None = None) -> Recipe:
@@ -79,7 +98,8 @@ def recipe_of(name: str, seeds: int | None, seed: int | None = None) -> Recipe:
     item = item_of(name)
     drawn = seeds_of(item, seeds if item.draws == "many" else None, seed if item.draws != "nothing" else None)
     sampling = sampling_text(item.draws, drawn)
-    return Recipe(name, item.title, sampling, drawn, item.printed, item.run.__module__, partial(item, drawn))
+    run, command = partial(item, drawn), command_of(item, drawn)
+    return Recipe(name, item.title, sampling, drawn, item.printed, item.run.__module__, run, command)
 
 
 def collect_sections(
@@ -108,7 +128,7 @@ def collect_sections(
                 cache.save_result(done.name, done.seeds, digests[done.module], result, done.printed)
         result = results[number]
         found, failure = (None, result) if isinstance(result, str) else (result, "")
-        yield Section(each.name, each.title, each.sampling, each.printed, found, failure)
+        yield Section(each.name, each.title, each.sampling, each.printed, found, failure, each.command)
 
 
 def _share_of(tell: Progress, cached: int, total: int) -> Progress:

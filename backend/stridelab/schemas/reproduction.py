@@ -40,11 +40,13 @@ ReproductionItem = Literal[
     "flight",
 ]
 """A figure of the thesis, the numbers in the text of a chapter, or a table on the simulated walks."""
-Verdict = Literal["met", "beaten", "not_met", "thesis_in_error"]
-"""``met``: agrees with the thesis; ``beaten``: better than the thesis; ``not_met``: neither; of a claim with ``aim``,
+Verdict = Literal["met", "beaten", "not_met", "thesis_in_error", "undecided"]
+"""``met``: agrees with the thesis; ``beaten``: better than the thesis; ``not_met``: neither; ``undecided``: the claim
+holds in a part of our interval only; of a claim with ``aim``,
 ``beaten`` and ``not_met`` say whether an aim of this project is reached, and nothing on the thesis."""
 Evidence = Literal["simulated", "replayed", "people", "external"]
-Outcome = Literal["not_met", "thesis_in_error", "met", "beaten", "aim_missed", "aim_reached"]
+Threshold = Literal["thesis", "words", "ours"]
+Outcome = Literal["not_met", "thesis_in_error", "undecided", "met", "beaten", "aim_missed", "aim_reached"]
 ITEMS_WITH_DRAWS: Final = frozenset(
     [
         "fig-2.6",
@@ -56,7 +58,6 @@ ITEMS_WITH_DRAWS: Final = frozenset(
         "fig-3.8",
         "fig-3.9",
         "numbers-2",
-        "numbers-3",
         "errors",
         "lag",
         "coverage",
@@ -66,7 +67,7 @@ ITEMS_WITH_DRAWS: Final = frozenset(
 )
 """Items whose number of random draws can be chosen."""
 ITEMS_WITH_SAMPLE: Final = frozenset(
-    ["fig-3.3", "fig-3.4", "fig-3.5", "fig-3.10", "fig-4.2", "fig-4.4", "fig-4.5", "fig-4.6", "numbers-4"]
+    ["fig-3.3", "fig-3.4", "fig-3.5", "fig-3.10", "fig-4.2", "fig-4.4", "fig-4.5", "fig-4.6", "numbers-3", "numbers-4"]
 )
 """Items that draw one random sample of fixed size."""
 
@@ -116,6 +117,16 @@ class ClaimResult(Contract):
     interval: tuple[float, float] | None = Field(default=None, description="95 % interval of ours")
     comparator: str | None = Field(default=None, description="what ours is compared with")
     aim: bool = Field(default=False, description="a threshold of this project: no verdict on the thesis")
+    where: str = Field(default="", description="section, figure or table of the thesis that makes the claim")
+    holds: str = Field(default="", description="range of ours in which the claim holds, and whose bounds these are")
+    holds_from: float | None = None
+    holds_to: float | None = None
+    strict: bool = Field(default=False, description="whether the claim does not hold at the bounds themselves")
+    threshold: Threshold = Field(
+        default="ours",
+        description="whose the bounds are: printed in the thesis, implied by its words without a number, or ours",
+    )
+    overturned_by: str = Field(default="", description="what would overturn the verdict")
 
     @property
     def outcome(self) -> Outcome:
@@ -137,6 +148,7 @@ class ReproduceSummary(Contract):
     seeds: int
     seed: int = 0
     sampling: str = Field(default="", description="what the item draws at random, and how often")
+    command: str = Field(default="", description="command line that computes the item again with the same draws")
     note: str
 
     @property

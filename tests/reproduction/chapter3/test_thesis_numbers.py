@@ -92,7 +92,7 @@ def test_facets_hold_their_rays_and_grow_with_the_contacts() -> None:
 def test_the_hub_varies_more_than_the_walker_whom_it_is_to_smooth() -> None:
     """On an exact cycloid that turns evenly the hub is even and the point is not; on a walk it is the other way."""
     for fit in simulated_steps().fits:
-        hub, com = numbers_3._speed_variations(fit)
+        hub, com = numbers_3.speed_variations(fit)
         assert hub > 2.0 * com
         t = np.linspace(0.0, 1.0, len(fit.time_s))
         theta = 2.0 * np.pi * t - np.pi

@@ -6,7 +6,7 @@ import numpy as np
 
 from stridelab.conventions import GRAVITY_M_S2, Points, Progress, Series
 from stridelab.dynamics.wrench import Wrench, central_axis, transport, zmp_linearised, zmp_of_motion, zmp_of_wrench
-from stridelab.reproduction.claims import Measured, Reproduction, error_unless, met_if, reproduces
+from stridelab.reproduction.claims import Measured, Reproduction, at_least, at_most, reproduces
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.reproduction.studies.estimator_study import simulate_trial
 from stridelab.simulation.ground_truth import TrueMotion
@@ -39,26 +39,26 @@ def run(seeds: range, tell: Progress) -> Reproduction:
     cart_angle, axis_angle = (float(_angle_between(u, v).max()) for u, v in ((to_cart, cart_force), (n, f)))
     moment_ratio = _least_moment_ratio(wrench, axis.point_m)
     claims = (
-        Measured("zmp_2_8_corrected_m", 0.0, exact, "m", met_if(exact <= 1e-6)).says(
+        Measured("zmp_2_8_corrected_m", 0.0, exact, "m", at_most(1e-6, "words")).says(
             "(2.8) is the ZMP of the motion", "With L' of the x axis and the signs that follow from (2.6) and (2.7)."
         ),
-        Measured("zmp_2_8_printed_m", 0.0, printed, "m", error_unless(printed <= 1e-6)).says(
+        Measured("zmp_2_8_printed_m", 0.0, printed, "m", at_most(1e-6, "words", otherwise="thesis_in_error")).says(
             "(2.8) as printed is the ZMP of the motion",
             "Its second row contains L' about z instead of L' about x (docs/theory/misprints.md).",
         ),
-        Measured("cart_line_angle_rad", 0.0, cart_angle, "rad", met_if(cart_angle <= 1e-6)).says(
+        Measured("cart_line_angle_rad", 0.0, cart_angle, "rad", at_most(1e-6, "words")).says(
             "the line from the ZMP to the CoM of the cart-table is parallel to the contact force",
             f"For the force of the cart-table model. The force of the walk deviates from this line by up to "
             f"{np.degrees(_angle_between(to_cart, f).max()):.2f} degrees, because the height is not constant.",
         ),
-        Measured("axis_angle_rad", 0.0, axis_angle, "rad", met_if(axis_angle <= 1e-6)).says(
+        Measured("axis_angle_rad", 0.0, axis_angle, "rad", at_most(1e-6, "words")).says(
             "the central axis is parallel to the contact force"
         ),
-        Measured("least_moment_ratio", 1.0, moment_ratio, "1", met_if(moment_ratio >= 1.0 - 1e-9)).says(
+        Measured("least_moment_ratio", 1.0, moment_ratio, "1", at_least(1.0 - 1e-9, "words")).says(
             "the central axis is the line of minimum moment norm",
             "Smallest moment norm at 1 cm from the axis, over eight directions, relative to that on the axis.",
         ),
-        Measured("theorem_1_m", 0.0, distance_error, "m", met_if(distance_error <= 1e-6)).says(
+        Measured("theorem_1_m", 0.0, distance_error, "m", at_most(1e-6, "words")).says(
             "theorem 1: the two axes intersect the floor in the same point only without free moment or tilt",
             f"Largest deviation of the distance from |(tau n) x f| / f^2 of the free moment tau at the ZMP, projected "
             f"to the floor; the distance is {1e3 * _rms_norm((foot - z)[:, :2]):.2f} mm RMS on this walk.",

@@ -9,7 +9,7 @@ from stridelab.conventions import Progress
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary.forward_backward import filter_inputs
 from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum, crossing_hz, error_spectrum
-from stridelab.reproduction.claims import Measured, Reproduction, met_if, reproduces
+from stridelab.reproduction.claims import Measured, Reproduction, at_least, at_most, reproduces, within
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.reproduction.studies.estimator_study import simulate_trial
 from stridelab.simulation.robot.walker import RATE_HZ
@@ -39,23 +39,23 @@ def run(seeds: range, tell: Progress) -> Reproduction:
     crossing = min(crossing_hz(mean["axis"], mean["geometry"], axis) for axis in (0, 1))
     vertical = float(np.abs(p[0, 2] / g[0, 2] - 1.0))
     claims = (
-        Measured("geometry_middle_over_ends", "very clean", middle, "1", met_if(middle <= 0.5)).says(
+        Measured("geometry_middle_over_ends", "very clean", middle, "1", at_most(0.5, "ours")).says(
             "the geometry has errors at low and high frequencies, and is very clean between (horizontally)",
             "Horizontal RMS error between 0.4 and 4 Hz over the smaller of those below 0.4 Hz and above 4 Hz.",
         ),
-        Measured("force_power_above_4_hz", 1.0, force_high, "1", met_if(force_high >= 0.9)).says(
+        Measured("force_power_above_4_hz", 1.0, force_high, "1", at_least(0.9, "ours")).says(
             "the error of the force lies in high frequencies", "Smallest share of the power of an axis above 4 Hz."
         ),
-        Measured("axis_without_noise", 1.0, no_noise, "1", met_if(no_noise >= 0.7)).says(
+        Measured("axis_without_noise", 1.0, no_noise, "1", at_least(0.7, "ours")).says(
             "the error of the axis comes from L', independent of the added noise",
             "Its RMS error between 0.4 and 4 Hz along the walk with perfect sensors and model, over that with noise.",
         ),
-        Measured("axis_worse_from_hz", 0.4, crossing, "Hz", met_if(0.2 <= crossing <= 1.2)).says(
+        Measured("axis_worse_from_hz", 0.4, crossing, "Hz", within(0.2, 1.2, "ours")).says(
             "the axis is reliable only below 0.4 Hz",
             "Lowest frequency at which the horizontal error of the axis exceeds that of the geometry; the spectral "
             "lines are 0.125 Hz apart.",
         ),
-        Measured("axis_height_over_geometry", "unlikely", vertical, "1", met_if(vertical <= 0.05)).says(
+        Measured("axis_height_over_geometry", "unlikely", vertical, "1", at_most(0.05, "ours")).says(
             "no input gives a precise height (2.3)",
             "Vertically the axis only repeats the geometry, projected along the force: below 0.4 Hz its error equals "
             "the geometry's up to this relative difference. It is no independent measurement.",

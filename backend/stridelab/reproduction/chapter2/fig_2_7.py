@@ -9,7 +9,7 @@ from stridelab.conventions import Progress
 from stridelab.estimation.complementary.contributions import split_contributions
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.evaluation.truth_errors import error_m
-from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, error_unless, met_if, reproduces
+from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, above, at_least, reproduces
 from stridelab.reproduction.common.estimator_errors import GAITS, Draw, compute_draws, error_table, rms
 from stridelab.reproduction.common.estimators import GEOMETRY, KALMAN, SMOOTHER, THESIS, study_estimators
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
@@ -44,16 +44,18 @@ def _gait_claims(gait: str, thesis: Sequence[Draw]) -> list[Claim]:
     height = rms([d.errors[THESIS].vertical_m for d in thesis]) / rms([d.errors[GEOMETRY].vertical_m for d in thesis])
     noisy = rms([d.noisy_m[THESIS] for d in thesis]) / rms([d.noisy_m[KALMAN] for d in thesis])
     return [
-        Measured(f"{gait}_trials_not_worse", 1.0, trials_not_worse, "1", error_unless(trials_not_worse == 1.0)).says(
-            f"{gait} gait: the filter is never worse than the Kalman filter (trials, horizontal RMS)"
-        ),
-        Measured(f"{gait}_samples_not_worse", 1.0, closer, "1", error_unless(closer > 0.99)).says(
-            f"{gait} gait: its error is always inferior or equivalent (samples, horizontal)"
-        ),
-        Measured(f"{gait}_height_over_geometry", "biased", height, "1", met_if(height > 0.5)).says(
+        Measured(
+            f"{gait}_trials_not_worse", 1.0, trials_not_worse, "1", at_least(1.0, "words", otherwise="thesis_in_error")
+        ).says(f"{gait} gait: the filter is never worse than the Kalman filter (trials, horizontal RMS)"),
+        Measured(
+            f"{gait}_samples_not_worse", 1.0, closer, "1", at_least(0.99, "ours", otherwise="thesis_in_error")
+        ).says(f"{gait} gait: its error is always inferior or equivalent (samples, horizontal)"),
+        Measured(f"{gait}_height_over_geometry", "biased", height, "1", above(0.5, "ours")).says(
             f"{gait} gait: the height is biased", "RMS vertical error over that of the geometry."
         ),
-        Measured(f"{gait}_noise_over_kalman", "more", noisy, "1", error_unless(noisy > 1.0)).says(
+        Measured(
+            f"{gait}_noise_over_kalman", "more", noisy, "1", above(1.0, "words", otherwise="thesis_in_error")
+        ).says(
             f"{gait} gait: the filter has more high-frequency noise than the Kalman filter",
             "Horizontal RMS of the error above 5 Hz, over the Kalman filter's.",
         ),

@@ -21,7 +21,7 @@ from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.recording import Recording, Window, WrenchTrack
-from stridelab.reproduction.claims import Measured, Reproduction, met_if, reproduces, target
+from stridelab.reproduction.claims import Measured, Reproduction, at_least, at_most, reproduces, target
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record
@@ -88,11 +88,11 @@ def run(seeds: range, tell: Progress) -> Reproduction:
     shift_left = float(np.abs((compensated - a)[:, 0].mean()))
     flat, up = _rms_norm(a[:, :2]), _rms_norm(a[:, 2:])
     claims = (
-        Measured("horizontal_over_vertical", "especially", flat / up, "1", met_if(flat / up >= 1.0)).says(
+        Measured("horizontal_over_vertical", "especially", flat / up, "1", at_least(1.0, "words")).says(
             "the estimate differs from the geometry, especially horizontally",
             f"Mean offset {1e3 * flat:.1f} mm horizontally, {1e3 * up:.1f} mm vertically.",
         ),
-        Measured("bias_left", "could be", left, "1", met_if(left <= 0.5)).says(
+        Measured("bias_left", "could be", left, "1", at_most(0.5, "ours")).says(
             "the difference could be a correction of the segment table's bias",
             "Horizontal bias after fusion over the geometry's, with synchronous clocks. With the force "
             f"{1e3 * LATENCY_S:.0f} ms late, as in real recordings, it is {left_late:.1f}: the offset changes by "

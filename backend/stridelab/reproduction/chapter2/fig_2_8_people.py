@@ -17,7 +17,7 @@ from stridelab.estimation.differentiation import walk_frame
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.latency import estimate_latency
 from stridelab.reproduction.chapter2.fig_2_8 import com_and_force_panels
-from stridelab.reproduction.claims import Claim, Measured, Reproduction, met_if, target
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, at_least, at_most, target
 from stridelab.reproduction.common.estimator_errors import as_columns, rms
 from stridelab.reproduction.common.recorded_walks import RecordedWalk, recordings_in
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
@@ -128,13 +128,13 @@ def _offset_claims(slow: Sequence[Fused], pairs: Sequence[tuple[Fused, Fused]]) 
     late = np.mean([b.speed_m_s * b.latency_s - a.speed_m_s * a.latency_s for a, b in pairs])
     change, left = abs(float(raw.mean())), abs(float(corrected.mean()))
     return (
-        Measured("horizontal_over_vertical", "especially", flat / up, "1", met_if(flat / up >= 1.0)).says(
+        Measured("horizontal_over_vertical", "especially", flat / up, "1", at_least(1.0, "words")).says(
             "the estimate differs slightly from the geometry, especially in horizontal position",
             f"RMS of the mean offsets of {len(slow)} adults at a comfortable speed: {1e3 * flat:.1f} mm horizontally, "
             f"{1e3 * up:.1f} mm vertically.",
             n=len(slow),
         ),
-        Measured("change_with_speed_m", 0.0, change, "m", met_if(change <= CHANCE_CHANGE_M)).says(
+        Measured("change_with_speed_m", 0.0, change, "m", at_most(CHANCE_CHANGE_M, "ours")).says(
             "the difference could be a correction of the table's bias, which is independent of the speed",
             f"Mean change of the offset along the walk from comfortable to fast, {len(pairs)} adults: "
             f"{1e3 * raw.mean():+.1f} mm, standard deviation {1e3 * raw.std():.1f} mm; speed times latency grows by "

@@ -21,7 +21,7 @@ from stridelab.estimation.observability import (
     force_and_geometry_matrix,
     force_matrix,
 )
-from stridelab.reproduction.claims import Claim, Measured, Reproduction, error_unless, met_if, reproduces
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, at_least, at_most, below, reproduces, within
 from stridelab.reproduction.common.estimator_errors import GAITS, rms
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
@@ -99,7 +99,13 @@ def _rank_claims(trial: StudyTrial) -> tuple[Claim, ...]:
 
 def _rank_claim(key: str, says: str, thesis: int, ranks: np.ndarray) -> Claim:
     worst = int(ranks[np.argmax(np.abs(ranks - thesis))])
-    return Measured(key, float(thesis), float(worst), "1", error_unless(worst == thesis)).says(
+    return Measured(
+        key,
+        float(thesis),
+        float(worst),
+        "1",
+        within(float(thesis), float(thesis), "thesis", otherwise="thesis_in_error"),
+    ).says(
         says,
         f"The same in all {len(ranks)} states." if len(ranks) > 1 and np.ptp(ranks) == 0 else "",
         n=1,
@@ -120,12 +126,12 @@ def _axis_claims(gait: str, trial: StudyTrial, off_m: Points) -> tuple[Claim, ..
     low_power, total_power = (spectrum.band_rms(0.0, top) for top in (stride_hz - spectrum.resolution_hz, RATE_HZ / 2))
     share = float((low_power**2).sum() / (total_power**2).sum())
     return (
-        Measured(f"{gait}_off_axis_m", "several cm", largest, "m", met_if(largest >= SEVERAL_CENTIMETRES_M)).says(
+        Measured(f"{gait}_off_axis_m", "several cm", largest, "m", at_least(SEVERAL_CENTIMETRES_M, "ours")).says(
             f"{gait} gait: gesticulation separates CoM and central axis by up to several centimetres (2.3.3)",
             "Largest distance of the walk, without noise and model error. It grows with the square of the cadence.",
             n=1,
         ),
-        Measured(f"{gait}_slow_gesticulation", "almost none", share, "1", met_if(share <= 0.01)).says(
+        Measured(f"{gait}_slow_gesticulation", "almost none", share, "1", at_most(0.01, "ours")).says(
             f"{gait} gait: below half of the stepping frequency there is almost no gesticulation (2.3.3)",
             f"Share of the power of L' below {stride_hz:.2f} Hz. The mean offset of the axis from the CoM is "
             f"nevertheless {1e3 * float(np.linalg.norm(off_m.mean(axis=0))):.1f} mm, because force and L' are "
@@ -148,22 +154,24 @@ def _noise_claims(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tupl
     both, one = (rms([errors[k] for errors in map(_passes_m, noisy)]) for k in (0, 1))
     sigma = KalmanFilter().sigma_jerk_m_s3
     return (
-        Measured(f"{gait}_perfect_m", 0.0, perfect, "m", met_if(perfect <= 1e-5)).says(
+        Measured(f"{gait}_perfect_m", 0.0, perfect, "m", at_most(1e-5, "words")).says(
             f"{gait} gait: with perfect measurements the filter gives the exact value, without latency (2.4)",
             "Largest error over all samples and coordinates, with the central axis through the CoM.",
             n=1,
         ),
-        Measured(f"{gait}_mass", "good", mass, "1", met_if(mass <= 0.005)).says(
+        Measured(f"{gait}_mass", "good", mass, "1", at_most(0.005, "ours")).says(
             f"{gait} gait: the mean vertical force gives a good estimate of the mass (2.5.1)",
             "Largest relative error, over a walk that begins and ends at rest, with the noise of 2.5.1.",
         ),
-        Measured(f"{gait}_jerk", sigma, jerk_rms, "m/s³", error_unless(jerk_rms <= 2.0 * sigma)).says(
+        Measured(
+            f"{gait}_jerk", sigma, jerk_rms, "m/s³", at_most(2.0 * sigma, "ours", otherwise="thesis_in_error")
+        ).says(
             f"{gait} gait: with a jerk of 1 m/s³ the Kalman filter trusts the measurements (2.5.3)",
             "RMS of the jerk along the axis with the largest jerk: a filter that expects less jerk trusts its "
             "prediction and is delayed (item lag).",
             n=1,
         ),
-        Measured(f"{gait}_both_passes", "< 1", both / one, "1", met_if(both < one)).says(
+        Measured(f"{gait}_both_passes", "< 1", both / one, "1", below(1.0, "words")).says(
             f"{gait} gait: an average of a forward and a backward pass increases the precision (2.6.3)",
             "Horizontal RMS error of the average over that of the forward pass alone.",
         ),

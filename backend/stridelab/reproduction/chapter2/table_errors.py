@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Measured, Reproduction, met_if, reproduces, target
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, at_least, reproduces, target
 from stridelab.reproduction.common.estimator_errors import (
     GAITS,
     Draw,
@@ -76,7 +76,7 @@ def _gait_claims(gait: str, draws_of_gait: Sequence[Draw]) -> list[Claim]:
         ratio_claim(
             "auto_over_thesis", "default over thesis' cut-offs (1.5 times better)", 1 / 1.5, "thesis", AUTO, THESIS
         ),
-        Measured(f"{gait}_best_height", "unlikely", height, "1", met_if(height >= 0.8)).says(
+        Measured(f"{gait}_best_height", "unlikely", height, "1", at_least(0.8, "ours")).says(
             f"{gait} gait: the height is not observable (smallest constant error of z over the geometry's)",
             "Estimators reduce the configuration noise in z, but not the bias of the segment table.",
         ),

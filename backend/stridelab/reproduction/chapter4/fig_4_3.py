@@ -8,7 +8,7 @@ from stridelab.conventions import Progress
 from stridelab.reachability.card import EffectorCard, SizeTrial
 from stridelab.reachability.store import load_card
 from stridelab.reproduction.chapter4.foot_density import REFERENCES, SUFFICIENT_EXCESS_SD
-from stridelab.reproduction.claims import Claim, Measured, Reproduction, met_if, reproduces
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, above, at_most, reproduces
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 
 ROBOTS: Final = {"hrp2": "HRP-2", "talos": "TALOS"}
@@ -71,7 +71,7 @@ def _effector_claims(robot: str, name: str, card: EffectorCard) -> list[Claim]:
             "sufficient",
             excess,
             "nats",
-            met_if(excess <= SUFFICIENT_EXCESS_SD * least.kl_sd_nats),
+            at_most(SUFFICIENT_EXCESS_SD * least.kl_sd_nats, "words"),
         ).says(
             f"{who}: {size} components are sufficient",
             f"KL above the minimum, which is at {least.components} components; the standard error of the estimate is "
@@ -84,7 +84,7 @@ def _effector_claims(robot: str, name: str, card: EffectorCard) -> list[Claim]:
             card.sizes[LARGEST_SIZE - 1].excess_sd_nats,
         )
         claims.append(
-            Measured(f"{robot}_{name}_rise_nats", "rises", rise, "nats", met_if(rise > sd)).says(
+            Measured(f"{robot}_{name}_rise_nats", "rises", rise, "nats", above(sd, "words")).says(
                 f"{who}: the divergence rises beyond {size}",
                 f"KL of {LARGEST_SIZE} components above that of {size}; the standard error of a difference is "
                 f"{sd:.4f} nats.",

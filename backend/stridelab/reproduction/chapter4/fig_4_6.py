@@ -9,16 +9,7 @@ import numpy as np
 from stridelab.contacts.wrench_cones.contact_points import PointContacts
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import (
-    Claim,
-    Column,
-    Measured,
-    Reproduction,
-    error_unless,
-    met_if,
-    reproduces,
-    target,
-)
+from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, at_least, at_most, reproduces, target
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 from stridelab.reproduction.studies.cone_validation import (
     FINE_RAYS,
@@ -112,26 +103,26 @@ def figure_claims(rows: list[Row], random: Mapping[str, int | float]) -> tuple[C
     fifth, third = random["share_where_0.2_leaves"], random["share_where_0.3_leaves"]
     on_stairs = min(row.alpha_max for row in rows)
     return (
-        Measured("excess_of_true", 0.0, excess, "1", error_unless(excess <= 0.0)).says(
+        Measured("excess_of_true", 0.0, excess, "1", at_most(0.0, "words", otherwise="thesis_in_error")).says(
             "the outer approximation (alpha = 1) contains the true cone",
             "Largest gauge of a ray of the circular cones, minus 1: the four rays per contact from which it is built "
             "are inside, the circular cones between them are not. In the plane section of figure 4.7 it contains them.",
             n=len(rows),
         ),
-        Measured("alpha_fifth", 0.0, fifth, "1", error_unless(fifth == 0.0)).says(
+        Measured("alpha_fifth", 0.0, fifth, "1", at_most(0.0, "words", otherwise="thesis_in_error")).says(
             "with alpha = 1/5 it is guaranteed to lie inside",
             f"Share of random sets where it is not inside; the largest alpha inside is {random['least_alpha_max']:.3f} "
             f"(minimum) and {random['median_alpha_max']:.3f} (median). John's theorem applies to the ellipsoid of step "
             "(ii), whereas step (iv) fixes the centre.",
             n=SETS,
         ),
-        Measured("alpha_third_stairs", 0.3, on_stairs, "1", met_if(on_stairs >= 0.3 - ALPHA_TOLERANCE)).says(
+        Measured("alpha_third_stairs", 0.3, on_stairs, "1", at_least(0.3 - ALPHA_TOLERANCE, "thesis")).says(
             "alpha = 0.3 is inside (figure 4.7; two, three and four contacts on the stair)",
             f"Smallest alpha_max of the sets, {', '.join(f'{row.alpha_max:.3f}' for row in rows)}, which are only "
             f"approximately those of the thesis; circular cones by {FINE_RAYS} rays. Met to two digits.",
             n=len(rows),
         ),
-        Measured("alpha_third", 0.0, third, "1", met_if(third == 0.0)).says(
+        Measured("alpha_third", 0.0, third, "1", at_most(0.0, "words")).says(
             "the same on random sets",
             f"Share of random sets where the cone with alpha = 0.3 leaves the circular cones ({FINE_RAYS} rays).",
             n=SETS,

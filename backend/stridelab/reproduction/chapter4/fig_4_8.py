@@ -18,16 +18,7 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.solver import solve
 from stridelab.conventions import Points, Progress
-from stridelab.reproduction.claims import (
-    Claim,
-    Column,
-    Measured,
-    Reproduction,
-    error_unless,
-    met_if,
-    reproduces,
-    target,
-)
+from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, at_most, below, reproduces, target
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 from stridelab.reproduction.studies.thesis_experiments import EXPERIMENTS, WALKERS, Experiment, experiment_problem
 
@@ -133,7 +124,9 @@ def figure_claims(
     momenta = [float(np.abs(plan.l_nms).max()) for plan in both]
     falling = [a.objective - b.objective for a, b in pairwise(sweep)]
     return (
-        Measured("same_optimum", 0.0, max(shares), "1", error_unless(max(shares) <= OBJECTIVE_TOLERANCE)).says(
+        Measured(
+            "same_optimum", 0.0, max(shares), "1", at_most(OBJECTIVE_TOLERANCE, "ours", otherwise="thesis_in_error")
+        ).says(
             "in theory, the optimum of both problems should be the same",
             f"Largest relative excess of u_c's objective over u_f's, for three experiments and two robots (smallest "
             f"{min(shares):.2f}). The inner cone of u_c restricts the problem; the optima would be the same only with "
@@ -163,17 +156,17 @@ def figure_claims(
             "increase of u_f's objective by pyramids of eight rays instead of circular cones",
             solver=SOLVER,
         ),
-        Measured("shape", "similar", distance_m, "m", met_if(distance_m < 0.05)).says(
+        Measured("shape", "similar", distance_m, "m", below(0.05, "ours")).says(
             "the CoM trajectories have similar shape",
             "Largest distance of the CoM at the same time.",
             solver=SOLVER,
         ),
-        Measured("smoother", "< 1", rough[1] / rough[0], "1", met_if(rough[1] < rough[0])).says(
+        Measured("smoother", "< 1", rough[1] / rough[0], "1", below(1.0, "words")).says(
             "the motion-based problem leads to marginally smoother trajectories",
             "Mean squared change of the acceleration between intervals of 0.1 s, u_c over u_f.",
             solver=SOLVER,
         ),
-        Measured("noise", "noise", momenta[0], "Nms", met_if(momenta[0] < NOISE_NMS)).says(
+        Measured("noise", "noise", momenta[0], "Nms", below(NOISE_NMS, "ours")).says(
             "the angular momentum oscillates with u_f, mostly numerical noise",
             f"Largest angular momentum with u_f; with u_c {momenta[1]:.2g} Nms. Exact integration causes no "
             "numerical noise.",

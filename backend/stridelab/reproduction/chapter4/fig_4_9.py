@@ -21,7 +21,7 @@ from stridelab.conventions import Mask, Points, Progress, Series
 from stridelab.reachability.card import Measure
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.store import load_proxies
-from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, met_if, reproduces, target
+from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, above, reproduces, target
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.reproduction.studies.thesis_experiments import experiment_problem
 
@@ -114,7 +114,7 @@ def figure_claims(paths: list[ComPath]) -> tuple[Claim, ...]:
         gain = float(np.nanmean(with_density.log_density) - np.nanmean(without_density.log_density))
         outside_share = [float((p.share[p.in_contact] < RARE_SHARE).mean()) for p in (with_density, without_density)]
         made += [
-            Measured(f"nearer_{measure}", "> 0", gain, "1", met_if(gain > 0.0)).says(
+            Measured(f"nearer_{measure}", "> 0", gain, "1", above(0.0, "words")).says(
                 f"the CoM stays in the most feasible region, closer to the maxima ({measure} densities)",
                 "Increase of the mean log-density of the right foot, in nats.",
                 solver=with_density.solver,
@@ -124,7 +124,7 @@ def figure_claims(paths: list[ComPath]) -> tuple[Claim, ...]:
                 "infeasible",
                 outside_share[1],
                 "1",
-                met_if(outside_share[1] > max(0.5, outside_share[0])),
+                above(max(0.5, outside_share[0]), "ours"),
             ).says(
                 f"without the log-density, the CoM tends to be infeasible ({measure} densities)",
                 f"Share of the time outside the smallest set with {MASS:.0%} of the foot's density; with the "

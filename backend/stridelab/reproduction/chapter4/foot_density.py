@@ -19,7 +19,7 @@ from stridelab.reachability.learning.fit import HELD_OUT_RECIPROCAL, expectation
 from stridelab.reachability.learning.kde import CANDIDATES_M, KernelDensity
 from stridelab.reachability.proxy.projections import grid_around, project_kernels, project_mixture
 from stridelab.reachability.store import load_card, load_cloud
-from stridelab.reproduction.claims import Claim, Measured, Reproduction, error_unless, met_if, reproduces
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, above, at_least, at_most, below, reproduces
 from stridelab.reproduction.report.svg_density_maps import Row, hull_area_share, svg_maps
 
 EFFECTOR: Final = "right_foot"
@@ -144,7 +144,13 @@ def _density_claims(
     held_out = density.held_out
     peak = float(np.exp(density.mixtures[k].log_density(held_out).max() - density.kernels.log_density(held_out).max()))
     return (
-        Measured("sagittal_area_over_hull", "not convex", filled, "1", error_unless(filled < CONVEX_AREA_SHARE)).says(
+        Measured(
+            "sagittal_area_over_hull",
+            "not convex",
+            filled,
+            "1",
+            below(CONVEX_AREA_SHARE, "ours", otherwise="thesis_in_error"),
+        ).says(
             "the density is not convex: banana-shaped in the x-z plane",
             "Area with half of the projected mass over the area of its convex hull.",
         ),
@@ -153,29 +159,31 @@ def _density_claims(
             "cannot",
             kl[1].kl_nats / least.kl_nats,
             "1",
-            error_unless(kl[1].kl_nats > 2.0 * least.kl_nats),
+            above(2.0, "ours", otherwise="thesis_in_error"),
         ).says(
             "a single normal distribution cannot approximate it",
             f"KL of one component over the minimum of 1 to 20 components, which is at {least.components}.",
         ),
         Measured(
-            "excess_nats", "enough", excess, "nats", met_if(excess <= SUFFICIENT_EXCESS_SD * least.kl_sd_nats)
+            "excess_nats", "enough", excess, "nats", at_most(SUFFICIENT_EXCESS_SD * least.kl_sd_nats, "words")
         ).says(
             says,
             f"KL of {k} components above the minimum; the standard error of the estimate is {least.kl_sd_nats:.4f}, "
             f"that of the difference {kl[k].excess_sd_nats:.4f}. The card uses {card.components} components.",
         ),
-        Measured("peak_over_kernels", "not perfectly", peak, "1", error_unless(abs(peak - 1.0) > 0.05)).says(
+        Measured(
+            "peak_off", "not perfectly", abs(peak - 1.0), "1", above(0.05, "ours", otherwise="thesis_in_error")
+        ).says(
             "the mixture does not fit the maximal values perfectly",
-            f"Highest density at held-out samples with {k} components over that of the kernels, which flatten features "
-            "narrower than their bandwidth.",
+            f"Highest density at held-out samples with {k} components over that of the kernels, {peak:.2f}, minus one; "
+            "the kernels flatten features narrower than their bandwidth.",
         ),
-        Measured("unseen_samples_inside", "≥ 0.95", unseen, "1", met_if(unseen >= MASSES[-1])).says(
+        Measured("unseen_samples_inside", "≥ 0.95", unseen, "1", at_least(MASSES[-1], "words")).says(
             "the mixture is conservative with respect to the support",
             f"Share of {len(held_out)} held-out samples inside the 95 % set of the mixture with {k} components.",
             n=len(held_out),
         ),
-        Measured("kernel_mass_inside", "≥ 0.95", inside, "1", met_if(inside >= MASSES[-1] - SAMPLING_ERROR)).says(
+        Measured("kernel_mass_inside", "≥ 0.95", inside, "1", at_least(MASSES[-1] - SAMPLING_ERROR, "words")).says(
             "the mixture is conservative with respect to the level sets of the kernel density",
             f"Mass of the kernel density inside the same set, whose volume is {volume:.2f} of the kernels' own set: "
             "the kernels widen the distribution of the samples, to which EM is fitted directly. Met within two "

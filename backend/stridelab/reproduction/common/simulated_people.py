@@ -32,10 +32,10 @@ DURATION_S: Final = 3.0
 NOTE: Final = (
     "Simulated subjects with exact centre of mass, with the heights of the thesis' subjects, at speeds drawn "
     "independently of the height. The simulated vertical motion is a cosine per step by construction: these "
-    "correlations are properties of the simulation and no verdict on the thesis; people are in the item wheel-people "
-    "and in docs/theory/population.md."
+    "correlations are properties of the simulation and no verdict on the thesis; people are in the "
+    "items whose names end in -people, and in docs/theory/population.md."
 )
-PEOPLE_NOTE: Final = "No verdict on the thesis: people are in the item wheel-people."
+PEOPLE_NOTE: Final = "No verdict on the thesis: people are in the items whose names end in -people."
 INDEPENDENT_R: Final = 0.5
 """Largest correlation with the height of a parameter that geometric similarity leaves alone."""
 

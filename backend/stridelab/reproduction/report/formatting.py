@@ -24,6 +24,31 @@ def claim_numbers(claim: Claim) -> tuple[str, str]:
     return thesis, format_quantity(claim.ours, claim.unit)
 
 
+SOURCES: Final = {"thesis": "thesis", "words": "its words", "ours": "our aim"}
+"""Whose the bounds of a claim are."""
+
+
+def holds_text(claim: Claim) -> str:
+    """Range of our number in which the claim holds, and whose bounds these are: "≤ 3.5 mm (thesis)"."""
+    low, high = (None if b is None else format_quantity(b, claim.unit) for b in (claim.holds_from, claim.holds_to))
+    if low is not None and high is not None:
+        text = low if low == high else f"{low} to {high}"
+    elif high is not None:
+        text = f"{'<' if claim.strict else '≤'} {high}"
+    else:
+        text = f"{'>' if claim.strict else '≥'} {low}"
+    return f"{text} ({SOURCES[claim.threshold]})"
+
+
+def overturned_by(claim: Claim) -> str:
+    """What would overturn the verdict, as a sentence."""
+    bounds = holds_text(claim).rpartition(" (")[0]
+    what = "number" if claim.interval is None or claim.aim else "95 % interval"
+    if claim.verdict == "undecided":
+        return f"Decided by an interval inside or outside {bounds}."
+    return f"Overturned by a {what} {'outside' if claim.verdict in ('met', 'beaten') else 'inside'} {bounds}."
+
+
 def basis_text(claim: Claim) -> str:
     """What our number is computed from: evidence and number of cases, solver, comparator and 95 % interval, if any."""
     parts = [f"{claim.evidence}, n = {claim.n}"]

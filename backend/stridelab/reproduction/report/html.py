@@ -5,7 +5,14 @@ from html import escape
 from typing import Final
 
 from stridelab.reproduction.claims import OUTCOMES, WORDS, Claim, Column, Reproduction
-from stridelab.reproduction.report.formatting import basis_text, claim_numbers, count_outcomes, table_cells
+from stridelab.reproduction.report.formatting import (
+    basis_text,
+    claim_numbers,
+    count_outcomes,
+    holds_text,
+    overturned_by,
+    table_cells,
+)
 from stridelab.reproduction.runner import Section
 
 STYLE: Final = """
@@ -19,13 +26,16 @@ td.n, th.n { text-align: right; white-space: nowrap; font-variant-numeric: tabul
 small { display: block; opacity: .75; } .scroll { overflow-x: auto; } figure { margin: 1rem 0; }
 svg { max-width: 100%; height: auto; }
 .met, .beaten, .aim_reached { color: var(--good); } .not_met, .aim_missed, .failed { color: var(--bad); }
-.thesis_in_error { color: var(--odd); }
+.thesis_in_error, .undecided { color: var(--odd); }
 """
 
 
 def render_html(sections: Sequence[Section], generated_by: str) -> str:
     """Render the report; ``generated_by`` is a sentence on how it was generated."""
-    intro = "Every claim has the thesis' number, or an aim of our own where it has none, ours, and a computed verdict."
+    intro = (
+        "Every claim has its place in the thesis, the thesis' number, or an aim of our own where it has none, the "
+        "range in which it holds, our number, and a computed verdict."
+    )
     parts = [
         "<!doctype html>",
         '<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">',
@@ -69,23 +79,29 @@ def _render_section(section: Section) -> str:
     if section.result is None:
         return f'{head}<p class="failed">Not computed: {escape(section.failure)}</p></section>'
     tables = "".join(_render_table(section.result.tables[name]) for name in section.printed)
-    return f"{head}{_claims_table(section.result, section.sampling)}{tables}{_figure_html(section)}</section>"
+    return f"{head}{_claims_table(section.result, section)}{tables}{_figure_html(section)}</section>"
 
 
-def _claims_table(result: Reproduction, sampling: str) -> str:
+def _claims_table(result: Reproduction, section: Section) -> str:
     rows = "".join(_claim_row(claim) for claim in result.claims)
-    heads = '<th scope="col">Claim</th><th class="n" scope="col">Thesis, or our aim</th><th class="n" scope="col">Here'
+    heads = (
+        '<th scope="col">Claim</th><th class="n" scope="col">Thesis, or our aim</th><th class="n" scope="col">Holds if'
+        '</th><th class="n" scope="col">Here'
+    )
+    again = f"<p>Computed again by <code>{escape(section.command)}</code>.</p>" if section.command else ""
     return (
-        f'<p>{escape(f"{result.note} {sampling}")}</p><div class="scroll"><table><thead><tr>{heads}</th>'
+        f'<p>{escape(f"{result.note} {section.sampling}")}</p>{again}<div class="scroll"><table><thead><tr>{heads}</th>'
         f'<th scope="col">Verdict</th></tr></thead><tbody>{rows}</tbody></table></div>'
     )
 
 
 def _claim_row(claim: Claim) -> str:
     thesis, ours = claim_numbers(claim)
-    remark = "".join(f"<small>{escape(text)}</small>" for text in (claim.note, basis_text(claim)) if text)
+    texts = (claim.where, claim.note, basis_text(claim), overturned_by(claim))
+    remark = "".join(f"<small>{escape(text)}</small>" for text in texts if text)
     return (
-        f'<tr><td>{escape(claim.says)}{remark}</td><td class="n">{escape(thesis)}</td><td class="n">{escape(ours)}</td>'
+        f'<tr><td>{escape(claim.says)}{remark}</td><td class="n">{escape(thesis)}</td>'
+        f'<td class="n">{escape(holds_text(claim))}</td><td class="n">{escape(ours)}</td>'
         f'<td class="{claim.outcome}">{WORDS[claim.outcome]}</td></tr>'
     )
 

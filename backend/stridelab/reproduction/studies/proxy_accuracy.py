@@ -48,6 +48,16 @@ class Truth:
         kernels = KernelDensity(com_m[:half], bandwidth_m)
         return Truth(kernels, com_m[half:], kernels.log_density(com_m[half:]))
 
+    def resampled(self, rng: np.random.Generator) -> "Truth":
+        """The truth from postures drawn with replacement from its own, kernels and held-out postures apart."""
+        halves = (self.kernels.centres_m, self.unseen_m)
+        drawn = [half[rng.integers(0, len(half), len(half))] for half in halves]
+        return Truth.from_postures(np.concatenate(drawn), self.kernels.bandwidth_m)
+
+    def share_denser_than(self, point_m: Vector3) -> float:
+        """Share of the held-out postures that are denser than the truth at a point."""
+        return float((self.log_p > float(self.kernels.log_density(point_m[None])[0])).mean())
+
     def volume_m3(self, mass: float, seed: int = 0) -> float:
         """Volume of the level set of the kernel density that contains the share ``mass`` of the held-out samples."""
         log_p = self.kernels.log_density(self.kernels.sample(10 * len(self.log_p), np.random.default_rng(seed)))
@@ -62,7 +72,8 @@ class Comparison:
     product inside the 95 % set of the truth, ``truth_inside`` the share of the truth inside the 95 % set of the
     product. ``false_feasible`` is the share of the volume of the product's set without a posture. ``density_at_mode``
     is the truth's density at the product's mode relative to its maximum, ``denser_than_mode`` the share of the truth
-    with a higher density than there: at most 0.5 if the mode lies in the smallest set with half of the truth.
+    with a higher density than there: at most 0.5 if the mode lies in the smallest set with half of the truth, and
+    ``denser_resampled`` the same for postures drawn from the truth's with replacement.
     """
 
     contacts: str
@@ -75,6 +86,7 @@ class Comparison:
     mode_m: tuple[float, float, float]
     density_at_mode: float
     denser_than_mode: float = float("nan")
+    denser_resampled: tuple[float, ...] = ()
 
 
 def compare_densities(
@@ -84,8 +96,11 @@ def compare_densities(
     truth: Truth,
     densities: Mapping[str, Mapping[str, Proxy]],
     probes: int = PROBES,
+    resamples: int = 0,
 ) -> list[Comparison]:
     """Compare the product of every choice of ``densities`` for one contact set with its ``truth``."""
+    rng = np.random.default_rng(3)
+    resampled = [truth.resampled(rng) for _ in range(resamples)]
     contacts = ContactBatch.from_placements(search.robot, [placements])
     heading_rad = float(contacts.heading_rad[0])
     volumes = tuple(truth.volume_m3(mass) for mass in MASSES)
@@ -111,7 +126,8 @@ def compare_densities(
                 _false_feasible(search, contacts, draws, log_q, threshold, probes),
                 _as_triple(mode),
                 float(np.exp(log_p_mode - top)),
-                float((truth.log_p > log_p_mode).mean()),
+                truth.share_denser_than(mode),
+                tuple(other.share_denser_than(mode) for other in resampled),
             )
         )
     return comparisons

@@ -1,0 +1,228 @@
+"""Claims of figures 3.3 to 3.6 and of sections 3.2 and 3.4 on the path of the centre of mass of people."""
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from stridelab.reproduction.chapter3.numbers import MEASURED_MM, MIN_SUBJECT_SHARE, pendulum_rise_m, speed_variations
+from stridelab.reproduction.chapter3.people_walks import SPEEDS, FittedWalk, Walks, path_of, people_interval
+from stridelab.reproduction.claims import Claim, Criterion, Measured, above, at_least, at_most, below, target, within
+from stridelab.walking.step_fit import StepFit
+
+SLIGHT_SHARE: Final = 0.1
+"""Relative difference of two successive steps that counts as slight."""
+SIMILAR_SHARE: Final = 0.1
+"""Mean distance over the vertical excursion that counts as very similar."""
+EVENT_S: Final = 0.015
+PENDULUM_M: Final = 0.02
+
+
+def mean_claim(
+    walks: Walks, speed: str, key: str, thesis: float | str, unit: str, holds: Criterion,
+    value: Callable[[FittedWalk], float], words: str, note: str = "", where: str = "",
+) -> list[Claim]:  # fmt: skip
+    """Claim on the mean of one number per person at one speed, with its interval; none if no person has the number."""
+    values = [number for number in map(value, walks[speed]) if np.isfinite(number)]
+    if not values:
+        return []
+    numbers = Measured(f"{speed}_{key}", thesis, float(np.mean(values)), unit, holds)
+    return [numbers.says(f"{speed} speed: {words}", note, n=len(values), interval=people_interval(values), where=where)]
+
+
+def shape_claims(walks: Walks) -> list[Claim]:
+    """Figure 3.3 and 3.2.5."""
+    claims = [
+        claim
+        for speed in SPEEDS
+        for claim in mean_claim(
+            walks, speed, "distance_over_rise", "very similar", "1", at_most(SIMILAR_SHARE, "ours"),
+            lambda walk: walk.mean_of(lambda fit: float(fit.path.distance_m.mean() / np.ptp(fit.path_m[:, 1]))),
+            "its shape is very similar to the curtate cycloid", "Mean distance over the vertical excursion, all steps.",
+        )
+    ]  # fmt: skip
+    ratio = max(fit.path.wheel.r_m / fit.path.wheel.R_m for of in walks.values() for walk in of for fit in walk.fits)
+    claims.append(
+        Measured("r_over_R", "curtate", ratio, "1", below(1.0, "words")).says(
+            "the path is a curtate cycloid: r below R", "Largest ratio of all steps at both speeds."
+        )
+    )
+    claims += [
+        claim
+        for speed in SPEEDS
+        for claim in mean_claim(
+            walks, speed, "convex_share", "longer", "1", above(0.5, "words"), FittedWalk.convex_share,
+            "the convex lower part of the cycle is longer than the concave higher part",
+            "Share of the length of a step on which the plates carry more than the weight; no model of the path.",
+            "3.2.5",
+        )
+    ]  # fmt: skip
+    return claims
+
+
+def segmentation_claims(walks: Walks) -> list[Claim]:
+    """Figure 3.4, 3.2.6 and 3.2.7."""
+    differences_s = [d for of in walks.values() for walk in of for d in walk.event_differences_s()]
+    rms_s = float(np.sqrt(np.mean(np.square(differences_s))))
+    claims = [
+        target("events_s", rms_s, "s", at_most=EVENT_S).says(
+            "strikes and lift-offs from plates and markers against the laboratory's own events (RMS)",
+            f"Mean {1e3 * float(np.mean(differences_s)):+.0f} ms: ours are corrected for the latency of the force. The "
+            "laboratory's events are no truth.",
+            n=len(differences_s),
+            comparator="events of the files",
+        )
+    ]
+    for speed in SPEEDS:
+        claims += [
+            *mean_claim(
+                walks, speed, "amplitude_change", "slightly", "1", at_most(SLIGHT_SHARE, "ours"),
+                lambda walk: _relative_change(walk, lambda fit: float(np.ptp(fit.path_m[:, 1]))),
+                "the amplitude of the CoM trajectory varies slightly between two consecutive steps",
+                "Absolute difference of the vertical excursion over its mean.", "3.2.7",
+            ),
+            *mean_claim(
+                walks, speed, "duration_change", "slightly", "1", at_most(SLIGHT_SHARE, "ours"),
+                lambda walk: _relative_change(walk, lambda fit: fit.step.end_s - fit.step.start_s),
+                "the cycle duration varies slightly between two consecutive steps",
+                "Absolute difference of the time from lift-off to lift-off over its mean.", "3.2.7",
+            ),
+            *mean_claim(
+                walks, speed, "finer", "finer", "1", below(1.0, "words"),
+                lambda walk: 1e-3 * walk.distance_mm(measured=False)[0] / walk.height_variability_m(),
+                "fitting one step reaches precisions finer than the intra-subject variability",
+                "Mean distance over the variability of the height between the steps of a person.", "3.2.7",
+            ),
+        ]  # fmt: skip
+    return claims
+
+
+def _relative_change(walk: FittedWalk, value: Callable[[StepFit], float]) -> float:
+    """Mean absolute difference of successive steps over the mean of the steps."""
+    values = np.array([value(fit) for fit in walk.fits])
+    return float(np.abs(np.diff(values)).mean() / values.mean()) if len(values) > 1 else float("nan")
+
+
+def largest_error_m(walk: FittedWalk) -> float:
+    """Largest distance within the measured steps."""
+    return max(float(fit.path.distance_m.max()) for fit in walk.fits if fit.step.measured)
+
+
+def _up_over_ahead(walk: FittedWalk) -> float:
+    ahead, up = (np.sqrt(np.mean([np.mean(fit.path.error_m[:, k] ** 2) for fit in walk.fits])) for k in (0, 1))
+    return float(up / ahead)
+
+
+def one_step_claims(walks: Walks) -> list[Claim]:
+    """Figure 3.5."""
+    claims: list[Claim] = []
+    for speed, of in walks.items():
+        largest_m = [largest_error_m(walk) for walk in of]
+        few = sum(value <= 0.0015 for value in largest_m)
+        claims += [
+            Measured(f"{speed}_largest_m", 0.0015, float(np.median(largest_m)), "m", at_most(0.0015, "thesis")).says(
+                f"{speed} speed: over the whole cycle, the reconstruction error remains below 1.5 mm",
+                f"Largest error within a step with all force on plates, median person; below 1.5 mm in {few} of "
+                f"{len(of)}. The thesis shows one person, and adds that this does not vary a lot among subjects.",
+                n=len(of),
+                interval=people_interval(largest_m, np.median),
+            ),
+            Measured(f"{speed}_up", "mainly", min(map(_up_over_ahead, of)), "1", above(1.0, "words")).says(
+                f"{speed} speed: it is mainly contained in the vertical direction",
+                "RMS error up over that ahead, smallest of all people.",
+                n=len(of),
+            ),
+        ]
+    return claims
+
+
+def distance_claims(walks: Walks) -> list[Claim]:
+    """Figure 3.6 and 3.3.1."""
+    good = {
+        (speed, measured): [mean < 1.0 and sd < 0.5 for mean, sd in (w.distance_mm(measured=measured) for w in of)]
+        for speed, of in walks.items()
+        for measured in (True, False)
+    }
+    counts = {key: f"{sum(values)} of {len(values)}" for key, values in good.items()}
+    share = float(np.mean(good["comfortable", True]))
+    claims = [
+        Measured("below_1_mm", "numerous", share, "1", at_least(MIN_SUBJECT_SHARE, "ours")).says(
+            "for numerous subjects the mean error is less than 1 mm with very low standard deviation, less than 0.5 mm",
+            f"{counts['comfortable', True]} adults at a comfortable speed, steps with all force on plates; with all "
+            f"steps {counts['comfortable', False]}; at a fast speed {counts['fast', True]} and "
+            f"{counts['fast', False]}. A quarter counts as numerous.",
+            interval=people_interval(np.array(good["comfortable", True], dtype=float)),
+            where="3.3.1",
+        )
+    ]
+    for speed, of in walks.items():
+        mean, sd = np.max([walk.distance_mm(measured=False) for walk in of], axis=0).tolist()
+        claims += [
+            Measured(f"{speed}_mean_mm", 3.5, mean, "mm", at_most(3.5, "thesis")).says(
+                f"{speed} speed: the mean reconstruction for all the subjects remains below 3.5 mm",
+                "The largest mean of a person, all steps.",
+                n=len(of),
+            ),
+            Measured(f"{speed}_sd_mm", 1.5, sd, "mm", at_most(1.5, "thesis")).says(
+                f"{speed} speed: with a maximal standard deviation of 1.5 mm",
+                "The largest standard deviation of a person, all steps. The text of 3.3.1 has 1 mm.",
+                n=len(of),
+            ),
+        ]
+    return claims
+
+
+def text_claims(walks: Walks) -> list[Claim]:
+    """3.4.1 and 3.4.5."""
+    fits = [fit for of in walks.values() for walk in of for fit in walk.fits]
+    wheel_m = float(np.mean([fit.path.distance_m.mean() for fit in fits]))
+    over_m = [pendulum_rise_m(fit) - float(np.ptp(fit.path_m[:, 1])) for fit in fits]
+    sinusoid = float(np.median([_rms_m(fit, "wheel") / _rms_m(fit, "sinusoid") for fit in fits]))
+    claims = [
+        Measured("over_pendulum", 0.1, wheel_m / float(np.mean(over_m)), "1", at_most(0.1, "thesis")).says(
+            "the level of error is one order of magnitude less than the existing models in the literature",
+            "Mean distance of the wheel over what a pendulum overestimates the vertical excursion by. A sinusoid with "
+            "the same number of parameters, which the thesis does not mention, is closer: the wheel has "
+            f"{sinusoid:.2f} times its RMS error (median).",
+            comparator="inverted pendulum",
+            where="3.4.1",
+        ),
+        Measured("pendulum_over_m", PENDULUM_M, float(np.median(over_m)), "m", within(0.01, 0.04, "ours")).says(
+            "existing models overestimate the vertical position by up to 2 cm",
+            "Vertical excursion of a pendulum as long as the CoM is high, minus that of the CoM; median step.",
+            where="3.4.1",
+        ),
+        *mean_claim(
+            walks, "comfortable", "distance_mm", MEASURED_MM, "mm", at_most(MEASURED_MM, "thesis"),
+            lambda walk: walk.distance_mm(measured=False)[0],
+            "the model fits with a higher precision than the accuracy of the measurement systems, around 2 mm",
+            "Mean distance of a person, all steps.", "3.4.1",
+        ),
+    ]  # fmt: skip
+    for speed in SPEEDS:
+        claims += [
+            *mean_claim(
+                walks, speed, "orbit", "constant", "1", at_most(0.1, "ours"), _orbit_variation,
+                "in the frame of the hub the CoM orbits at a constant distance from the origin",
+                "Standard deviation of the distance over its mean.", "3.4.5",
+            ),
+            *mean_claim(
+                walks, speed, "hub_over_com", "low-varying", "1", at_most(1.0, "ours"),
+                lambda walk: walk.mean_of(lambda fit: float(np.divide(*speed_variations(fit)))),
+                "the centre of the wheel hovers at low-varying velocity",
+                "Variation of its speed within a step over that of the CoM; low if no larger.", "3.4.5",
+            ),
+        ]  # fmt: skip
+    return claims
+
+
+def _orbit_variation(walk: FittedWalk) -> float:
+    def variation(fit: StepFit) -> float:
+        distance_m = np.hypot(*path_of(fit).T)
+        return float(distance_m.std() / distance_m.mean())
+
+    return walk.mean_of(variation)
+
+
+def _rms_m(fit: StepFit, model: str) -> float:
+    return next(score.rms_m for score in fit.path_rivals if score.model == model)

@@ -1,0 +1,178 @@
+"""Chapter 3 on real adults: every step counts, and what the simulated walker cannot witness is judged on people."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from stridelab.errors import NotFound
+from stridelab.reproduction.chapter3 import people_walks
+from stridelab.reproduction.chapter3.people_figures import PEOPLE_ITEMS
+from stridelab.reproduction.chapter3.people_parameter_claims import OMEGA_R, correlation_claim, omega_claim
+from stridelab.reproduction.chapter3.people_walks import (
+    FittedWalk,
+    RecordedWalk,
+    fit_walk,
+    fitted_walks,
+    people_interval,
+    pooled_spread,
+)
+from stridelab.reproduction.claims import Claim
+from stridelab.reproduction.registry import ITEMS, reproduce_item
+from stridelab.walking.population.correlations import two_sided_p
+from stridelab.walking.population.population import PARAMETERS, Pair, Person, StepRow, study
+
+ADULTS = ("2014001", "2014015", "2014019", "2014022")
+"""As many as a correlation needs."""
+
+
+def silent(_fraction: float, _message: str) -> None:
+    pass
+
+
+@pytest.fixture(scope="module")
+def folder(gait: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("gait")
+    (folder / "rehazenter-adult-walking").mkdir()
+    for person in ADULTS:
+        (folder / "rehazenter-adult-walking" / person).symlink_to(
+            (gait / "rehazenter-adult-walking" / person).resolve()
+        )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def claims(folder: Path) -> dict[tuple[str, str], Claim]:
+    found = {}
+    for item in PEOPLE_ITEMS:
+        result = item.run(folder, silent)
+        assert result.tables["people"]["people"].tolist() == [4, 4]
+        assert result.tables["people"]["steps"].tolist() == [8, 8], "two steps each, also that beside the plates"
+        assert "10.6084/m9.figshare.7734767" in result.note, "where the recordings are published"
+        found |= {(item.name, claim.key): claim for claim in result.claims}
+    return found
+
+
+@pytest.fixture(scope="module")
+def walk(gait: Path) -> FittedWalk:
+    path = next((gait / "rehazenter-adult-walking" / ADULTS[0]).glob("*_C4_*.c3d"))
+    return fit_walk(RecordedWalk.from_file(path))
+
+
+def test_every_figure_of_chapter_3_has_an_item_on_people() -> None:
+    simulated = [name for name in ITEMS if name.startswith(("fig-3", "numbers-3"))]
+    assert {item.name for item in PEOPLE_ITEMS} == {f"{name}-people" for name in simulated}
+
+
+def test_every_claim_says_that_it_is_about_people_and_how_many(claims: dict[tuple[str, str], Claim]) -> None:
+    assert {claim.evidence for claim in claims.values()} == {"people"}
+    assert len(claims) == 49
+    assert claims["fig-3.6-people", "below_1_mm"].n == 4
+    assert claims["fig-3.4-people", "events_s"].n == 32
+    assert all((claim.n or 0) >= 4 for claim in claims.values())
+
+
+def test_the_thresholds_are_those_that_the_thesis_prints(claims: dict[tuple[str, str], Claim]) -> None:
+    printed = {
+        ("fig-3.5-people", "comfortable_largest_m"): 0.0015,
+        ("fig-3.6-people", "comfortable_mean_mm"): 3.5,
+        ("fig-3.6-people", "fast_sd_mm"): 1.5,
+        ("fig-3.7-people", "comfortable_R_sd_m"): 0.005,
+        ("fig-3.7-people", "fast_r_sd_m"): 0.005,
+        ("fig-3.8-people", "comfortable_z0_sd_m"): 0.002,
+        ("numbers-3-people", "over_pendulum"): 0.1,
+        ("numbers-3-people", "comfortable_distance_mm"): 2.0,
+    }
+    for key, bound in printed.items():
+        assert (claims[key].holds_to, claims[key].threshold, claims[key].thesis) == (bound, "thesis", bound), key
+
+
+def test_the_existing_models_are_pendula(claims: dict[tuple[str, str], Claim]) -> None:
+    claim = claims["numbers-3-people", "over_pendulum"]
+    assert claim.comparator == "inverted pendulum"
+    assert claim.verdict == "met"
+    assert 0.01 < claim.ours < 0.1
+
+
+def test_the_spread_is_that_of_the_steps_of_one_trial(walk: FittedWalk) -> None:
+    one, other = (fit.path.wheel.R_m for fit in walk.fits)
+    assert walk.spread_m("R_m") == pytest.approx(abs(one - other) / np.sqrt(2.0))
+    assert sum(fit.step.measured for fit in walk.fits) == 1
+    assert walk.geometric_spread_m("R_m") == pytest.approx(walk.spread_m("R_m"), abs=0.003)
+
+
+def test_pairs_of_steps_are_pooled_with_the_interval_of_a_variance() -> None:
+    pooled_m, (low_m, high_m) = pooled_spread([0.003, float("nan"), 0.004])
+    assert pooled_m == pytest.approx(np.sqrt((0.003**2 + 0.004**2) / 2.0))
+    assert stats.chi2.sf(2.0 * (pooled_m / low_m) ** 2, 2) == pytest.approx(0.025)
+    assert stats.chi2.cdf(2.0 * (pooled_m / high_m) ** 2, 2) == pytest.approx(0.025)
+
+
+def test_an_interval_is_over_people() -> None:
+    values = np.random.default_rng(3).normal(5.0, 2.0, 40)
+    low, high = people_interval(values)
+    assert (low + high) / 2.0 == pytest.approx(values.mean(), abs=0.1)
+    assert high - low == pytest.approx(2.0 * 1.96 * values.std() / np.sqrt(40.0), rel=0.1)
+    assert people_interval([1.0, 1.0, 1.0]) == (1.0, 1.0)
+
+
+def test_the_convex_part_is_where_the_height_accelerates_upwards(walk: FittedWalk) -> None:
+    """Another way: the sign of the estimate's own vertical acceleration."""
+    fit = next(fit for fit in walk.fits if fit.step.measured)
+    inside = (walk.estimate.time_s >= fit.step.start_s) & (walk.estimate.time_s <= fit.step.end_s)
+    advance = np.gradient(walk.estimate.com_m[inside] @ walk.ahead)
+    up = walk.estimate.acceleration_m_s2[inside, 2] > 0.0
+    assert walk.convex_share() == pytest.approx(advance[up].sum() / advance.sum(), abs=0.04)
+
+
+def test_crossings_are_counted_from_the_start_and_end_of_double_support(walk: FittedWalk) -> None:
+    ((start_s, end_s, double_s),) = walk.double_support_errors_s()
+    fit = walk.fits[0]
+    assert double_s == pytest.approx(np.diff(fit.step.double_support_s)[0])
+    crossings = [fit.step.strike_s + start_s, fit.step.next_lift_off_s + end_s]
+    heights = np.interp(crossings, walk.estimate.time_s, walk.estimate.com_m[:, 2])
+    assert heights == pytest.approx(np.full(2, fit.path.wheel.z0_m), abs=0.006)
+
+
+def pairs_of(slope: float, people: int) -> dict[str, Pair]:
+    rng = np.random.default_rng(0)
+    heights = rng.normal(1.7, 0.1, people)
+    names = [f"p{k}" for k in range(people)]
+    rows = [
+        StepRow(name, name, dict.fromkeys(PARAMETERS, 1.0) | {"R_m": float(rng.normal(slope * height, 0.1))}
+                | {"omega_rad_s": float(rng.normal(0.0, 1.0)), "r_m": height, "z0_m": height})
+        for name, height in zip(names, heights, strict=True)
+    ]  # fmt: skip
+    group = [Person(name=name, group="adults", height_m=height) for name, height in zip(names, heights, strict=True)]
+    return {pair.parameter: pair for pair in study(group, rows).pairs if pair.against == "height_m"}
+
+
+def test_a_correlation_of_few_people_decides_nothing() -> None:
+    few, many = (correlation_claim(pairs_of(0.7, n)["R_m"], "R", 0.67) for n in (8, 60))
+    assert few.interval is not None
+    assert few.interval[0] < 0.0 < few.interval[1]
+    assert (few.verdict, many.verdict) == ("undecided", "met")
+    assert correlation_claim(pairs_of(-3.0, 60)["R_m"], "R", 0.67).verdict == "not_met"
+
+
+def test_a_weak_correlation_is_that_whose_p_the_thesis_prints() -> None:
+    assert two_sided_p(OMEGA_R, 14) == pytest.approx(0.83, abs=0.005)
+    claim = omega_claim(pairs_of(0.0, 50)["omega_rad_s"])
+    assert claim.verdict == "undecided", "50 people cannot tell 0.058 from 0.2"
+
+
+def test_a_simulated_population_gives_no_verdict_on_people() -> None:
+    for name in ("fig-3.6", "fig-3.7", "fig-3.8", "fig-3.9"):
+        result = reproduce_item(name, None, silent)
+        assert all(claim.aim and claim.n == ITEMS[name].default_seeds for claim in result.claims)
+
+
+def test_walks_of_a_folder_are_fitted_once(folder: Path) -> None:
+    assert fitted_walks(folder) is fitted_walks(folder)
+    assert set(fitted_walks(folder)) == set(people_walks.SPEEDS)
+
+
+def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(NotFound, match="no recording"):
+        PEOPLE_ITEMS[0].run(tmp_path, silent)
