@@ -7,8 +7,8 @@ import pytest
 
 from stridelab.service.jobs.attempts import AttemptStore
 from stridelab.service.kinds.registry import KINDS
-from support.service.stored_rows import add_job, start_job, succeed
-from support.service.web_server import Served, refusal
+from support.service.stored_rows import add_job, start_job, publish_result
+from support.service.web_server import Served, refusal_code
 
 JOBS = "/api/v1/jobs"
 
@@ -42,14 +42,14 @@ def test_parts_of_a_running_job_follow_a_cursor(http: httpx.Client, service: Ser
     assert http.get(path, params={"after": "1.1"}).json()["chunks"] == [checked]
     assert http.get(path, params={"after": "1.2"}).json()["chunks"] == []
     assert http.get(path, params={"after": "0.2"}).json()["chunks"] == [frames, checked]
-    service.run(succeed(service.parts, attempt))
+    service.run(publish_result(service.parts, attempt))
     assert http.get(path).json()["chunks"] == []
 
 
 @pytest.mark.parametrize("after", ["1", "1.", ".1", "1.2.3", "-1.2", "1.x", "1.99999999999", "\u0661.\u0662"])
 def test_a_wrong_cursor_of_parts_is_refused(http: httpx.Client, job_id: str, after: str) -> None:
-    assert refusal(http.get(f"{JOBS}/{job_id}/partial", params={"after": after})) == (422, "invalid-cursor")
+    assert refusal_code(http.get(f"{JOBS}/{job_id}/partial", params={"after": after})) == (422, "invalid-cursor")
 
 
 def test_parts_of_an_unknown_job_are_not_found(http: httpx.Client) -> None:
-    assert refusal(http.get(f"{JOBS}/{'f' * 32}/partial")) == (404, "job-not-found")
+    assert refusal_code(http.get(f"{JOBS}/{'f' * 32}/partial")) == (404, "job-not-found")

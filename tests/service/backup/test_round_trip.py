@@ -65,7 +65,7 @@ def test_parts_of_running_jobs_are_not_in_a_backup_and_gone_after_a_restore(
     postgres: TestDatabases, put_back: PutBack, tmp_path: Path
 ) -> None:
     with postgres.fresh() as url:
-        fill(url, tmp_path / "source")
+        fill_tables(url, tmp_path / "source")
         with psycopg.connect(url) as connection:
             for attempt in (1, 2, 3):
                 connection.execute("INSERT INTO job_partial SELECT id, %s, 1, '{}' FROM job", (attempt,))
