@@ -44,14 +44,14 @@ def folder(gait: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def claims(folder: Path) -> dict[tuple[str, str], Claim]:
-    found = {}
+    by_item: dict[tuple[str, str], Claim] = {}
     for item in PEOPLE_ITEMS:
         result = item.run(folder, silent)
         assert result.tables["people"]["people"].tolist() == [4, 4]
         assert result.tables["people"]["steps"].tolist() == [8, 8], "two steps each, also that beside the plates"
         assert "10.6084/m9.figshare.7734767" in result.note, "where the recordings are published"
-        found |= {(item.name, claim.key): claim for claim in result.claims}
-    return found
+        by_item |= {(item.name, claim.key): claim for claim in result.claims}
+    return by_item
 
 
 @pytest.fixture(scope="module")

@@ -169,7 +169,8 @@ def rebuilt(urdf: str, folder: Path) -> tuple[ET.Element, dict[str, str]]:
     """The rebuilt description of ``urdf``, and what was assumed."""
     (folder / "upload").write_bytes(archive({"small.urdf": urdf}))
     assumed = rebuild_description(folder / "upload", "small.zip", "small", folder / "robots")
-    return ET.parse(folder / "robots" / "small" / "robot.urdf"), assumed
+    text = (folder / "robots" / "small" / "robot.urdf").read_bytes()
+    return ET.fromstring(text), assumed
 
 
 def with_inertia(name: str, mass_kg: float, moments_kg_m2: tuple[float, ...]) -> str:

@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.service.jobs.attempts import AttemptStore
 from stridelab.service.kinds.registry import KINDS
-from support.service.stored_rows import add_job, start_job, publish_result
+from support.service.stored_rows import add_job, publish_result, start_job
 from support.service.web_server import Served, refusal_code
 
 JOBS = "/api/v1/jobs"

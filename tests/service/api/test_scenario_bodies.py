@@ -67,12 +67,12 @@ def test_shoes_that_overlap_are_errors_of_the_check_as_of_a_plan(http: httpx.Cli
 
     plain = http.post(CHECK, json=turned(30.0)).json()
     assert (plain["valid"], plain["errors"]) == (True, [])
-    whole = asked(http, turned(30.0))
+    whole = check_scenario(http, turned(30.0))
     assert whole["valid"] is False
     (fault,) = (one for one in whole["errors"] if "shoe" in one["message"])
     assert fault["where"] == "phases[2].contacts[right_foot]"
     assert "overlaps with that of left_foot by" in fault["message"]
-    assert not [one for one in asked(http, turned(20.0))["errors"] if "shoe" in one["message"]]
+    assert not [one for one in check_scenario(http, turned(20.0))["errors"] if "shoe" in one["message"]]
 
 
 def test_a_hand_a_metre_and_a_half_away_is_unreachable(http: httpx.Client) -> None:
