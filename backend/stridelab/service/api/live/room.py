@@ -34,8 +34,8 @@ BUDGET_S: Final = 0.1
 """Real time that a slow child may take for one frame."""
 PLAN_S: Final = 300.0
 MAX_VIEWERS: Final = 16
-MAX_COMMANDS: Final = 100
-"""Commands that may wait for the child."""
+MAX_COMMANDS: Final = 400
+"""Commands that may wait for the child: the burst that one viewer may send (``SampleRateLimiter``), four times."""
 _STATE_S: Final = 1.0
 _LOOK_S: Final = 0.25
 _PACE_WINDOW_S: Final = 2.0
