@@ -32,7 +32,7 @@ from stridelab.schemas.comparison import (
     MethodAssessment,
     MomentumRateAgreement,
 )
-from stridelab.schemas.jobs import Artifact, JobResult
+from stridelab.schemas.jobs import Artifact, Job, JobResult, PartialResults
 from stridelab.schemas.measures import GaitMeasuresSummary, MeasureValue, NotMeasured
 from stridelab.schemas.population import (
     CorrelationResult,
@@ -352,3 +352,14 @@ RESULTS: dict[str, Callable[[dict[str, Any]], JobResult]] = {
     MEASURES_KIND: measures_result,
     POPULATION_KIND: population_result,
 }
+
+
+def no_parts(jobs: Mapping[str, Job]) -> Callable[[Request], Response]:
+    """Endpoint of the parts of jobs that have none."""
+
+    def endpoint(request: Request) -> Response:
+        job = jobs[request.path_params["id"]]
+        parts = PartialResults(job_id=job.id, state=job.state, attempt=job.attempt, chunks=[], next=f"{job.attempt}.0")
+        return JSONResponse(parts.model_dump(mode="json"))
+
+    return endpoint

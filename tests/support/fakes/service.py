@@ -37,7 +37,6 @@ from support.fakes.recorded_walk import (
     corners,
     tracks_parquet,
 )
-from support.fakes.results import FakeSubjects, listed_recordings
 
 _NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
 
@@ -64,7 +63,7 @@ class FakeService:
 
     def __init__(self, step_s: float = 0.05) -> None:
         self.recordings: dict[str, Recording] = {}
-        self.subjects = FakeSubjects(self.recordings)
+        self.subjects = results.FakeSubjects(self.recordings)
         self.busy: int | None = None
         self.jobs: dict[str, Job] = {}
         self.inputs: dict[str, dict[str, Any]] = {}
@@ -215,6 +214,7 @@ class FakeService:
             Route(f"{api}/jobs/{{id}}", self._job, methods=["GET", "DELETE"]),
             Route(f"{api}/jobs/{{kind}}", self._submit, methods=["POST"]),
             Route(f"{api}/jobs/{{id}}/events", self._events),
+            Route(f"{api}/jobs/{{id}}/partial", results.no_parts(self.jobs)),
             Route(f"{api}/jobs/{{id}}/result", self._result),
             Route(f"{api}/jobs/{{id}}/artifacts/{{name}}", self._artifact),
             Route(f"{api}/scenarios", self._scenarios, methods=["GET", "POST"]),
@@ -233,7 +233,7 @@ class FakeService:
 
     async def _recordings(self, request: Request) -> Response:
         if request.method == "GET":
-            return _answer(listed_recordings(self.recordings.values(), request.query_params))
+            return _answer(results.listed_recordings(self.recordings.values(), request.query_params))
         form = await request.form()
         file = form["file"]
         assert not isinstance(file, str)
