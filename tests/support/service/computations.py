@@ -9,8 +9,6 @@ from typing import Any
 
 from stridelab.errors import Fault, NotEstimable
 from stridelab.machine.cores import usable_cores
-from stridelab.schemas.jobs import PartialMotion
-from stridelab.service.kinds.partial_results import MAX_CHUNK_BYTES, PARTIAL_FOLDER, PartialWriter, chunk_name
 
 
 def add(task: dict[str, Any], _folder: Path, progress: Any) -> dict[str, Any]:
@@ -34,6 +32,10 @@ def write_outcome(task: dict[str, Any], folder: Path, progress: Any) -> dict[str
 
 def show_parts(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
     """Writes parts, with ``task["file"]`` another file in place of the third one, and waits to be released."""
+    # imported here: models take longer to import than most of these functions take
+    from stridelab.schemas.jobs import PartialMotion
+    from stridelab.service.kinds.partial_results import MAX_CHUNK_BYTES, PARTIAL_FOLDER, PartialWriter, chunk_name
+
     writer = PartialWriter(folder)
     for k in range(task.get("n", 2)):
         writer.write(PartialMotion(run=k + 1, time_s=[0.0], poses=[[(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)]]))

@@ -54,7 +54,7 @@ KINDS: Mapping[str, JobKind] = {
         kind("abort", "abort"),
         kind("hog", "reserve", memory_mb=300),
         kind("hang", "hang", timeout_s=1.0),
-        kind("hang-in-a-stage", "hang_in_a_stage", timeout_s=3.0),
+        kind("hang-in-a-stage", "hang_in_a_stage", timeout_s=1.0),
         kind("stumble-in-a-stage", "stumble_in_a_stage"),
         kind("spin", "spin", lane="long"),
         kind("crunch", "crunch", lane="long"),
