@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from experiments.people.real_tracks import ESTIMATORS, Markers, TrackErrors, draw_inputs, exact_walk
+from experiments.real_tracks import ESTIMATORS, Markers, TrackErrors, draw_inputs, exact_walk
 from stridelab.errors import StridelabError
 from stridelab.reproduction.chapter2.table_real_walks import GROUPS
 from stridelab.reproduction.common.recorded_walks import recordings_in

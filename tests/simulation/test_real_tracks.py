@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from experiments.people.real_tracks import ESTIMATORS, ExactWalk, TrackErrors, draw_inputs, exact_walk
+from experiments.real_tracks import ESTIMATORS, ExactWalk, TrackErrors, draw_inputs, exact_walk
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.estimation.smoother import SmootherPriors
 
