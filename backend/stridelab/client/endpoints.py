@@ -14,10 +14,10 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.schemas.base import Page, Problem
-from stridelab.schemas.jobs import Job, JobResult, PartialResults
+from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.live.messages import LiveSession, LiveSessions
 from stridelab.schemas.plans import PlanContactsInput
-from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, Solvers
+from stridelab.schemas.previews import PartialResults, PlanPreview, PlanPreviewInput, Solvers
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectInput
 from stridelab.schemas.robots import Measure, OwnRobot, RobotFacts, RobotPreparation, RobotSummary

@@ -7,7 +7,6 @@ from pydantic import Field, field_validator, model_validator
 
 from stridelab.schemas.base import Contract, Interval, Problem, Remark
 from stridelab.schemas.methods import Method
-from stridelab.schemas.plans import CertificateCheck
 from stridelab.schemas.quality import Quality
 from stridelab.schemas.recordings import TreadmillBelts
 from stridelab.schemas.sessions import LatencySource, SessionValues
@@ -100,64 +99,6 @@ class JobResult(Contract):
     references: list[str]
     summary: dict[str, Any]
     artifacts: list[Artifact]
-
-
-LinkPoses = Annotated[
-    list[tuple[float, float, float, float, float, float, float]],
-    Field(description="pose of every link: position x, y, z in metres, then a quaternion w, x, y, z"),
-]
-
-
-class PartialPlan(Contract):
-    """The centroidal plan is solved; poses of later parts are in the order of ``links``."""
-
-    kind: Literal["plan"] = "plan"
-    robot: str
-    links: list[str]
-    duration_s: float
-    phase_ends_s: list[float]
-
-
-class PartialMotion(Contract):
-    """Frames of the whole body; those of a new ``run`` replace all of the run before."""
-
-    kind: Literal["motion"] = "motion"
-    run: Annotated[int, Field(ge=1)]
-    time_s: list[float]
-    poses: list[LinkPoses]
-
-
-class PartialCertificate(Contract):
-    """Checks of the certificate, each sent once; ``passed`` is null until all are there."""
-
-    kind: Literal["certificate"] = "certificate"
-    checks: list[CertificateCheck]
-    passed: bool | None = None
-
-
-class PartialReplay(Contract):
-    """Frames of the replay in physics."""
-
-    kind: Literal["replay"] = "replay"
-    time_s: list[float]
-    poses: list[LinkPoses]
-
-
-PartialChunk = Annotated[PartialPlan | PartialMotion | PartialCertificate | PartialReplay, Field(discriminator="kind")]
-"""A part of a result that is still being computed."""
-
-
-class PartialResults(Contract):
-    """``GET /jobs/{id}/partial``: parts in the order in which they were computed.
-
-    A new ``attempt`` begins anew: parts of an earlier one have to be dropped.
-    """
-
-    job_id: str
-    state: JobState
-    attempt: int
-    chunks: list[PartialChunk]
-    next: str = Field(description="cursor of the parts that follow, for `after`")
 
 
 Declared = Annotated[float, Field(ge=0.0, le=1000.0)]

@@ -1,11 +1,13 @@
-"""Schemas of interactive planning: the available solvers, and the preview of a centroidal motion."""
+"""Schemas of interactive planning: solvers, previews of a centroidal motion, and parts of a plan that is computed."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, FaultItem
+from stridelab.schemas.jobs import JobState
 from stridelab.schemas.methods import NODE_RATE_HZ
+from stridelab.schemas.plans import CertificateCheck
 from stridelab.schemas.receding import PushSpeed
 from stridelab.schemas.scenarios import Position, ScenarioSource
 
@@ -77,3 +79,61 @@ class Solvers(Contract):
 
     auto: str
     solvers: list[SolverFacts]
+
+
+LinkPoses = Annotated[
+    list[tuple[float, float, float, float, float, float, float]],
+    Field(description="pose of every link: position x, y, z in metres, then a quaternion w, x, y, z"),
+]
+
+
+class PartialPlan(Contract):
+    """The centroidal plan is solved; poses of later parts are in the order of ``links``."""
+
+    kind: Literal["plan"] = "plan"
+    robot: str
+    links: list[str]
+    duration_s: float
+    phase_ends_s: list[float]
+
+
+class PartialMotion(Contract):
+    """Frames of the whole body; those of a new ``run`` replace all of the run before."""
+
+    kind: Literal["motion"] = "motion"
+    run: Annotated[int, Field(ge=1)]
+    time_s: list[float]
+    poses: list[LinkPoses]
+
+
+class PartialCertificate(Contract):
+    """Checks of the certificate, each sent once; ``passed`` is null until all are there."""
+
+    kind: Literal["certificate"] = "certificate"
+    checks: list[CertificateCheck]
+    passed: bool | None = None
+
+
+class PartialReplay(Contract):
+    """Frames of the replay in physics."""
+
+    kind: Literal["replay"] = "replay"
+    time_s: list[float]
+    poses: list[LinkPoses]
+
+
+PartialChunk = Annotated[PartialPlan | PartialMotion | PartialCertificate | PartialReplay, Field(discriminator="kind")]
+"""A part of a result that is still being computed."""
+
+
+class PartialResults(Contract):
+    """``GET /jobs/{id}/partial``: parts in the order in which they were computed.
+
+    A new ``attempt`` begins anew: parts of an earlier one have to be dropped.
+    """
+
+    job_id: str
+    state: JobState
+    attempt: int
+    chunks: list[PartialChunk]
+    next: str = Field(description="cursor of the parts that follow, for `after`")

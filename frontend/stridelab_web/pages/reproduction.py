@@ -34,7 +34,8 @@ PAGE_SIZE: Final = 50
 MAX_SEARCHED_JOBS: Final = 100
 """Maximum number of finished jobs that are searched; items not among them count as missing."""
 SVG: Final = "image/svg+xml"
-_COLUMNS: Final = 5
+_CLAIM, _THESIS, _OURS, _VERDICT, _EVIDENCE, _COLUMNS = 0, 2, 4, 5, 6, 7
+"""Columns of a table of claims, and their number."""
 _OUTCOMES: Final[Mapping[str, Outcome]] = {
     "met": "met",
     "better": "beaten",
@@ -42,6 +43,7 @@ _OUTCOMES: Final[Mapping[str, Outcome]] = {
     "thesis in error": "thesis_in_error",
     "our aim: reached": "aim_reached",
     "our aim: missed": "aim_missed",
+    "undecided": "undecided",
 }
 """Outcomes by their words in the book."""
 
@@ -89,9 +91,13 @@ def read_recorded_items(page: str) -> dict[str, RecordedItem]:
         heading, _, body = section.partition("\n")
         name, _, title = heading.partition(": ")
         paragraphs = body.strip().split("\n\n")
-        lines = paragraphs[1].splitlines()[2:] if len(paragraphs) > 1 and paragraphs[1].startswith("| claim |") else []
-        rows = [tuple(cell.strip().strip("*") for cell in line.strip("|").split(" | ")) for line in lines]
-        judged = [(row, _OUTCOMES[row[3]]) for row in rows if len(row) == _COLUMNS and row[3] in _OUTCOMES]
+        table = next((text for text in paragraphs if text.startswith("| claim |")), "")
+        cells = [[cell.strip().strip("*") for cell in line.strip("|").split(" | ")] for line in table.splitlines()[2:]]
+        judged = [
+            (tuple(row[k] for k in (_CLAIM, _THESIS, _OURS, _VERDICT, _EVIDENCE)), _OUTCOMES[row[_VERDICT]])
+            for row in cells
+            if len(row) == _COLUMNS and row[_VERDICT] in _OUTCOMES
+        ]
         if name in ITEMS and judged:
             shown, outcomes = zip(*judged, strict=True)
             items[name] = RecordedItem(title, re.sub(r"[*`]", "", paragraphs[0]), shown, outcomes)

@@ -13,7 +13,7 @@ import pytest
 import structlog
 
 from stridelab.errors import Conflict
-from stridelab.schemas.jobs import PartialMotion, PartialResults
+from stridelab.schemas.previews import PartialMotion, PartialResults
 from stridelab.service.api.jobs.presentation import job_of
 from stridelab.service.jobs.notifications import JobNotifications
 from stridelab.service.jobs.store import JobRecord, JobStore

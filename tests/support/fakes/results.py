@@ -32,7 +32,7 @@ from stridelab.schemas.comparison import (
     MethodAssessment,
     MomentumRateAgreement,
 )
-from stridelab.schemas.jobs import Artifact, Job, JobResult, PartialResults
+from stridelab.schemas.jobs import Artifact, Job, JobResult
 from stridelab.schemas.measures import GaitMeasuresSummary, MeasureValue, NotMeasured
 from stridelab.schemas.population import (
     CorrelationResult,
@@ -43,6 +43,7 @@ from stridelab.schemas.population import (
     StudyPopulationSummary,
     SubjectResult,
 )
+from stridelab.schemas.previews import PartialResults
 from stridelab.schemas.quality import Quality, TrialQuality
 from stridelab.schemas.recordings import Recording, Subject, SubjectInput
 from stridelab_web.parquet import Columns, read_columns

@@ -33,7 +33,7 @@ def write_outcome(task: dict[str, Any], folder: Path, progress: Any) -> dict[str
 def show_parts(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
     """Writes parts, with ``task["file"]`` another file in place of the third one, and waits to be released."""
     # imported here: models take longer to import than most of these functions take
-    from stridelab.schemas.jobs import PartialMotion
+    from stridelab.schemas.previews import PartialMotion
     from stridelab.service.kinds.partial_results import MAX_CHUNK_BYTES, PARTIAL_FOLDER, PartialWriter, chunk_name
 
     writer = PartialWriter(folder)

@@ -19,7 +19,7 @@ from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.errors import Fault, InvalidInput
-from stridelab.schemas.jobs import PartialChunk
+from stridelab.schemas.previews import PartialChunk
 from stridelab.service.kinds.partial_results import MAX_ATTEMPT_BYTES, MAX_CHUNK_BYTES, PARTIAL_FOLDER, chunk_name
 from stridelab.service.storage.tables import job, job_partial
 

@@ -19,7 +19,8 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.errors import Busy, Conflict, Fault, InvalidInput, NotFound
-from stridelab.schemas.jobs import FINAL_STATES, Artifact, JobEvent, JobResult, JobState, PartialResults, Progress
+from stridelab.schemas.jobs import FINAL_STATES, Artifact, JobEvent, JobResult, JobState, Progress
+from stridelab.schemas.previews import PartialResults
 from stridelab.service import telemetry
 from stridelab.service.cursors import decode_cursor, encode_cursor
 from stridelab.service.jobs.partial_results import decode_partial_cursor, read_chunks

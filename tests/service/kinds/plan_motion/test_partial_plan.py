@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.robots.loader import load_robot
 from stridelab.robots.visuals import link_names, link_poses
-from stridelab.schemas.jobs import PartialCertificate, PartialMotion, PartialPlan, PartialReplay
+from stridelab.schemas.previews import PartialCertificate, PartialMotion, PartialPlan, PartialReplay
 from stridelab.service.jobs.partial_results import CHUNK
 from stridelab.service.kinds.partial_results import PARTIAL_FOLDER, PartialWriter, chunk_name
 from support.robots.plans import run, short_walk

@@ -8,7 +8,8 @@ from starlette.responses import Response, StreamingResponse
 
 from stridelab.errors import NotFound
 from stridelab.schemas.base import Page
-from stridelab.schemas.jobs import Job, JobResult, JobState, PartialResults
+from stridelab.schemas.jobs import Job, JobResult, JobState
+from stridelab.schemas.previews import PartialResults
 from stridelab.service.api.dependencies import AppParts, CallerOf, Parts, require_id_form
 from stridelab.service.api.downloads import OCTETS, send_blob
 from stridelab.service.api.jobs import bundle, delete, events

@@ -11,8 +11,8 @@ from stridelab.conventions import Series
 from stridelab.pipelines.plan_motion import PlanWatcher
 from stridelab.robots.robot import Robot
 from stridelab.robots.visuals import link_names, link_poses
-from stridelab.schemas.jobs import LinkPoses, PartialCertificate, PartialMotion, PartialPlan, PartialReplay
 from stridelab.schemas.plans import CertificateCheck, CertificateSummary
+from stridelab.schemas.previews import LinkPoses, PartialCertificate, PartialMotion, PartialPlan, PartialReplay
 from stridelab.service.kinds.partial_results import PartialWriter
 
 FRAMES_HZ: Final = 25.0
