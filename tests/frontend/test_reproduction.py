@@ -201,7 +201,8 @@ def test_a_damaged_section_of_the_book_is_left_out() -> None:
     row = "| it holds | figure 2.2 | 1 | 0.5 to 1.5 (thesis) | 0.9 | met | simulated, n = 1 |"
     columns = ("claim", "place", "thesis", "holds if", "ours", "", "evidence")
     table = f"| {' | '.join(columns)} |\n|{' --- |' * len(columns)}"
-    page = f"# R\n\n## fig-2.2: One\n\nA *note*.\n\nComputed again by `it`.\n\n{table}\n{row}\n{row.replace('met', 'perhaps')}\n"
+    page = "# R\n\n## fig-2.2: One\n\nA *note*.\n\nComputed again by `it`.\n\n"
+    page += f"{table}\n{row}\n{row.replace('met', 'perhaps')}\n"
     page += "\n## fig-2.5: Two\n\n**Not computed**: why\n\n## other: Three\n\nNote\n"
     items = read_recorded_items(page)
     assert list(items) == ["fig-2.2"]
