@@ -109,7 +109,7 @@ def add_robot(
     if file is None:
         if not (own / f"{name}.toml").is_file():
             raise NotFound("robot-not-found", f"There is no robot {name} in {robots}; name its file.")
-        _commission(request, robots)
+        _commission_own_robot(request, robots)
         return
     if not file.is_file():
         raise NotFound("file-not-found", f"There is no file {file}.", [Fault(str(file), "missing")])
@@ -126,10 +126,10 @@ def add_robot(
     (own / f"{name}.toml").write_text(card_toml(proposal.card), encoding="utf-8")
     show_proposal(proposal, own / f"{name}.toml")
     if commission:
-        _commission(request, robots)
+        _commission_own_robot(request, robots)
 
 
-def _commission(request: CommissionRobotInput, robots: Path) -> None:
+def _commission_own_robot(request: CommissionRobotInput, robots: Path) -> None:
     """Commission a robot of the folder ``robots``; raises ``typer.Exit`` if it does not walk."""
     from stridelab.pipelines.commission_robot import commission_robot
 

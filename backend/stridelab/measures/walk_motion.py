@@ -151,7 +151,7 @@ def walk_motion(
         time_s=time_s,
         com_m=(com_m - moved - origin) @ frame.T,
         velocity_m_s=velocity @ frame.T,
-        covariance=_covariance(estimate, frame),
+        covariance=_horizontal_covariance(estimate, frame),
         varying_sd_m=estimate.diagnostics.get("table_varying_mm", 1e3 * VARYING_SD_M) / 1e3,
         feet={
             foot.side: FootMotion(
@@ -170,7 +170,7 @@ def walk_motion(
     )
 
 
-def _covariance(estimate: ComEstimate, frame: Rotation) -> Float[np.ndarray, "n 3 2 2"] | None:
+def _horizontal_covariance(estimate: ComEstimate, frame: Rotation) -> Float[np.ndarray, "n 3 2 2"] | None:
     """Covariance of position and velocity along the rows of ``frame``; None if the estimator states none."""
     if estimate.method == GeometryOnly.name:
         return np.tile(np.diag(np.square(MARKERS_ALONE_SD)), (len(estimate.time_s), 3, 1, 1))

@@ -194,7 +194,7 @@ def plan_motion(
 
     watcher.on_plan(robot, sequence)
 
-    def follow(
+    def follow_plan(
         robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, progress: ProgressCallback | None
     ) -> WholeBodyMotion:
         watcher.on_pass()
@@ -206,7 +206,7 @@ def plan_motion(
         try:
             with stages.run_stage(WHOLE_BODY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
                 clock = _motion_progress(tell, sequence.duration_s)
-                agreed = agree(robot, problem, plan, solve, follow, clock)
+                agreed = agree(robot, problem, plan, solve, follow_plan, clock)
                 plan, motion, passes = agreed.plan, agreed.motion, agreed.passes
         except WholeBodyStopped as stop:
             motion, stopped = stop.motion, stop

@@ -9,19 +9,14 @@ from stridelab.errors import NotFound
 from stridelab.reproduction.chapter2 import fig_2_8_people
 from stridelab.reproduction.chapter2.fig_2_8_people import COMFORTABLE, WALK, Fused, fuse_walk
 from stridelab.reproduction.common.recorded_walks import RecordedWalk, recordings_in
+from support.recordings.walks import link_adults
 
 ADULTS = ("2014001", "2014015")
 
 
 @pytest.fixture(scope="module")
 def few(gait: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("gait")
-    (folder / "rehazenter-adult-walking").mkdir()
-    for person in ADULTS:
-        (folder / "rehazenter-adult-walking" / person).symlink_to(
-            (gait / "rehazenter-adult-walking" / person).resolve()
-        )
-    return folder
+    return link_adults(gait, ADULTS, tmp_path_factory.mktemp("gait"))
 
 
 @pytest.fixture(scope="module")

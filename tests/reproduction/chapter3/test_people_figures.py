@@ -22,6 +22,7 @@ from stridelab.reproduction.claims import Claim
 from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.walking.population.correlations import two_sided_p
 from stridelab.walking.population.population import PARAMETERS, Pair, Person, StepRow, study
+from support.recordings.walks import link_adults
 
 ADULTS = ("2014001", "2014015", "2014019", "2014022")
 """As many as a correlation needs."""
@@ -33,13 +34,7 @@ def silent(_fraction: float, _message: str) -> None:
 
 @pytest.fixture(scope="module")
 def folder(gait: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("gait")
-    (folder / "rehazenter-adult-walking").mkdir()
-    for person in ADULTS:
-        (folder / "rehazenter-adult-walking" / person).symlink_to(
-            (gait / "rehazenter-adult-walking" / person).resolve()
-        )
-    return folder
+    return link_adults(gait, ADULTS, tmp_path_factory.mktemp("gait"))
 
 
 @pytest.fixture(scope="module")

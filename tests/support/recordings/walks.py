@@ -12,6 +12,7 @@ A made-up body with the landmarks of a full marker set, walking in place; its si
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -264,3 +265,12 @@ def mirrored_tracks(tracks: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The body seen in a mirror: y changes sign, sides swap names."""
     other = {"l_": "r_", "r_": "l_"}
     return {other.get(name[:2], name[:2]) + name[2:]: track * [1.0, -1.0, 1.0] for name, track in tracks.items()}
+
+
+def link_adults(gait: Path, people: Sequence[str], folder: Path) -> Path:
+    """Link the recordings of some adults of ``gait`` into ``folder``, as that of all; returns ``folder``."""
+    adults = "rehazenter-adult-walking"
+    (folder / adults).mkdir()
+    for person in people:
+        (folder / adults / person).symlink_to((gait / adults / person).resolve())
+    return folder

@@ -159,7 +159,7 @@ class LiveReplay:
         return LiveFrame.model_construct(
             time_s=round(self.time_s, _DIGITS),
             plan_time_s=round(stepper.plan_time_s, _DIGITS),
-            doing=self._doing(),
+            doing=self._current_activity(),
             velocity=recovering.velocity if isinstance(recovering, WalkRun) else None,
             steps=0 if recovering is None else self._steps + recovering.steps,
             links=np.round(link_poses(self._robot, q), _DIGITS).tolist(),
@@ -178,7 +178,7 @@ class LiveReplay:
             push=self._push_state(),
         )
 
-    def _doing(self) -> Literal["plan", "steered", "recovery", "fallen"]:
+    def _current_activity(self) -> Literal["plan", "steered", "recovery", "fallen"]:
         recovering = self._stepper.recovering
         if self.fall is not None:
             return "fallen"

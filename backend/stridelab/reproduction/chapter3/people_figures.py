@@ -34,7 +34,9 @@ from stridelab.reproduction.report.svg_plots import Bars, render_svg
 ClaimsOf = Callable[[Walks], Sequence[Claim]]
 
 
-def _item(number: str, title: str, claims_of: ClaimsOf, bars: Callable[[FittedWalk], float], label: str) -> PeopleItem:
+def _people_item(
+    number: str, title: str, claims_of: ClaimsOf, bars: Callable[[FittedWalk], float], label: str
+) -> PeopleItem:
     """An item on all steps; the drawing shows one number per person and speed, the table its mean over people."""
 
     def run(gait: Path, tell: Progress) -> Reproduction:
@@ -70,37 +72,37 @@ def _item(number: str, title: str, claims_of: ClaimsOf, bars: Callable[[FittedWa
 
 
 PEOPLE_ITEMS: Final = (
-    _item("3.3", "The path and the curtate cycloid", shape_claims, FittedWalk.convex_share, "convex share, 1"),
-    _item(
+    _people_item("3.3", "The path and the curtate cycloid", shape_claims, FittedWalk.convex_share, "convex share, 1"),
+    _people_item(
         "3.4", "Phases of the gait, and the height in a step", segmentation_claims,
         lambda walk: 1e3 * walk.height_variability_m(), "variability of the height between steps, mm",
     ),
-    _item(
+    _people_item(
         "3.5", "One step and the wheel through it", one_step_claims, lambda walk: 1e3 * largest_error_m(walk),
         "largest distance in a step, mm",
     ),
-    _item(
+    _people_item(
         "3.6", "Distance between path and wheel, per person", distance_claims,
         lambda walk: walk.distance_mm(measured=False)[0], "mean distance, mm",
     ),
-    _item(
+    _people_item(
         "3.7", "R and r against the height", radius_claims, lambda walk: 1e3 * walk.spread_m("R_m"),
         "deviation of R between two steps, mm",
     ),
-    _item(
+    _people_item(
         "3.8", "z0 against the height", hub_height_claims, lambda walk: 1e3 * walk.spread_m("z0_m"),
         "deviation of z0 between two steps, mm",
     ),
-    _item(
+    _people_item(
         "3.9", "Angular velocity against the height", clock_claims,
         lambda walk: 1e3 * walk.mean_of(lambda fit: float(fit.timed.distance_m.mean())),
         "distance with uniform rotation, mm",
     ),
-    _item(
+    _people_item(
         "3.10", "Double support from the crossings of the hub's height", double_support_claims,
         start_error_ms, "predicted minus measured start, ms",
     ),
-    _item(
+    _people_item(
         "3", "Numbers in the text of chapter 3", text_claims,
         lambda walk: 1e3 * walk.mean_of(lambda fit: float(fit.path.distance_m.mean())), "mean distance, mm",
     ),

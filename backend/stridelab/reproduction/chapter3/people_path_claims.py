@@ -217,11 +217,11 @@ def text_claims(walks: Walks) -> list[Claim]:
 
 
 def _orbit_variation(walk: FittedWalk) -> float:
-    def variation(fit: StepFit) -> float:
+    def step_variation(fit: StepFit) -> float:
         distance_m = np.hypot(*path_of(fit).T)
         return float(distance_m.std() / distance_m.mean())
 
-    return walk.mean_of(variation)
+    return walk.mean_of(step_variation)
 
 
 def _rms_m(fit: StepFit, model: str) -> float:
