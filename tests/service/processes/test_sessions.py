@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import signal
 import time
 from collections.abc import Callable, Coroutine
 from pathlib import Path
@@ -124,3 +125,39 @@ def test_a_live_child_precedes_others_where_the_system_permits_it(with_session: 
     own = os.nice(0)
     permitted = os.geteuid() == 0
     assert with_session(act, live=live) == (LIVE_NICENESS if live and permitted else own)
+
+
+def test_a_child_killed_with_an_unread_task_counts_as_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its connection is reset, here a second before the fork server reports its end."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+
+    async def killed() -> str:
+        async with IsolatedPool() as pool, pool.open_session(COUNTER, memory_mb=200) as session:
+            await session.run({})
+            child, server = session.pid, pool._fork_server.pid
+            os.kill(child, signal.SIGSTOP)
+            running = asyncio.create_task(session.run({}))
+            await asyncio.sleep(0.3)  # the task is sent
+            os.kill(server, signal.SIGSTOP)
+            os.kill(child, signal.SIGKILL)
+            await asyncio.sleep(1.0)
+            assert not running.done()
+            os.kill(server, signal.SIGCONT)
+            return (await running).state
+
+    assert asyncio.run(killed()) == "killed"
+
+
+def test_a_child_that_closes_its_connection_and_runs_on_is_ended(
+    with_session: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("stridelab.service.processes.running_child._END_TIMEOUT_S", 1.0)
+
+    async def act(session: ChildSession) -> str:
+        await session.run({})
+        async with asyncio.timeout(20.0):
+            outcome = await session.run({"how": "disconnect"})
+        assert await ended(session)
+        return outcome.state
+
+    assert with_session(act) == "crashed"

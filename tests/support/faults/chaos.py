@@ -93,6 +93,17 @@ class Run:
         except DriverError:
             return {}
 
+    def errors(self) -> list[tuple[str, int, object]]:
+        """State, attempt and error of every job that ended without success; empty while the database is away."""
+        try:
+            with psycopg.connect(self.service.url, connect_timeout=5) as connection:
+                return connection.execute(
+                    "SELECT state, attempt, error FROM job WHERE kind = 'work' "
+                    "AND state NOT IN ('queued', 'running', 'succeeded')"
+                ).fetchall()
+        except DriverError:
+            return []
+
     def kill(self, kind: str) -> bool:
         """SIGKILL one; False where there is none just now."""
         if kind == "computation":
@@ -133,6 +144,7 @@ def run(jobs: int, kills: int, *, work_s: float, pause_s: tuple[float, float], l
         assert not chaos.failure, chaos.failure
         assert len(chaos.accepted) == jobs, f"{len(chaos.accepted)} of {jobs} accepted in {limit_s} s"
         while chaos.counts() != {"succeeded": jobs}:
+            assert not (errors := chaos.errors()), errors
             assert time.monotonic() - began < limit_s, f"after {limit_s} s: {chaos.counts()}"
             time.sleep(0.5)
         assert len(set(chaos.accepted)) == jobs

@@ -242,5 +242,8 @@ class Counter:
             return {"bytes": len(bytearray(task["bytes"]))}
         if how == "abort":
             os.abort()
+        if how == "disconnect":
+            os.closerange(3, 64)
+            time.sleep(600)
         time.sleep(task.get("wait_s", 0.0))
         return {"count": self.count, "pid": os.getpid()}

@@ -29,6 +29,8 @@ _START_TIMEOUT_S: Final = 600.0
 """Time limit for the fork server's imports, which take seconds of processor time on a possibly busy machine."""
 _QUIET_START_S: Final = 1.0
 _DRAIN_TIMEOUT_S: Final = 0.5
+_END_TIMEOUT_S: Final = 10.0
+"""Time for the report of the end of a child whose connection is lost."""
 
 State = Literal["ok", "error", "crashed", "killed", "timeout", "cancelled", "memory"]
 """``killed`` is a SIGKILL from outside, such as that of the out-of-memory killer."""
@@ -199,7 +201,7 @@ class RunningChild:
         return IsolatedOutcome("memory", None, _memory_problem(), None, log)
 
     async def _crash_outcome(self) -> IsolatedOutcome:
-        stopped_here = self._kill_unless_ended()
+        stopped_here = await self._kill_unless_ending()
         code = await self._forked.exit_code
         log = await self._read_log()
         if "bad_alloc" in log or "MemoryError" in log:
@@ -213,9 +215,16 @@ class RunningChild:
             state, None, _make_problem("computation-crashed", f"The computation {how}; see its log."), None, log
         )
 
-    def _kill_unless_ended(self) -> bool:
-        """Kill a child whose answer could not be read (True); one that has just ended keeps its exit code."""
-        if self._forked.exit_code.done() or self._forked.reader.at_eof():
+    async def _kill_unless_ending(self) -> bool:
+        """Kill a child that runs on without a readable answer (True); one whose connection is lost may be ending.
+
+        A child that is killed from outside with unread input resets the connection, usually before the fork server
+        reports its end.
+        """
+        ended, reader = self._forked.exit_code, self._forked.reader
+        if reader.at_eof() or reader.exception() is not None or self._forked.writer.is_closing():
+            await asyncio.wait({ended}, timeout=_END_TIMEOUT_S)
+        if ended.done():
             return False
         self._kill_session()
         return True
