@@ -128,7 +128,7 @@ def test_a_disturbance_that_cannot_be_is_refused(options: dict[str, Any], where:
 
 def test_options_of_the_solver_are_those_of_the_job() -> None:
     options = {"formulation": "wrench", "solver": "ipopt", "node_rate_hz": 20.0, "time_limit_s": 5.0}
-    options |= {"free_durations": True, "duration_range": (0.8, 1.3)}
+    options |= {"free_durations": True, "duration_range": (0.8, 1.3), "price_per_s": 2.0, "fastest": True}
     job_input = PlanRequest("x", **options).to_input(short_walk())  # type: ignore[arg-type]
     assert {name: getattr(job_input, name) for name in options} == options
     plain = PlanRequest("x").to_input(short_walk())
@@ -142,6 +142,9 @@ def test_options_of_the_solver_are_those_of_the_job() -> None:
         ({"free_durations": True, "formulation": "circular-cones", "solver": "ipopt"}, "--free-durations"),
         ({"shape": "cubic", "solver": "fatrop"}, "--shape"),
         ({"shape": "cubic", "formulation": "wrench"}, "--shape"),
+        ({"price_per_s": 1.0}, "--time-price"),
+        ({"fastest": True, "no_whole_body": True}, "--fastest"),
+        ({"fastest": True, "pushes": ["1:0,20,0"]}, "--fastest"),
         ({"duration_range": (1.1, 1.4)}, "--duration-range"),
         ({"duration_range": (0.7, float("nan"))}, "--duration-range"),
     ],
@@ -158,7 +161,13 @@ def test_solved_durations_are_reported_and_written(
     act(PlanRequest(walk, no_whole_body=True, free_durations=True, duration_range=(0.8, 1.2)), tmp_path / "out")
     assert "durations chosen " in capsys.readouterr().out
     written = Scenario.model_validate_json((tmp_path / "out" / "scenario.json").read_text())
-    assert [p.duration_s for p in written.phases] != [p.duration_s for p in short_walk().phases]
+    given_s, chosen_s = ([phase.duration_s for phase in one.phases] for one in (short_walk(), written))
+    assert chosen_s != given_s
+    assert sum(chosen_s) == pytest.approx(sum(given_s))
+    priced = PlanRequest(walk, no_whole_body=True, free_durations=True, duration_range=(0.8, 1.2), price_per_s=50.0)
+    act(priced, tmp_path / "priced")
+    written = Scenario.model_validate_json((tmp_path / "priced" / "scenario.json").read_text())
+    assert sum(phase.duration_s for phase in written.phases) < 0.9 * sum(given_s)
 
 
 @pytest.mark.parametrize("options", [{"time_limit_s": 0.0}, {"time_limit_s": 1e4}])

@@ -19,8 +19,14 @@ from stridelab.cli.results import FAILURE, deliver_result, out, progress_bar, sh
 from stridelab.errors import Conflict, Fault, InvalidInput, NotFound
 from stridelab.machine.models_folder import ROBOTS_VARIABLE, add_models_folder
 from stridelab.schemas.jobs import JobResult
-from stridelab.schemas.plans import LearnReachabilityInput, LearnReachabilitySummary, LearnReachabilityTask
-from stridelab.schemas.robots import NAME_PATTERN, CommissionRobotInput, CommissionRobotSummary
+from stridelab.schemas.robots import (
+    NAME_PATTERN,
+    CommissionRobotInput,
+    CommissionRobotSummary,
+    LearnReachabilityInput,
+    LearnReachabilitySummary,
+    LearnReachabilityTask,
+)
 from stridelab.service.local_runs import validate_options
 
 if TYPE_CHECKING:

@@ -16,6 +16,7 @@ from stridelab.schemas.plans import (
     DURATION_RANGE,
     MAX_DELAY_S,
     MAX_DURATION_FACTOR,
+    MAX_PRICE_PER_S,
     MIN_DURATION_FACTOR,
     PLAN_STAGES,
     TIME_LIMIT_S,
@@ -92,6 +93,19 @@ class PlanRequest:
         tuple[float, float],
         typer.Option("--duration-range", help="Bounds on the durations, as multiples of the scenario's."),
     ] = DURATION_RANGE
+    price_per_s: Annotated[
+        float | None,
+        typer.Option(
+            "--time-price",
+            min=0.0,
+            max=MAX_PRICE_PER_S,
+            help="With --free-durations: cost of a second of motion; the total duration is then free, too.",
+        ),
+    ] = None
+    fastest: Annotated[
+        bool,
+        typer.Option("--fastest", help="Search the fastest pace at which the motion is certified and replayed."),
+    ] = False
     film: Annotated[
         Film | None, typer.Option("--film", help="Also write a film of the motion: gif or mp4; needs ffmpeg.")
     ] = None
@@ -105,6 +119,12 @@ class PlanRequest:
             faults = [Fault(name, "needs a replay") for name in disturbing]
             raise InvalidInput("option-invalid", f"{', '.join(disturbing)}: only a replay can be disturbed.", faults)
         self.replay_options()
+        if self.fastest and (self.pushes or not self.whole_body):
+            fault = Fault("--fastest", f"contradicts {'--push' if self.pushes else '--no-whole-body'}")
+            raise InvalidInput("option-invalid", "The pace is searched for a whole body without pushes.", [fault])
+        if self.price_per_s is not None and not self.free_durations:
+            fault = Fault("--time-price", "needs --free-durations")
+            raise InvalidInput("option-invalid", "A price of time needs free durations.", [fault])
         if self.film is not None and not self.whole_body:
             fault = Fault("--film", "contradicts --no-whole-body")
             raise InvalidInput("option-invalid", "Only a motion of the whole body can be filmed.", [fault])
@@ -230,6 +250,12 @@ def show_plan(result: JobResult, target: Path) -> None:
         f"[bold]plan[/] converged in {summary.iterations} iterations and {summary.solve_time_s:.2f} s "
         f"({escape(summary.solver)}), objective {summary.objective:.4g}"
     )
+    if summary.pace is not None:
+        for attempt in summary.pace.attempts:
+            outcome = "[green]passed[/]" if not attempt.reason else f"[red]failed[/] {escape(attempt.reason)}"
+            out.print(f"  pace {attempt.pace:.2f}, {attempt.duration_s:.1f} s: {outcome}")
+        cut = "" if summary.pace.finished else " (the search ran out of time)"
+        out.print(f"[bold]fastest pace[/] {summary.pace.pace:.2f} of the given one{cut}")
     if summary.phase_durations is not None:
         chosen = ", ".join(f"{phase.chosen_s:.2f}" for phase in summary.phase_durations)
         out.print(f"[bold]durations chosen[/] {chosen} s")

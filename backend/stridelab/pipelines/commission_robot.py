@@ -5,7 +5,6 @@ with ``sqrt(s)``, so that both have the same Froude number; the feet are as far 
 is not certified or not completed, shorter steps are tried.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from math import sqrt
@@ -17,8 +16,9 @@ import pinocchio as pin
 
 from stridelab.contacts.scenarios.parts import Timing, Walker
 from stridelab.contacts.scenarios.stairs import STROLLING, flat_walk
-from stridelab.errors import InvalidInput, StridelabError
-from stridelab.pipelines.plan_motion import REPLAY, MotionResult, plan_motion, replay_motion, stage_shares
+from stridelab.errors import InvalidInput
+from stridelab.pipelines.motion_trial import try_motion
+from stridelab.pipelines.plan_motion import MotionResult
 from stridelab.pipelines.progress import ProgressCallback, Stages
 from stridelab.reachability.card import Measure, ReachabilityCard
 from stridelab.reachability.learning.fit import learn_densities
@@ -26,7 +26,7 @@ from stridelab.reachability.store import save_card, save_cloud
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
-from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask, ReplaySummary
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
 from stridelab.schemas.robots import (
     CommissionLimits,
     CommissionRobotInput,
@@ -163,40 +163,20 @@ def _first_walk(
 def _try_walk(
     scenario: dict[str, Any], step_m: float, step_time_s: float, progress: ProgressCallback
 ) -> tuple[MotionResult | None, WalkAttempt]:
-    request = PlanMotionInput(scenario=Scenario.model_validate(scenario), replay=True)
-    task = PlanMotionTask(scenario=Scenario.model_validate(scenario), input=request)
-    stages = Stages(progress, stage_shares(request))
-    failed: Callable[[str], WalkAttempt] = lambda reason: WalkAttempt(  # noqa: E731
-        step_m=step_m, step_time_s=step_time_s, certified=False, completed=False, reason=reason
-    )
-    try:
-        result = plan_motion(task, stages)
-    except StridelabError as error:
-        return None, failed(error.message)
-    if result.stopped is not None:
-        return result, failed(f"the whole body cannot follow the plan: {result.stopped}")
-    certificate, motion = result.certificate, result.motion
-    if certificate is None or motion is None:
-        raise AssertionError("a plan with a whole body that did not stop has a certificate")
-    reasons = [f"certificate: {check.name} is {check.value:.4g}" for check in certificate.checks if not check.passed]
-    try:
-        with stages.run_stage(REPLAY, "simulating") as tell:
-            replay = replay_motion(result, motion, tell)
-    except InvalidInput as error:
-        return result, failed("; ".join([*reasons, error.message]))
-    replayed: ReplaySummary | None = result.summary(replay, stages).replay
-    if replayed is None:
-        raise AssertionError("a replay has a summary")
-    reasons += [f"replay: {remark.message}" for remark in replayed.remarks or ()]
-    return result, WalkAttempt(
+    posed = Scenario.model_validate(scenario)
+    task = PlanMotionTask(scenario=posed, input=PlanMotionInput(scenario=posed, replay=True))
+    trial = try_motion(task, progress, replay_uncertified=True)
+    replayed = trial.replayed
+    attempt = WalkAttempt(
         step_m=step_m,
         step_time_s=step_time_s,
-        certified=certificate.passed,
-        completed=replayed.completed,
-        com_error_max_m=replayed.com_error_max_m,
-        torque_ratio_max=replayed.torque_ratio_max,
-        reason="; ".join(reasons),
+        certified=trial.certified,
+        completed=trial.completed,
+        com_error_max_m=None if replayed is None else replayed.com_error_max_m,
+        torque_ratio_max=None if replayed is None else replayed.torque_ratio_max,
+        reason=trial.reason,
     )
+    return trial.result, attempt
 
 
 def _learned_measure(card: ReachabilityCard) -> LearnedMeasure:

@@ -11,7 +11,7 @@ from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Remark
-from stridelab.schemas.plans import LearnedEffector, LearnReachabilityInput, LearnReachabilitySummary
+from stridelab.schemas.robots import LearnedEffector, LearnReachabilityInput, LearnReachabilitySummary
 
 MIN_SAMPLES: Final = 5000
 """Number of samples below which the densities of two seeds differ visibly."""

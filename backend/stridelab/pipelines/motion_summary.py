@@ -66,6 +66,7 @@ def plan_summary(
         certificate=certificate,
         replay=replay,
         stopped=None,
+        pace=None,
         agreement=[],
         warnings=list(warnings),
     )

@@ -41,6 +41,8 @@ def free_durations(request: PlanMotionInput, sequence: ContactSequence) -> FreeD
     return FreeDurations(
         shortest=min(1.0, max(least, DURATION_S[0] / min(durations_s))),
         longest=max(1.0, min(most, DURATION_S[1] / max(durations_s))),
+        fixed_total=request.price_per_s is None,
+        price_per_s=request.price_per_s or 0.0,
     )
 
 

@@ -1,4 +1,4 @@
-"""Inputs and summaries of the robot jobs: motion planning, contact planning, reachability learning."""
+"""Inputs and summaries of motion planning and contact planning."""
 
 import math
 from typing import Annotated, Final, Literal
@@ -24,6 +24,7 @@ With 0.6 to 1.6, the legs would swing too fast on long strides for the angular m
 """
 MIN_DURATION_FACTOR, MAX_DURATION_FACTOR = 0.1, 10.0
 """Bounds of ``duration_range``."""
+MAX_PRICE_PER_S: Final = 1e3
 MAX_DELAY_S: Final = 0.1
 """Maximum delay of the replay's control."""
 MAX_IMPULSE_NS: Final = 1000.0
@@ -98,6 +99,10 @@ class PlanMotionInput(ScenarioSource):
     with ``circular-cones``, only ``native`` can do so. ``measure`` selects the bundled reachability densities; null
     takes the default. ``replay`` is true, or the disturbances of the replay. A ``film`` of the motion requires ffmpeg
     in the worker.
+
+    With ``price_per_s`` and ``free_durations``, the total duration is free as well and costs this much per second.
+    ``fastest`` searches the fastest pace at which the motion is certified and, with a ``replay``, completed: at pace p,
+    every phase of the scenario lasts its duration over p. ``summary.pace`` lists the paces that were tried.
     """
 
     formulation: Formulation = "forces"
@@ -109,6 +114,8 @@ class PlanMotionInput(ScenarioSource):
     duration_range: tuple[
         Annotated[float, Field(ge=MIN_DURATION_FACTOR, le=1.0)], Annotated[float, Field(ge=1.0, le=MAX_DURATION_FACTOR)]
     ] = DURATION_RANGE
+    price_per_s: Annotated[float, Field(ge=0.0, le=MAX_PRICE_PER_S)] | None = None
+    fastest: bool = False
     measure: Literal["uniform", "conditioned"] | None = None
     whole_body: bool = True
     replay: Annotated[bool | ReplayOptions, BeforeValidator(_replay_of)] = False
@@ -120,6 +127,12 @@ class PlanMotionInput(ScenarioSource):
             raise ValueError("a replay needs whole_body")
         if self.film is not None and not self.whole_body:
             raise ValueError("film: requires whole_body")
+        if self.fastest and not self.whole_body:
+            raise ValueError("fastest: requires whole_body, whose certificate limits the pace")
+        if self.fastest and isinstance(self.replay, ReplayOptions) and self.replay.pushes:
+            raise ValueError("fastest: pushes have times in one motion; search the pace without them first")
+        if self.price_per_s is not None and not self.free_durations:
+            raise ValueError("price_per_s: requires free_durations")
         if self.free_durations and self.solver == "fatrop":
             raise ValueError("free_durations: fatrop solves stage by stage and cannot couple stages; use ipopt")
         if self.shape == "cubic" and (self.formulation == "wrench" or self.solver == "fatrop"):
@@ -257,6 +270,25 @@ class PhaseDuration(Contract):
     chosen_s: float
 
 
+class PaceAttempt(Contract):
+    """A motion at one pace; ``completed`` is null without a replay, ``reason`` is empty if it passed."""
+
+    pace: float
+    duration_s: float
+    certified: bool
+    completed: bool | None = None
+    reason: str = ""
+
+
+class PaceSearch(Contract):
+    """The fastest pace that passed, and all attempts in order; ``finished`` is false if time ran out before."""
+
+    pace: float
+    given_duration_s: float
+    attempts: list[PaceAttempt]
+    finished: bool
+
+
 class AgreementPass(Contract):
     """Difference in angular momentum between plan and whole body (maximum and RMS), and CPU time of the plan."""
 
@@ -276,7 +308,8 @@ class PlanMotionSummary(Contract):
     ``normal_force_max_n`` limits the hands to the load capacity of the arms; it is empty with the wrench as control.
     ``solver_because`` is the reason why the C++ solver was not used, else null. ``stopped`` is set only in a failed job
     whose body cannot follow the plan. ``agreement`` has one entry per iteration of plan and whole body; there are
-    several if a stride is longer than 0.9 m or a swing shorter than 0.8 s.
+    several if a stride is longer than 0.9 m or a swing shorter than 0.8 s. ``pace`` is null unless the request asks for
+    the ``fastest`` pace.
     """
 
     scenario_name: str
@@ -304,6 +337,7 @@ class PlanMotionSummary(Contract):
     certificate: CertificateSummary | None = None
     replay: ReplaySummary | None = None
     stopped: StoppedMotion | None = None
+    pace: PaceSearch | None = None
     agreement: list[AgreementPass] = Field(default_factory=list)
     warnings: list[Remark]
 
@@ -344,43 +378,6 @@ class PlanContactsSummary(Contract):
     warnings: list[Remark]
 
 
-class LearnReachabilityInput(Contract):
-    """Input of ``learn-reachability``; ``effectors`` null learns all effectors of the robot."""
-
-    robot: str
-    effectors: Annotated[list[str], Field(min_length=1, max_length=16)] | None = None
-    samples: Annotated[int, Field(ge=500, le=200_000)] = 20_000
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 0
-    measure: Literal["uniform", "conditioned"] = "uniform"
-
-
-class LearnedEffector(Contract):
-    """Learned density of one effector; ``thesis_components`` is the number of components used in the thesis."""
-
-    frame: Literal["contact", "heading"]
-    components: int
-    thesis_components: int
-    kl_nats: float
-    kl_sd_nats: float
-    held_out_log_likelihood: float
-    bandwidth_m: float
-    mode_m: tuple[float, float, float]
-
-
-class LearnReachabilitySummary(Contract):
-    """Summary of ``learn-reachability``."""
-
-    robot: str
-    robot_sha256: str
-    samples: int
-    tried: int
-    rejected_share: float
-    learned_on: str
-    measure: str
-    effectors: dict[str, LearnedEffector]
-    warnings: list[Remark]
-
-
 class PlanMotionTask(Contract):
     """Task of ``plan-motion``, with the resolved scenario."""
 
@@ -392,9 +389,3 @@ class PlanContactsTask(Contract):
     """Task of ``plan-contacts``."""
 
     input: PlanContactsInput
-
-
-class LearnReachabilityTask(Contract):
-    """Task of ``learn-reachability``."""
-
-    input: LearnReachabilityInput

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from stridelab.schemas.base import Contract
+from stridelab.schemas.base import Contract, Remark
 
 NAME_PATTERN = r"^[a-z][a-z0-9-]{1,39}$"
 """Names of robots of users."""
@@ -218,3 +218,46 @@ class CommissionRobotTask(Contract):
     """Task of ``commission-robot``; the robot lies in the job's folder."""
 
     input: CommissionRobotInput
+
+
+class LearnReachabilityInput(Contract):
+    """Input of ``learn-reachability``; ``effectors`` null learns all effectors of the robot."""
+
+    robot: str
+    effectors: Annotated[list[str], Field(min_length=1, max_length=16)] | None = None
+    samples: Annotated[int, Field(ge=500, le=200_000)] = 20_000
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 0
+    measure: Literal["uniform", "conditioned"] = "uniform"
+
+
+class LearnedEffector(Contract):
+    """Learned density of one effector; ``thesis_components`` is the number of components used in the thesis."""
+
+    frame: Literal["contact", "heading"]
+    components: int
+    thesis_components: int
+    kl_nats: float
+    kl_sd_nats: float
+    held_out_log_likelihood: float
+    bandwidth_m: float
+    mode_m: tuple[float, float, float]
+
+
+class LearnReachabilitySummary(Contract):
+    """Summary of ``learn-reachability``."""
+
+    robot: str
+    robot_sha256: str
+    samples: int
+    tried: int
+    rejected_share: float
+    learned_on: str
+    measure: str
+    effectors: dict[str, LearnedEffector]
+    warnings: list[Remark]
+
+
+class LearnReachabilityTask(Contract):
+    """Task of ``learn-reachability``."""
+
+    input: LearnReachabilityInput

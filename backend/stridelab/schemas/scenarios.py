@@ -1,9 +1,11 @@
 """Schemas of scenarios (a robot, a terrain, a sequence of contact phases) and of courses: obstacles in a row."""
 
 from datetime import datetime
-from typing import Annotated, Literal
+from math import hypot
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, model_validator
+from pydantic_core import CoreSchema
 
 from stridelab.schemas.base import Contract, FaultItem, Remark
 from stridelab.schemas.robots import LinkPose
@@ -60,10 +62,71 @@ class ScenarioContact(Contract):
 
 
 class ScenarioPhase(Contract):
-    """A time interval with constant contacts."""
+    """A time interval with constant contacts.
+
+    A phase of a scenario may omit ``duration_s``, or give null: it then lasts as long as in the plans of the contact
+    planner (``fill_durations``).
+    """
 
     duration_s: Annotated[float, Field(ge=-1e4, le=1e4, description="seconds, 0.05 to 60")]
     contacts: Annotated[list[ScenarioContact], Field(max_length=16)]
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        schema = handler.resolve_ref_schema(handler(core_schema))
+        if handler.mode == "validation":
+            duration = schema["properties"]["duration_s"]
+            limits = {name: duration.pop(name) for name in ("minimum", "maximum", "type")}
+            duration["anyOf"] = [limits, {"type": "null"}]
+            schema["required"].remove("duration_s")
+        return schema
+
+
+ENDS_S: Final = 2.0
+REST_S: Final = 0.4
+HAND_MOVE_S: Final = 1.8
+FOOT_MOVE_S: Final = 1.4
+LEVEL_MOVE_SHARE: Final = 0.7
+LEVEL_M: Final = 0.02
+LONG_MOVE_M: Final = 0.7
+FEET: Final = frozenset({"left_foot", "right_foot"})
+
+
+def fill_durations(phases: object) -> object:
+    """Give phases without a duration the one of the contact planner.
+
+    The first and the last phase last ``ENDS_S``, others in which no effector moves ``REST_S``. A move of a foot lasts
+    ``FOOT_MOVE_S``, ``LEVEL_MOVE_SHARE`` of it on level ground, that of a hand ``HAND_MOVE_S``; moves farther than
+    ``LONG_MOVE_M`` last longer in proportion. Phases whose contacts cannot be read stay as they are.
+    """
+    if not isinstance(phases, list):
+        return phases
+    missing = [k for k, phase in enumerate(phases) if isinstance(phase, dict) and phase.get("duration_s") is None]
+    if not missing:
+        return phases
+    try:
+        listed = [phase if isinstance(phase, dict) else phase.model_dump() for phase in phases]
+        stances = [{one["effector"]: [*map(float, one["position_m"])] for one in each["contacts"]} for each in listed]
+        durations_s = {k: _default_duration_s(stances, k) for k in missing}
+    except (TypeError, KeyError, ValueError, AttributeError, IndexError, OverflowError):
+        return phases  # the validation names the wrong field
+    return [{**phase, "duration_s": durations_s[k]} if k in durations_s else phase for k, phase in enumerate(phases)]
+
+
+def _default_duration_s(stances: list[dict[str, list[float]]], k: int) -> float:
+    if k in (0, len(stances) - 1):
+        return ENDS_S
+    longest_s = REST_S
+    for name in (stances[k - 1].keys() | stances[k + 1].keys()) - stances[k].keys():
+        before = next((stance[name] for stance in stances[k - 1 :: -1] if name in stance), None)
+        after = next((stance[name] for stance in stances[k + 1 :] if name in stance), None)
+        move_s, share = FOOT_MOVE_S if name in FEET else HAND_MOVE_S, 1.0
+        if before is not None and after is not None:
+            if name in FEET and abs(after[2] - before[2]) < LEVEL_M:
+                move_s *= LEVEL_MOVE_SHARE
+            share = max(1.0, hypot(after[0] - before[0], after[1] - before[1]) / LONG_MOVE_M)
+        longest_s = max(longest_s, round(move_s * share, 3))
+    return longest_s
 
 
 class Scenario(Contract):
@@ -78,7 +141,7 @@ class Scenario(Contract):
         description="initial CoM height above the mean of the soles; null takes the usual one of the robot",
     )
     terrain: Annotated[list[TerrainSurface], Field(max_length=200)]
-    phases: Annotated[list[ScenarioPhase], Field(max_length=400)]
+    phases: Annotated[list[ScenarioPhase], Field(max_length=400), BeforeValidator(fill_durations)]
 
 
 class ScenarioSource(Contract):

@@ -22,7 +22,7 @@ from stridelab.machine.parallel import worthwhile_processes
 from stridelab.reachability import store
 from stridelab.reachability.learning.fit import learn_densities
 from stridelab.robots.loader import load_robot
-from stridelab.schemas.plans import LearnReachabilitySummary
+from stridelab.schemas.robots import LearnReachabilitySummary
 from stridelab.service.kinds.learn_reachability.run import run
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.result_tables import known_references, read_metadata

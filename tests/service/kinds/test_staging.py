@@ -13,16 +13,10 @@ from stridelab.errors import NotFound
 from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
-from stridelab.schemas.plans import (
-    LearnReachabilityInput,
-    LearnReachabilityTask,
-    PlanContactsInput,
-    PlanContactsTask,
-    PlanMotionInput,
-    PlanMotionTask,
-)
+from stridelab.schemas.plans import PlanContactsInput, PlanContactsTask, PlanMotionInput, PlanMotionTask
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingTask
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
+from stridelab.schemas.robots import LearnReachabilityInput, LearnReachabilityTask
 from stridelab.schemas.tasks import (
     CompareEstimatorsTask,
     EstimateComTask,

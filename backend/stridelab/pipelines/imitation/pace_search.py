@@ -8,11 +8,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from stridelab.errors import Fault, NotEstimable, StridelabError
+from stridelab.errors import Fault, NotEstimable
 from stridelab.pipelines.imitation.recorded_walk import RecordedWalk
 from stridelab.pipelines.imitation.robot_walk import RobotScale, RobotWalk, mean_speed_m_s, scale_walk
+from stridelab.pipelines.motion_trial import PACE_STEP, bisect_steps, try_motion
 from stridelab.pipelines.plan_centroidal import Change
-from stridelab.pipelines.plan_motion import REPLAY, MotionResult, plan_motion, replay_motion, stage_shares
+from stridelab.pipelines.plan_motion import MotionResult
 from stridelab.pipelines.progress import ProgressCallback, Stages
 from stridelab.schemas.imitation.contract import ImitationAttempt
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
@@ -25,8 +26,6 @@ STEP_SHARES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4)
 """Lengths of the steps that are tried, over those scaled by the legs."""
 FIRST_PACE: Final = 0.6
 SLOWEST_PACE: Final = 0.4
-PACE_STEP: Final = 0.05
-"""Resolution of the pace."""
 
 
 @dataclass(frozen=True)
@@ -111,13 +110,15 @@ def search_fastest(attempt: Try, slow: Trial) -> Trial:
     # one above the largest pace to try: 1.0 itself is tried, FIRST_PACE has failed
     high = round(1.0 / PACE_STEP) + 1 if slow.attempt.pace >= FIRST_PACE else round(FIRST_PACE / PACE_STEP)
     best = slow
-    while high - low > 1:
-        middle = (low + high) // 2
-        trial = attempt(share, middle * PACE_STEP)
+
+    def passes(steps: int) -> bool:
+        nonlocal best
+        trial = attempt(share, steps * PACE_STEP)
         if trial.attempt.passed:
-            best, low = trial, middle
-        else:
-            high = middle
+            best = trial
+        return trial.attempt.passed
+
+    bisect_steps(passes, low, high)
     return best
 
 
@@ -129,38 +130,17 @@ def try_walk(
     ``change`` is that of ``plan_motion``.
     """
     scenario = Scenario.model_validate(body)
-    request = PlanMotionInput(scenario=scenario, replay=True)
-    stages = Stages(progress, stage_shares(request))
+    task = PlanMotionTask(scenario=scenario, input=PlanMotionInput(scenario=scenario, replay=True))
     lengths_m = [b.position_m[0] - a.position_m[0] for a, b in zip(walk.footholds, walk.footholds[1:], strict=False)]
-    fields = {
-        "step_share": walk.step_share,
-        "pace": round(pace, 4),
-        "step_length_m": sum(lengths_m) / len(lengths_m),
-        "speed_m_s": mean_speed_m_s(body["phases"]),
-    }
-
-    def refused(reason: str, result: MotionResult | None, *, certified: bool = False) -> Trial:
-        attempt = ImitationAttempt(**fields, certified=certified, completed=False, reason=reason)
-        return Trial(walk, attempt, scenario, result, None, stages)
-
-    try:
-        result = plan_motion(PlanMotionTask(scenario=scenario, input=request), stages, change)
-    except StridelabError as error:
-        return refused(error.message, None)
-    if result.stopped is not None or result.certificate is None or result.motion is None:
-        return refused(f"the whole body cannot follow the plan: {result.stopped}", result)
-    failed = [check for check in result.certificate.checks if not check.passed]
-    if failed:
-        return refused("certificate: " + ", ".join(f"{c.name} {c.value:.4g} {c.unit}".rstrip() for c in failed), result)
-    with stages.run_stage(REPLAY, "simulating") as tell:
-        replay = replay_motion(result, result.motion, tell)
-    replayed = result.summary(replay, stages).replay
-    if replayed is None:
-        raise AssertionError("a replay has a summary")
-    if not replayed.completed:
-        reasons = "; ".join(remark.message for remark in replayed.remarks or ())
-        return refused(f"replay: {reasons}", result, certified=True)
-    passed = ImitationAttempt(
-        **fields, certified=True, completed=True, reason="", com_error_max_m=replayed.com_error_max_m
+    trial = try_motion(task, progress, change=change)
+    attempt = ImitationAttempt(
+        step_share=walk.step_share,
+        pace=round(pace, 4),
+        step_length_m=sum(lengths_m) / len(lengths_m),
+        speed_m_s=mean_speed_m_s(body["phases"]),
+        certified=trial.certified,
+        completed=trial.completed,
+        reason=trial.reason,
+        com_error_max_m=None if trial.replayed is None or not trial.passed else trial.replayed.com_error_max_m,
     )
-    return Trial(walk, passed, scenario, result, replay, stages)
+    return Trial(walk, attempt, scenario, trial.result, trial.replay if trial.passed else None, trial.stages)

@@ -21,10 +21,10 @@ from stridelab.schemas.base import Contract
 from stridelab.schemas.comparison import ComBenchInput
 from stridelab.schemas.jobs import Job
 from stridelab.schemas.measures import GaitMeasuresInput, GaitReportInput
-from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput, ReplayOptions
+from stridelab.schemas.plans import PlanContactsInput, PlanMotionInput, ReplayOptions
 from stridelab.schemas.population import MAX_RECORDINGS, StudyPopulationInput
 from stridelab.schemas.receding import PlanRecedingInput, PushBasinInput
-from stridelab.schemas.robots import CommissionRobotInput
+from stridelab.schemas.robots import CommissionRobotInput, LearnReachabilityInput
 from stridelab.schemas.scenarios import Scenario, ScenarioSource
 from stridelab.schemas.sweeps import SweepInput
 from stridelab.service.api.dependencies import AppParts, CallerOf, Parts, require_id_form

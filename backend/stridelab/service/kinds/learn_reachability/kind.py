@@ -1,6 +1,6 @@
 """The job kind ``learn-reachability``."""
 
-from stridelab.schemas.plans import LearnReachabilityInput, LearnReachabilitySummary
+from stridelab.schemas.robots import LearnReachabilityInput, LearnReachabilitySummary
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.kinds.staging import stage_input
 

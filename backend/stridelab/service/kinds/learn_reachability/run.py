@@ -15,7 +15,7 @@ from stridelab.reachability.card import ReachabilityCard
 from stridelab.reachability.learning.fit import LearnedDensities
 from stridelab.reachability.store import card_json, save_card, save_cloud
 from stridelab.robots.robot import Robot
-from stridelab.schemas.plans import LearnReachabilityTask
+from stridelab.schemas.robots import LearnReachabilityTask
 from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.result_tables import write_atomically, write_table, write_text_atomically
 from stridelab.service.kinds.robots.reachability import plottable_reachability

@@ -2,11 +2,13 @@
 
     Scenario -> MotionResult -> Replay -> artifacts
 
-All stages but the last write what they have computed as parts (``partial_plan``), which a page shows at once.
+All stages but the last write what they have computed as parts (``partial_plan``), which a page shows at once; a search
+of the fastest pace writes none, as it computes many motions.
 """
 
 from pathlib import Path
 
+from stridelab.pipelines.motion_trial import find_fastest_pace
 from stridelab.pipelines.plan_motion import EXPORT, REPLAY, plan_motion, replay_motion, stage_shares
 from stridelab.pipelines.plan_problem import with_planned_durations
 from stridelab.pipelines.progress import ProgressCallback, Stages
@@ -26,16 +28,22 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     """
     request = task.input
     require_film(request.film)
-    stages = Stages(progress, stage_shares(request))
-    parts = PartialPlanWriter(PartialWriter(folder))
-    result = plan_motion(task, stages, watcher=parts)
+    pace = None
+    if request.fastest:
+        trial, pace = find_fastest_pace(task, progress)
+        task, stages, result, replay = trial.task, trial.stages, trial.result, trial.replay
+        if result is None:
+            raise AssertionError("a trial that passes has a result")
+    else:
+        stages = Stages(progress, stage_shares(request))
+        parts = PartialPlanWriter(PartialWriter(folder))
+        result, replay = plan_motion(task, stages, watcher=parts), None
+        if request.replay and result.certificate is not None and result.motion is not None:
+            with stages.run_stage(REPLAY, f"0.0 of {result.plan.sequence.duration_s:.1f} s") as tell:
+                replay = replay_motion(result, result.motion, tell, parts)
+                parts.flush_replay()
     motion, certificate, stopped = result.motion, result.certificate, result.stopped
     artifacts: list[ArtifactFile] = []
-    replay = None
-    if request.replay and certificate is not None and motion is not None:
-        with stages.run_stage(REPLAY, f"0.0 of {result.plan.sequence.duration_s:.1f} s") as tell:
-            replay = replay_motion(result, motion, tell, parts)
-            parts.flush_replay()
     with stages.run_stage(EXPORT, "writing the plan") as tell:
         if certificate is not None:
             artifacts.append(write_json(folder, "certificate.json", certificate))
@@ -45,6 +53,6 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
             artifacts += write_motion(folder, result.robot, motion, request.film, tell)
             if replay is not None:
                 artifacts += write_replay(folder, result.robot, motion, replay)
-    summary = result.summary(replay, stages).model_dump(mode="json")
+    summary = result.summary(replay, stages).model_copy(update={"pace": pace}).model_dump(mode="json")
     progress(1.0, "done" if stopped is None else f"stopped at {stopped.time_s:.2f} s")
     return Outcome(summary, result.citation_keys, tuple(artifacts), stopped)

@@ -20,14 +20,19 @@ function replayOptions(fields) {
 for (const form of document.querySelectorAll("form[data-plan]")) {
   const whole = form.elements.whole_body,
     replay = form.elements.replay,
-    free = form.elements.free_durations;
+    free = form.elements.free_durations,
+    fastest = form.elements.fastest;
   whole?.addEventListener("change", () => {
-    replay.disabled = !whole.checked;
-    if (!whole.checked) replay.checked = false;
+    for (const option of [replay, fastest]) {
+      option.disabled = !whole.checked;
+      if (!whole.checked) option.checked = false;
+    }
   });
   onSubmit(form, async (fields) => {
     const replayed = whole && replay.checked && (replayOptions(fields) ?? true);
-    const options = whole ? { whole_body: whole.checked, replay: replayed, free_durations: free.checked } : {};
+    const options = whole
+      ? { whole_body: whole.checked, replay: replayed, free_durations: free.checked, fastest: fastest.checked }
+      : {};
     const job = await startPlan(form.dataset.plan, options);
     location.assign(planningUrl(form.dataset.plan, job.id));
     return "started";
