@@ -4,7 +4,7 @@ from datetime import datetime
 from math import hypot
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, model_validator
+from pydantic import AfterValidator, Field, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
 from stridelab.schemas.base import Contract, FaultItem, Remark
@@ -61,24 +61,24 @@ class ScenarioContact(Contract):
     orientation_wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
+_OMITTED: Final[Any] = None
+"""Value of a duration until ``fill_durations`` replaces it."""
+
+
 class ScenarioPhase(Contract):
     """A time interval with constant contacts.
 
-    A phase of a scenario may omit ``duration_s``, or give null: it then lasts as long as in the plans of the contact
-    planner (``fill_durations``).
+    A phase of a request may omit ``duration_s``: it then lasts as long as in the plans of the contact planner. Answers
+    always have it.
     """
 
-    duration_s: Annotated[float, Field(ge=-1e4, le=1e4, description="seconds, 0.05 to 60")]
+    duration_s: float = Field(default=_OMITTED, ge=-1e4, le=1e4, description="seconds, 0.05 to 60")
     contacts: Annotated[list[ScenarioContact], Field(max_length=16)]
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         schema = handler.resolve_ref_schema(handler(core_schema))
-        if handler.mode == "validation":
-            duration = schema["properties"]["duration_s"]
-            limits = {name: duration.pop(name) for name in ("minimum", "maximum", "type")}
-            duration["anyOf"] = [limits, {"type": "null"}]
-            schema["required"].remove("duration_s")
+        schema["properties"]["duration_s"].pop("default", None)
         return schema
 
 
@@ -92,28 +92,21 @@ LONG_MOVE_M: Final = 0.7
 FEET: Final = frozenset({"left_foot", "right_foot"})
 
 
-def fill_durations(phases: object) -> object:
+def fill_durations(phases: list[ScenarioPhase]) -> list[ScenarioPhase]:
     """Give phases without a duration the one of the contact planner.
 
     The first and the last phase last ``ENDS_S``, others in which no effector moves ``REST_S``. A move of a foot lasts
     ``FOOT_MOVE_S``, ``LEVEL_MOVE_SHARE`` of it on level ground, that of a hand ``HAND_MOVE_S``; moves farther than
-    ``LONG_MOVE_M`` last longer in proportion. Phases whose contacts cannot be read stay as they are.
+    ``LONG_MOVE_M`` last longer in proportion.
     """
-    if not isinstance(phases, list):
-        return phases
-    missing = [k for k, phase in enumerate(phases) if isinstance(phase, dict) and phase.get("duration_s") is None]
-    if not missing:
-        return phases
-    try:
-        listed = [phase if isinstance(phase, dict) else phase.model_dump() for phase in phases]
-        stances = [{one["effector"]: [*map(float, one["position_m"])] for one in each["contacts"]} for each in listed]
-        durations_s = {k: _default_duration_s(stances, k) for k in missing}
-    except (TypeError, KeyError, ValueError, AttributeError, IndexError, OverflowError):
-        return phases  # the validation names the wrong field
-    return [{**phase, "duration_s": durations_s[k]} if k in durations_s else phase for k, phase in enumerate(phases)]
+    stances = [{contact.effector: contact.position_m for contact in phase.contacts} for phase in phases]
+    return [
+        phase.model_copy(update={"duration_s": _default_duration_s(stances, k)}) if phase.duration_s is None else phase
+        for k, phase in enumerate(phases)
+    ]
 
 
-def _default_duration_s(stances: list[dict[str, list[float]]], k: int) -> float:
+def _default_duration_s(stances: list[dict[str, Position]], k: int) -> float:
     if k in (0, len(stances) - 1):
         return ENDS_S
     longest_s = REST_S
@@ -141,7 +134,7 @@ class Scenario(Contract):
         description="initial CoM height above the mean of the soles; null takes the usual one of the robot",
     )
     terrain: Annotated[list[TerrainSurface], Field(max_length=200)]
-    phases: Annotated[list[ScenarioPhase], Field(max_length=400), BeforeValidator(fill_durations)]
+    phases: Annotated[list[ScenarioPhase], Field(max_length=400), AfterValidator(fill_durations)]
 
 
 class ScenarioSource(Contract):
