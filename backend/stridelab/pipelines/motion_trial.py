@@ -1,6 +1,6 @@
 """Trials of motions, and the search of the fastest pace at which one passes.
 
-A trial passes if the motion is planned, its certificate passes and, where one is asked for, its replay in physics is
+A trial passes if the motion is planned, its certificate passes and, where the input has one, its replay in physics is
 completed. At pace ``p`` every phase lasts its duration in the scenario over ``p``.
 """
 
@@ -61,7 +61,7 @@ class MotionTrial:
 
     @property
     def passed(self) -> bool:
-        """Whether the motion passes everything that was asked for."""
+        """Whether the motion passes certificate and, if the input has one, replay."""
         return self.certified and (self.completed or not self.task.input.replay)
 
     @property
