@@ -19,7 +19,7 @@ from stridelab.schemas.measures import (
     measure_scale,
     measure_title,
 )
-from stridelab_web.formatting import count_text
+from stridelab_web.languages import gettext, ngettext
 from stridelab_web.scene.result_files import STABILITY_TABLE
 
 KINDS: Final = frozenset({"gait-measures", "gait-report"})
@@ -126,7 +126,9 @@ def _gait_of(job_id: str, result: JobResult) -> NewestGait:
     values = measures_of(result)
     summary: GaitMeasuresSummary = values["summary"]
     cautions = [one.message for one in summary.warnings if one.code in CAUTIONS]
-    cautions += [f"{len(summary.left_out)} left out: {summary.left_out[0].message}"] if summary.left_out else []
+    if summary.left_out:
+        number, reason = len(summary.left_out), summary.left_out[0].message
+        cautions.append(gettext("%(number)s left out: %(reason)s", number=number, reason=reason))
     trials = summary.trials
     scene = f"/view/?recording={trials[0].recording_id}&job={job_id}" if values["has_scene"] and trials else None
     return NewestGait(
@@ -156,7 +158,7 @@ def measures_of(result: JobResult) -> dict[str, Any]:
         "few_people": FEW_PEOPLE,
         "contradicted": contradicted,
         "left_out": [item for item in summary.left_out if item not in contradicted],
-        "missing": [(measure_title(item.name), item) for item in summary.not_measured],
+        "missing": [(gettext(measure_title(item.name)), item) for item in summary.not_measured],
         "has_scene": STABILITY_TABLE in present,
         "downloads": [name for name in DOWNLOADS if name in present],
     }
@@ -176,8 +178,8 @@ def _measure_row(one: MeasureValue, by_side: Mapping[tuple[str, BodySide | None]
     left, right = by_side.get((one.name, "left")), by_side.get((one.name, "right"))
     return Row(
         name=one.name,
-        title=measure_title(one.name),
-        short=MAIN.get(one.name, measure_title(one.name)),
+        title=gettext(measure_title(one.name)),
+        short=gettext(MAIN.get(one.name, measure_title(one.name))),
         unit=scale.unit,
         mean=scale.number(one.mean),
         interval=scale.interval(one.ci95),
@@ -199,15 +201,15 @@ def reference_rows(summary: GaitReportSummary) -> tuple[BesideGroup, ...]:
         rows.append(
             BesideGroup(
                 name=one.name,
-                title=measure_title(one.name),
+                title=gettext(measure_title(one.name)),
                 unit=scale.unit,
                 value=scale.number(one.value),
                 group=f"{scale.number(one.mean)}{deviation}",
                 n_people=one.n_people,
                 difference="" if one.difference is None else scale.signed(one.difference),
-                interval=NO_MEANING if interval and few else interval,
+                interval=gettext(NO_MEANING) if interval and few else interval,
                 z="" if one.z is None else _SCORE.signed(one.z),
-                z_interval=NO_MEANING if score and few else score,
+                z_interval=gettext(NO_MEANING) if score and few else score,
             )
         )
     return tuple(rows)
@@ -224,7 +226,7 @@ def change_rows(summary: GaitReportSummary) -> tuple[BeforeAfter, ...]:
         rows.append(
             BeforeAfter(
                 name=one.name,
-                title=measure_title(one.name),
+                title=gettext(measure_title(one.name)),
                 unit=scale.unit,
                 before=before,
                 after=after,
@@ -247,12 +249,17 @@ def measures_headline(summary: GaitMeasuresSummary) -> str:
     rows = {row.name: row for row in measure_rows(summary)}
     known = []
     if speed := rows.get("walking_speed"):
-        known.append(f"at {_with_interval(speed)}")
+        known.append(gettext("at %(speed)s", speed=_with_interval(speed)))
     if margin := rows.get("margin_of_stability_ml_min"):
-        known.append(f"with a margin of stability of {_with_interval(margin)} sideways")
-    steps = f"{count_text(summary.steps, 'step')} in {count_text(summary.n_recordings, 'recording')}"
-    few = " Few steps: the intervals below are wide." if summary.steps < MIN_STEPS else ""
-    return f"{' '.join([steps, *known])}.{few}"
+        known.append(gettext("with a margin of stability of %(margin)s sideways", margin=_with_interval(margin)))
+    steps = gettext(
+        "%(steps)s in %(recordings)s",
+        steps=ngettext("%(num)s step", "%(num)s steps", summary.steps),
+        recordings=ngettext("%(num)s recording", "%(num)s recordings", summary.n_recordings),
+    )
+    sentence = gettext("%(facts)s.", facts=" ".join([steps, *known]))
+    few = gettext("Few steps: the intervals below are wide.") if summary.steps < MIN_STEPS else ""
+    return f"{sentence} {few}".strip()
 
 
 def _with_interval(row: Row) -> str:
