@@ -38,6 +38,8 @@ KEYWORDS = {
     "translateCount": (1, 2),
 }
 SCRIPT = "static/js/shared/api.js"
+CALL = re.compile(r'\btranslate\(\s*"([^"\\]+)"')
+"""A translated text in JavaScript; Babel does not see those within ``${...}`` and other calls."""
 PLACES = re.compile(r"%\((\w+)\)[sd]")
 TAGS = re.compile(r"</?[a-z][^>]*>|&\w+;")
 
@@ -48,6 +50,10 @@ def make_template() -> Catalog:
     found = extract_from_dir(WEB, METHODS, OPTIONS, KEYWORDS)
     for path, _, message, _, _ in found:
         template.add(message, locations=[(path, 0)])
+    for path in sorted((WEB / "static/js").rglob("*.js")):
+        for text in CALL.findall(path.read_text(encoding="utf-8")):
+            if template.get(text) is None:
+                raise ValueError(f"{path.name}: not extracted, because it is within another call or string: {text}")
     for place, texts in message_tables():
         for text in texts:
             template.add(text, locations=[(place, 0)])
@@ -62,7 +68,7 @@ def message_tables() -> Iterator[tuple[str, Iterable[str]]]:
     yield "pages/render.py", [name for name, _ in render.NAVIGATION]
     yield "formatting.py", [*formatting.KINDS.values(), *formatting.METHODS.values()]
     yield SCRIPT, formatting.STATES
-    yield SCRIPT, served_sentences.SERVED
+    yield SCRIPT, [*served_sentences.SERVED, *served_sentences.CHECKS]
     yield "pages/errors.py", [*errors.TITLES.values(), *errors.EXPLANATIONS.values()]
     yield "pages/recording.py", [text for _, text in (*recording.LATENCIES, *recording.TABLES)]
     yield "pages/results/quality.py", [*quality.NAMES.values(), *quality.TITLES.values(), *quality.VERDICTS]

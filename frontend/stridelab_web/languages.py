@@ -121,8 +121,16 @@ def translate_sentence(sentence: str, patterns: tuple[str, ...]) -> str | None:
     for pattern in patterns:
         match = _pattern_of(pattern).fullmatch(sentence)
         if match is not None and (text := translate_text(pattern)) != pattern:
-            return text % match.groupdict() if match.groupdict() else text
+            values = {k: _translated_checks(v) if k == "checks" else v for k, v in match.groupdict().items()}
+            return text % values if values else text
     return None
+
+
+def _translated_checks(listed: str) -> str:
+    """The checks that a verdict lists, as ``a, b and 2 more``."""
+    if more := re.fullmatch(r"(.+) and (\d+) more", listed):
+        return gettext("%(checks)s and %(number)s more", checks=_translated_checks(more[1]), number=more[2])
+    return ", ".join(translate_text(label) for label in listed.split(", "))
 
 
 @cache

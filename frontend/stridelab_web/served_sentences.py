@@ -76,11 +76,52 @@ REMARKS: Final = (
     "These labels occur twice; the more visible is used: %(names)s.",
     "%(number)s points without a name were left out.",
     "Rebuilt from their rigid neighbours: %(names)s.",
+    "Short gaps of %(number)s markers were interpolated (%(samples)s samples).",
+    "No mass is stated; the plates measure %(mass)s ± %(sd)s kg over %(trials)s trials of the session.",
+    (
+        "The sex of the subject is not stated: the mean of the female and the male body is used (costs about "
+        "%(horizontal)s mm horizontally and %(vertical)s mm vertically)."
+    ),
     "The plate %(name)s is never loaded and was left out.",
     "The centre of mass is that of the markers alone: %(reason)s",
     "Not every check of this recording passes. %(reasons)s",
     "The sensors contradict each other; do not use these numbers. %(reasons)s",
 )
 """Usual remarks on a recording or on a result."""
-SERVED: Final = (*PROGRESS, *VERDICTS, *NOT_POSSIBLE, *REFUSALS, *REMARKS)
+_SHOWN: Final = (
+    "The force shows %(rank)s of %(numbers)s numbers of the motion (position, velocity and acceleration along three "
+    "axes), force and markers together %(together)s of %(all)s (with the table's offset): the height comes from the "
+    "markers and the segment table alone, because moving the body along the contact force (here "
+)
+OBSERVABILITY: Final = (
+    _SHOWN + "upright) changes nothing on the plates.",
+    _SHOWN + "up to %(tilt)s degrees off the vertical) changes nothing on the plates.",
+    (
+        "There is no ground contact (free fall): the force shows %(rank)s of %(numbers)s numbers of the motion, its "
+        "acceleration; position and velocity come from the markers alone."
+    ),
+)
+"""What the force cannot show."""
+CHECKS: Final = (
+    "force tilt",
+    "normalised innovations",
+    "force residual",
+    "acceleration difference",
+    "channel gain",
+    "channel exchange",
+    "horizontal bias",
+    "vertical bias",
+    "largest difference",
+    "mass from motion",
+    "mass from standing",
+    "flight acceleration",
+    "pressure from feet",
+    "pressure off plate",
+    "outside body",
+    "leg length change",
+    "body proportions",
+    "model leg mass",
+)
+"""Checks of the sensors as verdicts list them, in place of ``%(checks)s``."""
+SERVED: Final = (*PROGRESS, *VERDICTS, *NOT_POSSIBLE, *REFUSALS, *OBSERVABILITY, *REMARKS)
 """All of them; the scripts of the pages translate them as well."""

@@ -5,15 +5,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import httpx
+import numpy as np
 import pytest
 from babel.messages.catalog import Catalog
 
 import translate
+from stridelab.estimation import observability
 from stridelab.schemas.quality import Quality
 from stridelab_web import languages, served_sentences
 from stridelab_web.formatting import served_text
 from stridelab_web.languages import LANGUAGES, chosen_language, gettext, in_language, ngettext
-from stridelab_web.pages.results.quality import shown_quality
+from stridelab_web.pages.results.quality import NAMES, shown_quality
 from support.fakes.service import FakeService
 from support.fakes.web_app import make_client
 
@@ -72,9 +74,23 @@ def test_wrong_translations_are_reported(monkeypatch: pytest.MonkeyPatch, transl
 def test_service_still_says_the_translated_sentences() -> None:
     sources = "\n".join(path.read_text() for path in (ROOT / "backend/stridelab").rglob("*.py"))
     joined = re.sub(r'"\s*\n\s*f?"', "", sources)
-    for sentence in served_sentences.SERVED:
-        for part in re.split(r"%\(\w+\)s|; |: |(?<=\.) ", sentence):
-            assert part.strip(" .") in joined, sentence
+    explained = served_sentences.OBSERVABILITY[:2]  # the service puts them together; so does the test below
+    for sentence in set(served_sentences.SERVED) - set(explained):
+        for part in re.split(r"%\(\w+\)s|; |: |(?<=\.) | \(", sentence):
+            assert part.strip(" .)") in joined, sentence
+
+
+def test_sentence_on_what_the_force_cannot_show_is_translated() -> None:
+    up = np.array([[0.0, 0.0, 1.0]])
+    track = observability.ObservabilityTrack(np.array([5]), np.array([11]), up, np.array([False]))
+    for tilt_rad in (0.0, 0.1):
+        sentence = observability._explain_ranks(track, up[0], tilt_rad, 0.0)
+        with in_language("de"):
+            assert str(served_text(sentence)).startswith("Die Kraft bestimmt 5 von 9 Größen"), sentence
+
+
+def test_checks_are_those_of_the_pages() -> None:
+    assert [name.replace("_", " ") for name in NAMES] == list(served_sentences.CHECKS)
 
 
 def test_browser_chooses_the_language(browse: Browse) -> None:
@@ -177,7 +193,8 @@ def test_numbers_have_plural_forms_and_a_decimal_point() -> None:
 def test_sentences_of_the_service_are_translated_or_marked() -> None:
     assert served_text("a <b>") == "a <b>"
     with in_language("de"):
-        assert served_text("Doubtful: force residual") == "Zweifelhaft: force residual"
+        assert served_text("Doubtful: force residual") == "Zweifelhaft: Kraftresiduum"
+        assert served_text("Doubtful: channel gain, force tilt and 3 more").endswith("Neigung der Kraft und 3 weitere")
         assert served_text("a <b>") == '<span lang="en">a &lt;b&gt;</span>'
         assert served_text("") == ""
 

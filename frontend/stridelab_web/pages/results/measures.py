@@ -10,6 +10,7 @@ from stridelab.schemas.measures import (
     FEW_PEOPLE,
     MEASURE_TITLES,
     BodySide,
+    Bounds,
     ChangeValue,
     GaitMeasuresSummary,
     GaitReportSummary,
@@ -182,7 +183,7 @@ def _measure_row(one: MeasureValue, by_side: Mapping[tuple[str, BodySide | None]
         short=gettext(MAIN.get(one.name, measure_title(one.name))),
         unit=scale.unit,
         mean=scale.number(one.mean),
-        interval=scale.interval(one.ci95),
+        interval=_interval(scale, one.ci95),
         left="" if left is None else scale.number(left.mean),
         right="" if right is None else scale.number(right.mean),
         symmetry="" if one.symmetry is None else f"{100.0 * one.symmetry:+z.1f} %",
@@ -197,7 +198,7 @@ def reference_rows(summary: GaitReportSummary) -> tuple[BesideGroup, ...]:
         scale = measure_scale(one.name, one.unit)
         deviation = "" if one.between_sd is None else f" ± {scale.number(one.between_sd)}"
         few = one.n_people < FEW_PEOPLE
-        interval, score = scale.interval(one.ci95), _SCORE.interval(one.z_ci95)
+        interval, score = _interval(scale, one.ci95), _interval(_SCORE, one.z_ci95)
         rows.append(
             BesideGroup(
                 name=one.name,
@@ -221,7 +222,7 @@ def change_rows(summary: GaitReportSummary) -> tuple[BeforeAfter, ...]:
     for one in sorted(summary.changes, key=_place_in_table):
         scale = measure_scale(one.name, one.unit)
         before, after = scale.number(one.before), scale.number(one.after)
-        interval = scale.interval(one.ci95)
+        interval = _interval(scale, one.ci95)
         zero = one.ci95 is not None and one.ci95[0] <= 0.0 <= one.ci95[1]
         rows.append(
             BeforeAfter(
@@ -242,6 +243,10 @@ def change_rows(summary: GaitReportSummary) -> tuple[BeforeAfter, ...]:
 def _place_in_table(one: ReferenceValue | ChangeValue) -> int:
     order = list(MEASURE_TITLES)
     return order.index(one.name) if one.name in order else len(order)
+
+
+def _interval(scale: MeasureScale, bounds: Bounds | None) -> str:
+    return scale.interval(bounds).replace(" to ", gettext(" to "))
 
 
 def measures_headline(summary: GaitMeasuresSummary) -> str:

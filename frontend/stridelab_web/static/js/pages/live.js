@@ -75,11 +75,9 @@ function watch(item) {
   const opened = new WebSocket(`${scheme}://${location.host}/api/v1/stream/markers/${watched}`);
   let seen = false;
   socket = opened;
-  said.textContent = translate("%(stream)s: %(rate)s frames per second, marker set %(markers)s.", {
-    stream: item.title || translate("A stream"),
-    rate: item.rate_hz,
-    markers: item.marker_set,
-  });
+  const stream = item.title || translate("A stream");
+  const values = { stream, rate: item.rate_hz, markers: item.marker_set };
+  said.textContent = translate("%(stream)s: %(rate)s frames per second, marker set %(markers)s.", values);
   opened.addEventListener("message", (message) => {
     seen = true;
     latest = JSON.parse(message.data);

@@ -148,7 +148,8 @@ function onKnownFile(upload, recording) {
     startNext();
   });
   row.state.replaceChildren(
-    `${translate("already uploaded on %(time)s:", { time: localTime(recording.created_at) })} `,
+    translate("already uploaded on %(time)s:", { time: localTime(recording.created_at) }),
+    " ",
     linkTo(recording, translate("open")),
     " ",
     uploadAgain,

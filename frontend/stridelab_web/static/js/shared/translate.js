@@ -34,9 +34,22 @@ export function translateCount(one, many, num, values = {}) {
 export function translateServed(sentence) {
   for (const pattern of globalThis.stridelabSentences ?? []) {
     const match = patternOf(pattern).exec(sentence);
-    if (match) return translate(pattern, match.groups ?? {});
+    if (!match) continue;
+    const { checks, ...values } = match.groups ?? {};
+    return translate(pattern, checks ? { checks: translateChecks(checks), ...values } : values);
   }
   return sentence;
+}
+
+// The checks that a verdict lists, as "a, b and 2 more".
+/** @param {string} listed @returns {string} */
+function translateChecks(listed) {
+  const more = /^(.+) and (\d+) more$/.exec(listed);
+  if (more) return translate("%(checks)s and %(number)s more", { checks: translateChecks(more[1]), number: more[2] });
+  return listed
+    .split(", ")
+    .map((label) => translate(label))
+    .join(", ");
 }
 
 /** @param {string} pattern */

@@ -126,18 +126,17 @@ function framePosition(t_s) {
 
 function seek(target, inUrl = true) {
   position = Math.min(Math.max(target, 0), time_s.length - 1);
-  const index = Math.round(position),
-    time = time_s[index].toFixed(3);
+  const index = Math.round(position);
   scene.show(position);
   slider.value = String(index);
   camera.onFrame(position);
   const label = phaseLabel(time_s[index]);
-  slider.setAttribute(
-    "aria-valuetext",
-    `${translate("%(time)s seconds, frame %(frame)s", { time, frame: index + 1 })}${label && `, ${label}`}`,
-  );
+  const values = { time: time_s[index].toFixed(3), frame: index + 1, number: time_s.length };
+  const spoken = translate("%(time)s seconds, frame %(frame)s", values);
+  const shown = translate("%(time)s s · frame %(frame)s of %(number)s", values);
+  slider.setAttribute("aria-valuetext", label ? `${spoken}, ${label}` : spoken);
   document.dispatchEvent(new CustomEvent("instant", { detail: time_s[index] }));
-  clock.textContent = `${translate("%(time)s s · frame %(frame)s of %(number)s", { time, frame: index + 1, number: time_s.length })}${label && ` · ${label}`}`;
+  clock.textContent = label ? `${shown} · ${label}` : shown;
   if (inUrl) writeTimeToUrl(index);
 }
 
