@@ -50,10 +50,10 @@ def make_template() -> Catalog:
     found = extract_from_dir(WEB, METHODS, OPTIONS, KEYWORDS)
     for path, _, message, _, _ in found:
         template.add(message, locations=[(path, 0)])
-    for path in sorted((WEB / "static/js").rglob("*.js")):
-        for text in CALL.findall(path.read_text(encoding="utf-8")):
+    for script in sorted((WEB / "static/js").rglob("*.js")):
+        for text in CALL.findall(script.read_text(encoding="utf-8")):
             if template.get(text) is None:
-                raise ValueError(f"{path.name}: not extracted, because it is within another call or string: {text}")
+                raise ValueError(f"{script.name}: not extracted, because it is within another call or string: {text}")
     for place, texts in message_tables():
         for text in texts:
             template.add(text, locations=[(place, 0)])
@@ -62,9 +62,9 @@ def make_template() -> Catalog:
 
 def message_tables() -> Iterator[tuple[str, Iterable[str]]]:
     """Texts in tables, which are translated where they are shown, by the file that shows them."""
-    layers = (*viewer.COM_LAYERS, *viewer.WHEEL_LAYERS, *viewer.STABILITY_LAYERS, viewer.SECOND_WALK_LAYER)
-    layers = (*layers, *viewer.RECORDING_LAYERS)
-    traces = [trace for row in com_plots.ROWS for trace in row.traces]
+    layers = [*viewer.RECORDING_LAYERS, *viewer.COM_LAYERS, *viewer.WHEEL_LAYERS, *viewer.STABILITY_LAYERS]
+    layers.append(viewer.SECOND_WALK_LAYER)
+    readings = [one.name for one in com_plots.READINGS] + [one.name for one in com_plots.SWITCHES]
     yield "pages/render.py", [name for name, _ in render.NAVIGATION]
     yield "formatting.py", [*formatting.KINDS.values(), *formatting.METHODS.values()]
     yield SCRIPT, formatting.STATES
@@ -75,7 +75,7 @@ def message_tables() -> Iterator[tuple[str, Iterable[str]]]:
     yield "pages/results/measures.py", [*MEASURE_TITLES.values(), *measures.MAIN.values(), measures.NO_MEANING]
     yield "pages/results/summary_facts.py", [*summary_facts.NAMES.values(), *summary_facts.VALUES]
     yield "pages/results/com_plots.py", [row.title for row in com_plots.ROWS]
-    yield "pages/results/com_plots.py", [one.name for one in (*traces, *com_plots.READINGS, *com_plots.SWITCHES)]
+    yield "pages/results/com_plots.py", [trace.name for row in com_plots.ROWS for trace in row.traces] + readings
     yield "charts/plotly.py", [plotly.TIME.title]
     yield "pages/viewer/page.py", [text for layer in layers for text in (layer.label, layer.tooltip) if text]
     yield "templates/partials/_subject.html", ["female", "male"]
