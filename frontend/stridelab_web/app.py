@@ -2,6 +2,7 @@
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
 from starlette.responses import RedirectResponse
 from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 
@@ -9,6 +10,7 @@ from stridelab.client import ProblemError, Unreachable
 from stridelab_web import assets
 from stridelab_web.api_client import make_client
 from stridelab_web.config import WebConfig
+from stridelab_web.languages import LanguageMiddleware, in_english, script_file
 from stridelab_web.pages import book, errors, home, job, lists, recording, reproduction, robot
 from stridelab_web.pages.plans import page
 from stridelab_web.pages.render import make_environment
@@ -26,6 +28,7 @@ def create_web(config: WebConfig) -> Starlette:
     """The ASGI app of all pages. Processes share no state: any number of them may serve it."""
     app = Starlette(
         routes=web_routes(),
+        middleware=[Middleware(LanguageMiddleware, default=config.language)],
         exception_handlers={
             ProblemError: errors.on_problem,
             Unreachable: errors.on_unreachable,
@@ -40,7 +43,7 @@ def create_web(config: WebConfig) -> Starlette:
 
 
 def web_routes() -> list[BaseRoute]:
-    """All routes of the web app."""
+    """All routes of the web app; pages without ``in_english`` are translated."""
     scene = "/view/scene/{kind}/{id}/{job}"
     return [
         Route("/", home.home),
@@ -48,28 +51,28 @@ def web_routes() -> list[BaseRoute]:
         Route("/recordings/{id}", recording.recording_page),
         Route("/subjects", lists.subjects_page),
         Route("/subjects/{id}", lists.subject_page),
-        Route("/scenarios", scenario.scenarios_page),
-        Route("/scenarios/new", new_scenario.new_scenario_page),
+        Route("/scenarios", in_english(scenario.scenarios_page)),
+        Route("/scenarios/new", in_english(new_scenario.new_scenario_page)),
         Route("/scenarios/new/pictures", new_scenario.course_pictures),
-        Route("/scenarios/{id}", scenario.scenario_page),
-        Route("/plans/{id}", page.plan_page),
-        Route("/plans/{id}/plots.json", page.plots_json),
-        Route("/robots", robot.robots_page),
-        Route("/robots/{name}", robot.robot_page),
-        Route("/robots/{name}/reach.json", robot.reach_json),
+        Route("/scenarios/{id}", in_english(scenario.scenario_page)),
+        Route("/plans/{id}", in_english(page.plan_page)),
+        Route("/plans/{id}/plots.json", in_english(page.plots_json)),
+        Route("/robots", in_english(robot.robots_page)),
+        Route("/robots/{name}", in_english(robot.robot_page)),
+        Route("/robots/{name}/reach.json", in_english(robot.reach_json)),
         Route("/live", home.live_page),
-        Route("/live/robots", live.live_robots_page),
-        Route("/live/robots/{id}", live.live_robot_page),
-        Route("/sweeps", sweep.sweeps_page),
-        Route("/settings", home.settings_page),
+        Route("/live/robots", in_english(live.live_robots_page)),
+        Route("/live/robots/{id}", in_english(live.live_robot_page)),
+        Route("/sweeps", in_english(sweep.sweeps_page)),
+        Route("/settings", in_english(home.settings_page)),
         Route("/jobs", lists.jobs_page),
-        Route("/reproduction", reproduction.reproduction_page),
+        Route("/reproduction", in_english(reproduction.reproduction_page)),
         Route("/jobs/{id}", job.job_page),
         Route("/jobs/{id}/plots.json", job.plots_json),
-        Route("/jobs/{id}/figures/{name}.json", comparison.figure_json),
-        Route("/jobs/{id}/reach.json", reachability.reach_json),
-        Route("/population", population.new_study_page),
-        Route("/population/{id}", population.study_page),
+        Route("/jobs/{id}/figures/{name}.json", in_english(comparison.figure_json)),
+        Route("/jobs/{id}/reach.json", in_english(reachability.reach_json)),
+        Route("/population", in_english(population.new_study_page)),
+        Route("/population/{id}", in_english(population.study_page)),
         Route("/view/", view.view_page),
         Route(f"{scene}/", proxy.scene_page),
         Route(f"{scene}/open", proxy.open_scene, methods=["POST"]),
@@ -78,10 +81,11 @@ def web_routes() -> list[BaseRoute]:
         Route("/view/scene/scenario/{id}/-/touches.json", planner.contacts_json),
         WebSocketRoute(scene, proxy.relay_websocket),
         Route("/help/pictures/{name}", book.help_picture),
-        Route("/help/{name:path}", book.help_page),
+        Route("/help/{name:path}", in_english(book.help_page)),
         Route("/help", lambda _: RedirectResponse("/help/")),
         Route("/login", home.login_page),
         Route("/static/plotly.min.js", assets.plotly_script),
+        Route("/static/languages/{name}", script_file),
         Route(f"{FOLDER}{{name}}", assets.viser_file),
         Mount("/static", assets.OwnFiles(directory=assets.STATIC)),
     ]

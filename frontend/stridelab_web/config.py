@@ -7,7 +7,7 @@ from typing import Final
 import httpx
 from starlette.types import Scope
 
-from stridelab.schemas.service import ShownSetting
+from stridelab.schemas.service import Language, ShownSetting
 
 ANONYMOUS_KEY: Final = "-"
 """Key of the callers of a service without a token."""
@@ -48,7 +48,8 @@ class WebConfig:
 
     ``transport`` replaces the network if the interface runs in the same process; ``token`` is the API token,
     if one is set; ``viewer_url`` is the loopback control address of the viewer process, or None without a viewer.
-    ``settings`` are the effective settings. ``scenario_right`` returns the rights of the caller of a request on a
+    ``settings`` are the effective settings; ``language`` is that of the pages unless a reader has chosen one, None for
+    that of the browser. ``scenario_right`` returns the rights of the caller of a request on a
     scenario, ``user_of`` the name of the caller.
     """
 
@@ -58,5 +59,6 @@ class WebConfig:
     token: str | None = field(default=None, repr=False)
     viewer_url: str | None = None
     settings: tuple[ShownSetting, ...] = ()
+    language: Language | None = None
     scenario_right: ScenarioRights = field(default=read_only_right, repr=False)
     user_of: UserOf = field(default=anonymous_user, repr=False)

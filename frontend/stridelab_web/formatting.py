@@ -7,6 +7,8 @@ from markupsafe import Markup
 
 from stridelab.schemas.base import FaultItem, Problem, Remark
 from stridelab.schemas.jobs import FINAL_STATES, Job
+from stridelab_web.languages import ENGLISH, current_language, gettext, translate_sentence
+from stridelab_web.served_sentences import SERVED
 
 
 def fixed_decimals(value: float | None, digits: int = 2) -> str:
@@ -69,7 +71,7 @@ def check_name(code: str) -> str:
 
 def job_kind_name(code: str) -> str:
     """Name of a kind of job; of one without an entry in ``KINDS``, its code in words."""
-    return KINDS.get(code, code_words(code).capitalize())
+    return gettext(KINDS.get(code, code_words(code).capitalize()))
 
 
 def item_name(code: str) -> str:
@@ -86,7 +88,8 @@ def verdict_text(code: str) -> str:
 def method_name(code: str) -> str:
     """Name of an estimator; the suffix ``-thesis`` stands for the settings of the thesis."""
     name = code.removesuffix("-thesis")
-    return _METHODS.get(name, code_words(name)) + (", thesis" if name != code else "")
+    named = gettext(METHODS.get(name, code_words(name)))
+    return named if name == code else gettext("%(method)s, thesis", method=named)
 
 
 def job_headline(job: Job) -> str:
@@ -95,19 +98,22 @@ def job_headline(job: Job) -> str:
     The verdict is shown separately, in its own colour.
     """
     if job.state == "queued":
-        return "waiting" if job.queue_position is None else f"place {job.queue_position} in the queue"
+        place = job.queue_position
+        return gettext("waiting") if place is None else gettext("place %(place)s in the queue", place=place)
     if job.error is not None:
         return job.error.detail
     return "" if job.state in FINAL_STATES else job.progress.message
 
 
-_METHODS = {
+METHODS = {
     "smoother": "smoother",
     "complementary": "complementary filter",
     "rts": "RTS smoother",
     "kalman": "Kalman filter",
     "geometry": "markers only",
 }
+STATES = ("queued", "running", "succeeded", "failed", "cancelled", "timed out", "cancelling")
+"""The states of a job in words."""
 _ITEMS = {"fig": "Figure", "table": "Table", "numbers": "Numbers of chapter"}
 _TABLES = {
     "errors": "Errors of all methods",
@@ -188,12 +194,21 @@ def short_time(seconds: float) -> str:
     return f"{1e3 * seconds:.1f} ms" if seconds < 0.1 else f"{seconds:.2f} s"
 
 
+def served_text(message: str) -> Markup | str:
+    """A sentence of the service: translated if the catalogue knows it, else marked as English."""
+    if current_language() == ENGLISH or not message:
+        return message
+    translated = translate_sentence(message, SERVED)
+    return translated if translated is not None else Markup('<span lang="en">{}</span>').format(message)
+
+
 FILTERS = {
     "fixed": fixed_decimals,
     "plain": plain_number,
     "measured": with_unit,
     "moment": utc_text,
     "when": time_element,
+    "served": served_text,
     "counted": count_text,
     "megabytes": size_text,
     "total_s": total_s,

@@ -63,6 +63,8 @@ def test_every_page_fits_and_keeps_nobody_out(open_tab: Callable[..., Tab], lab:
 PHONE = (390, 844)
 ON_A_PHONE = ("home", "recordings", "recording", "scenario", "jobs", "population", "plan")
 """One page of each layout; most have a table that is wider than the screen of a phone."""
+LANGUAGES = {"home": "de", "recordings": "fr", "recording": "de", "jobs": "ja"}
+"""Pages that are translated are loaded in a language with long words, or with none that a line can be broken at."""
 
 
 @pytest.mark.timeout(300)
@@ -70,8 +72,10 @@ def test_no_page_scrolls_sideways_on_a_phone(open_tab: Callable[..., Tab], addre
     tab = open_tab(*PHONE)
     widths = {}
     for name in ON_A_PHONE:
-        page = tab.go(addresses[name])
+        language = LANGUAGES.get(name, "en")
+        page = tab.go(f"{addresses[name]}{'&' if '?' in addresses[name] else '?'}language={language}")
         _complete(page, name)
+        assert page.locator("html").get_attribute("lang") == language
         widths[name] = page.evaluate("document.documentElement.scrollWidth")
     assert widths == dict.fromkeys(ON_A_PHONE, PHONE[0])
 

@@ -19,7 +19,7 @@ def test_fixed_digits_and_no_negative_zero(value: float | None, text: str) -> No
 
 
 def test_every_estimator_has_a_name_and_a_line_of_its_own() -> None:
-    assert set(METHODS) == set(formatting._METHODS)
+    assert set(METHODS) == set(formatting.METHODS)
     assert set(METHODS) <= set(STYLES)
 
 

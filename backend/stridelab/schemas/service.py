@@ -6,6 +6,9 @@ from pydantic import Field
 
 from stridelab.schemas.base import Contract
 
+Language = Literal["en", "de", "fr", "ja"]
+"""Languages of the pages."""
+
 
 class Health(Contract):
     """Response of ``GET /health``; without a reachable database, the response is a problem with status 503."""

@@ -12,7 +12,7 @@ from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from stridelab.errors import Fault, InvalidInput
-from stridelab.schemas.service import ShownSetting
+from stridelab.schemas.service import Language, ShownSetting
 from stridelab.service.processes.priority import NICENESS
 
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
@@ -105,6 +105,9 @@ class Settings(BaseSettings):
     user_scenes: int = Field(default=16, ge=0, description="3D scenes one user may have open; 0 for no limit")
     lab_name: str = Field(default="", max_length=120, description="name of the laboratory on reports")
     lab_logo: Path | None = Field(default=None, description="PNG or SVG of at most 500 kB on reports")
+    language: Language | None = Field(
+        default=None, description="language of the pages: en, de, fr or ja; by default that of the browser"
+    )
     otlp_url: str | None = Field(
         default=None, description="collector of OpenTelemetry traces (OTLP over HTTP), such as http://127.0.0.1:4318"
     )

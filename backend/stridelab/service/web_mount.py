@@ -41,6 +41,7 @@ def mount_web_app(app: FastAPI, settings: Settings) -> None:
         token=settings.token,
         viewer_url=settings.viewer_url,
         settings=shown_settings(settings),
+        language=settings.language,
         scenario_right=_scenario_right(app),
         user_of=_user_of,
     )

@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from stridelab.schemas.recordings import PlateInfo, Recording
+from stridelab_web.languages import gettext
 
 MAX_TICKS = 8
 MIN_NUMBERED_PERCENT = 1.6
@@ -50,6 +51,10 @@ class Layer:
     shown: bool = True
     tooltip: str = ""
 
+    def translated(self) -> "Layer":
+        """The layer with its label and its tooltip in the language of the page."""
+        return replace(self, label=gettext(self.label), tooltip=gettext(self.tooltip) if self.tooltip else "")
+
 
 @dataclass(frozen=True)
 class PlateBars:
@@ -69,7 +74,7 @@ def interval_bars(intervals: Iterable[Sequence[float]], duration_s: float) -> tu
     for start, end in intervals:
         low, high = max(0.0, start), min(duration_s, end)
         if high > low:
-            text = f"{start:.2f} s to {end:.2f} s"
+            text = _interval_text(start, end)
             inside.append(Bar(round(100 * low / duration_s, 3), round(100 * (high - low) / duration_s, 3), text))
     return tuple(inside)
 
@@ -85,16 +90,21 @@ def numbered_bars(intervals: Iterable[Sequence[float]], duration_s: float, first
 def plate_bars(plate: PlateInfo, duration_s: float) -> PlateBars:
     """The loaded intervals of a plate."""
     drawn = interval_bars(plate.loaded_s, duration_s)
-    intervals_text = "; ".join(bar.text for bar in drawn) or "never"
-    return PlateBars(plate.index, plate.use, drawn, f"Plate {plate.index} loaded: {intervals_text}")
+    intervals_text = "; ".join(bar.text for bar in drawn) or gettext("never")
+    text = gettext("Plate %(index)s loaded: %(intervals)s", index=plate.index, intervals=intervals_text)
+    return PlateBars(plate.index, plate.use, drawn, text)
 
 
 def windows_text(recording: Recording) -> str:
     """Sentence that describes the strip of windows."""
     if not recording.windows_s:
-        return "There is no interval in which all contact forces are measured: only markers can be used."
-    listed = ", ".join(f"{start:.2f} s to {end:.2f} s" for start, end in recording.windows_s)
-    return f"All contact forces are measured from {listed}."
+        return gettext("There is no interval in which all contact forces are measured: only markers can be used.")
+    listed = ", ".join(_interval_text(start, end) for start, end in recording.windows_s)
+    return gettext("All contact forces are measured from %(intervals)s.", intervals=listed)
+
+
+def _interval_text(start_s: float, end_s: float) -> str:
+    return gettext("%(start)s s to %(end)s s", start=f"{start_s:.2f}", end=f"{end_s:.2f}")
 
 
 def time_ticks(duration_s: float) -> tuple[Tick, ...]:

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from stridelab_web.languages import gettext
 from stridelab_web.parquet import Columns
 
 MAX_SAMPLES = 6000
@@ -108,7 +109,7 @@ def plot_document(
     """JSON document of a plot: a thinned list per drawn column (null: no value), and the rows that draw them.
 
     Columns without a finite value are left out with their traces, readings, switches and empty rows. ``shades_s`` are
-    intervals of the axis ``x``.
+    intervals of the axis ``x``. Titles and names are translated where the catalogue has them.
     """
     along = columns[x.key]
     stride = max(1, -(-len(along) // MAX_SAMPLES))
@@ -119,15 +120,21 @@ def plot_document(
     drawn_rows = [(row, [trace for trace in row.traces if trace.key in drawn]) for row in rows]
     groups = {trace.group for _, traces in drawn_rows for trace in traces}
     return {
-        "x": asdict(x),
-        "switches": [asdict(switch) for switch in switches if switch.key in groups],
+        "x": _translated(asdict(x), "title"),
+        "switches": [_translated(asdict(switch), "name") for switch in switches if switch.key in groups],
         "shades_s": [list(shade) for shade in shades_s],
         "columns": drawn,
         "rows": [
-            {**asdict(row), "traces": [asdict(trace) for trace in traces]} for row, traces in drawn_rows if traces
+            {**_translated(asdict(row), "title"), "traces": [_translated(asdict(trace), "name") for trace in traces]}
+            for row, traces in drawn_rows
+            if traces
         ],
-        "readings": [asdict(reading) for reading in readings if reading.key in drawn],
+        "readings": [_translated(asdict(reading), "name") for reading in readings if reading.key in drawn],
     }
+
+
+def _translated(item: dict[str, Any], key: str) -> dict[str, Any]:
+    return {**item, key: gettext(item[key])} if item[key] else item
 
 
 def _rounded_values(values: np.ndarray, digits: int) -> list[float | None]:

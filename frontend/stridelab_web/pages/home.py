@@ -16,6 +16,7 @@ from stridelab.schemas.jobs import Job
 from stridelab.schemas.scenarios import StoredScenario
 from stridelab_web.api_client import client_of, none_if_missing
 from stridelab_web.config import WebConfig
+from stridelab_web.languages import gettext
 from stridelab_web.pages.lists import subjects_of_jobs
 from stridelab_web.pages.render import render_page
 from stridelab_web.pages.scenarios.page import scenario_cards
@@ -85,5 +86,5 @@ async def settings_page(request: Request) -> Response:
 async def login_page(request: Request) -> Response:
     """``GET /login``."""
     query = request.query_params
-    wrong = "This token is not valid." if "wrong" in query else ""
+    wrong = gettext("This token is not valid.") if "wrong" in query else ""
     return render_page(request, "pages/login.html", section="Login", next=query.get("next", "/"), wrong=wrong)

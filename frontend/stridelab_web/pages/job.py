@@ -78,6 +78,7 @@ async def job_page(request: Request) -> Response:
         other_facts=other_facts,
         headline=headline_of(result) if result else None,
         sentences=sentences_of(result) if result else [],
+        english_result=any(views[name] is not None for name in VIEWS if name != "measures"),
         recording=recording,
         plots=plots,
         plots_url=compared["plots_url"] if compared else f"/jobs/{job.id}/plots.json",

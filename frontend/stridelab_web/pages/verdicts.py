@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from stridelab.schemas.jobs import Job
+from stridelab_web.languages import gettext
 
 
 @dataclass(frozen=True)
@@ -20,5 +21,6 @@ def shown_verdict(job: Job, href: str, until_s: float | None = None) -> ShownVer
         return ShownVerdict(job.verdict.outcome, job.verdict.message, href)
     if job.state == "succeeded":
         return None
-    until = "" if until_s is None else f": the body cannot follow the plan beyond {until_s:.2f} s"
-    return ShownVerdict("failed", f"Failed{until}", href)
+    if until_s is None:
+        return ShownVerdict("failed", gettext("Failed"), href)
+    return ShownVerdict("failed", f"Failed: the body cannot follow the plan beyond {until_s:.2f} s", href)

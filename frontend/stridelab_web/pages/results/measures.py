@@ -10,6 +10,7 @@ from stridelab.schemas.measures import (
     FEW_PEOPLE,
     MEASURE_TITLES,
     BodySide,
+    Bounds,
     ChangeValue,
     GaitMeasuresSummary,
     GaitReportSummary,
@@ -19,7 +20,7 @@ from stridelab.schemas.measures import (
     measure_scale,
     measure_title,
 )
-from stridelab_web.formatting import count_text
+from stridelab_web.languages import gettext, ngettext
 from stridelab_web.scene.result_files import STABILITY_TABLE
 
 KINDS: Final = frozenset({"gait-measures", "gait-report"})
@@ -126,7 +127,9 @@ def _gait_of(job_id: str, result: JobResult) -> NewestGait:
     values = measures_of(result)
     summary: GaitMeasuresSummary = values["summary"]
     cautions = [one.message for one in summary.warnings if one.code in CAUTIONS]
-    cautions += [f"{len(summary.left_out)} left out: {summary.left_out[0].message}"] if summary.left_out else []
+    if summary.left_out:
+        number, reason = len(summary.left_out), summary.left_out[0].message
+        cautions.append(gettext("%(number)s left out: %(reason)s", number=number, reason=reason))
     trials = summary.trials
     scene = f"/view/?recording={trials[0].recording_id}&job={job_id}" if values["has_scene"] and trials else None
     return NewestGait(
@@ -156,7 +159,7 @@ def measures_of(result: JobResult) -> dict[str, Any]:
         "few_people": FEW_PEOPLE,
         "contradicted": contradicted,
         "left_out": [item for item in summary.left_out if item not in contradicted],
-        "missing": [(measure_title(item.name), item) for item in summary.not_measured],
+        "missing": [(gettext(measure_title(item.name)), item) for item in summary.not_measured],
         "has_scene": STABILITY_TABLE in present,
         "downloads": [name for name in DOWNLOADS if name in present],
     }
@@ -176,11 +179,11 @@ def _measure_row(one: MeasureValue, by_side: Mapping[tuple[str, BodySide | None]
     left, right = by_side.get((one.name, "left")), by_side.get((one.name, "right"))
     return Row(
         name=one.name,
-        title=measure_title(one.name),
-        short=MAIN.get(one.name, measure_title(one.name)),
+        title=gettext(measure_title(one.name)),
+        short=gettext(MAIN.get(one.name, measure_title(one.name))),
         unit=scale.unit,
         mean=scale.number(one.mean),
-        interval=scale.interval(one.ci95),
+        interval=_interval(scale, one.ci95),
         left="" if left is None else scale.number(left.mean),
         right="" if right is None else scale.number(right.mean),
         symmetry="" if one.symmetry is None else f"{100.0 * one.symmetry:+z.1f} %",
@@ -195,19 +198,19 @@ def reference_rows(summary: GaitReportSummary) -> tuple[BesideGroup, ...]:
         scale = measure_scale(one.name, one.unit)
         deviation = "" if one.between_sd is None else f" ± {scale.number(one.between_sd)}"
         few = one.n_people < FEW_PEOPLE
-        interval, score = scale.interval(one.ci95), _SCORE.interval(one.z_ci95)
+        interval, score = _interval(scale, one.ci95), _interval(_SCORE, one.z_ci95)
         rows.append(
             BesideGroup(
                 name=one.name,
-                title=measure_title(one.name),
+                title=gettext(measure_title(one.name)),
                 unit=scale.unit,
                 value=scale.number(one.value),
                 group=f"{scale.number(one.mean)}{deviation}",
                 n_people=one.n_people,
                 difference="" if one.difference is None else scale.signed(one.difference),
-                interval=NO_MEANING if interval and few else interval,
+                interval=gettext(NO_MEANING) if interval and few else interval,
                 z="" if one.z is None else _SCORE.signed(one.z),
-                z_interval=NO_MEANING if score and few else score,
+                z_interval=gettext(NO_MEANING) if score and few else score,
             )
         )
     return tuple(rows)
@@ -219,12 +222,12 @@ def change_rows(summary: GaitReportSummary) -> tuple[BeforeAfter, ...]:
     for one in sorted(summary.changes, key=_place_in_table):
         scale = measure_scale(one.name, one.unit)
         before, after = scale.number(one.before), scale.number(one.after)
-        interval = scale.interval(one.ci95)
+        interval = _interval(scale, one.ci95)
         zero = one.ci95 is not None and one.ci95[0] <= 0.0 <= one.ci95[1]
         rows.append(
             BeforeAfter(
                 name=one.name,
-                title=measure_title(one.name),
+                title=gettext(measure_title(one.name)),
                 unit=scale.unit,
                 before=before,
                 after=after,
@@ -242,17 +245,26 @@ def _place_in_table(one: ReferenceValue | ChangeValue) -> int:
     return order.index(one.name) if one.name in order else len(order)
 
 
+def _interval(scale: MeasureScale, bounds: Bounds | None) -> str:
+    return scale.interval(bounds).replace(" to ", gettext(" to "))
+
+
 def measures_headline(summary: GaitMeasuresSummary) -> str:
     """The steps, their speed and their margin of stability sideways as one sentence."""
     rows = {row.name: row for row in measure_rows(summary)}
     known = []
     if speed := rows.get("walking_speed"):
-        known.append(f"at {_with_interval(speed)}")
+        known.append(gettext("at %(speed)s", speed=_with_interval(speed)))
     if margin := rows.get("margin_of_stability_ml_min"):
-        known.append(f"with a margin of stability of {_with_interval(margin)} sideways")
-    steps = f"{count_text(summary.steps, 'step')} in {count_text(summary.n_recordings, 'recording')}"
-    few = " Few steps: the intervals below are wide." if summary.steps < MIN_STEPS else ""
-    return f"{' '.join([steps, *known])}.{few}"
+        known.append(gettext("with a margin of stability of %(margin)s sideways", margin=_with_interval(margin)))
+    steps = gettext(
+        "%(steps)s in %(recordings)s",
+        steps=ngettext("%(num)s step", "%(num)s steps", summary.steps),
+        recordings=ngettext("%(num)s recording", "%(num)s recordings", summary.n_recordings),
+    )
+    sentence = gettext("%(facts)s.", facts=" ".join([steps, *known]))
+    few = gettext("Few steps: the intervals below are wide.") if summary.steps < MIN_STEPS else ""
+    return f"{sentence} {few}".strip()
 
 
 def _with_interval(row: Row) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from stridelab.schemas.quality import Quality, QualityCheck
+from stridelab_web.languages import ENGLISH, current_language, gettext
 
 NAMES: Final[Mapping[str, str]] = {
     "force_tilt": "Tilt of the mean force from the vertical",
@@ -45,6 +46,8 @@ TITLES: Final[Mapping[str, str]] = {
     "doubtful": "Not every check passes",
     "contradicted": "The sensors contradict each other: do not use these numbers",
 }
+VERDICTS: Final = ("good", "doubtful", "contradicted")
+"""The verdicts as words in a table."""
 
 
 @dataclass(frozen=True)
@@ -78,19 +81,25 @@ def shown_quality(summary: Mapping[str, Any]) -> ShownQuality | None:
     rows = tuple(_check_row(check) for check in quality.checks)
     return ShownQuality(
         verdict=quality.verdict,
-        title=TITLES[quality.verdict],
+        title=gettext(TITLES[quality.verdict]),
         reasons=tuple(row.message for mark in ("contradicted", "doubtful") for row in rows if row.mark == mark),
         rows=rows,
-        not_checked=tuple((NAMES.get(name, name), why) for name, why in quality.not_checked.items()),
+        not_checked=tuple((gettext(NAMES.get(name, name)), why) for name, why in quality.not_checked.items()),
     )
 
 
 def _check_row(check: QualityCheck) -> Row:
     mark = "" if check.passed else "contradicted" if check.value > check.contradicted_above else "doubtful"
-    return Row(
-        check.name, NAMES.get(check.name, check.name), _value_text(check, check.value),
-        _value_text(check, check.limit), mark, check.message,
-    )  # fmt: skip
+    name = gettext(NAMES.get(check.name, check.name))
+    value, limit = _value_text(check, check.value), _value_text(check, check.limit)
+    return Row(check.name, name, value, limit, mark, _finding(check, name, value, limit))
+
+
+def _finding(check: QualityCheck, name: str, value: str, limit: str) -> str:
+    """The sentence of the service; in other languages than its own, the check with its value and its limit."""
+    if current_language() == ENGLISH:
+        return check.message
+    return gettext("%(check)s: %(value)s, at most %(limit)s expected.", check=name, value=value, limit=limit)
 
 
 def _value_text(check: QualityCheck, value: float) -> str:

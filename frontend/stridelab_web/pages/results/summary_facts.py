@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from stridelab.schemas.jobs import JobResult
-from stridelab_web.formatting import code_words, count_text
+from stridelab_web.formatting import code_words
+from stridelab_web.languages import gettext, ngettext, translate_sentence
+from stridelab_web.served_sentences import SERVED
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ _UNITS = {
     "_rad": "rad",
 }
 """Unit by the suffix of a key; the first match counts."""
-_NAMES = {
+NAMES = {
     "window_s": "Window",
     "method": "Method",
     "segment_table": "Segment table",
@@ -80,6 +82,19 @@ _NAMES = {
     "observability.flight_s": "In flight",
 }
 """Names of the usual values, in the order in which they are shown; others follow under their keys."""
+VALUES: Final = (
+    "smoother",
+    "complementary",
+    "rts",
+    "kalman",
+    "geometry",
+    "session",
+    "trial",
+    "stated",
+    "file",
+    "force",
+)
+"""Usual values that are words."""
 _IN_THOUSANDTHS = {
     **dict.fromkeys(("latency_s", "latency_sd_s", "latency_applied_s"), "ms"),
     **dict.fromkeys(("latency_along_s", "latency_lateral_s", "latency_vertical_s"), "ms"),
@@ -114,7 +129,9 @@ def headline_of(result: JobResult) -> str | None:
     if not sd_m:
         return None
     x, y, z = (f"{1000 * _QUANTILE_95 * value:.0f} mm" for value in sd_m)
-    return f"Centre of mass known to ±{x} along x, ±{y} along y and ±{z} in height (95 %)."
+    return gettext(
+        "Centre of mass known to ±%(x)s along x, ±%(y)s along y and ±%(z)s in height (95 %%).", x=x, y=y, z=z
+    )
 
 
 def sentences_of(result: JobResult) -> list[str]:
@@ -122,7 +139,7 @@ def sentences_of(result: JobResult) -> list[str]:
     summary = result.summary
     observability = summary.get("observability")
     sentence = observability.get("sentence") if isinstance(observability, Mapping) else None
-    sentences = [sentence] if isinstance(sentence, str) and sentence else []
+    sentences = [translate_sentence(sentence, SERVED) or sentence] if isinstance(sentence, str) and sentence else []
     if summary.get("latency_s") is not None:
         trials = summary.get("latency_n_trials", 1) if summary.get("latency_source") == "session" else None
         applied_s = summary.get("latency_applied_s", 0.0)
@@ -131,24 +148,28 @@ def sentences_of(result: JobResult) -> list[str]:
 
 
 def _latency_sentence(latency_s: float, sd_s: float | None, applied_s: float, trials: int | None) -> str:
-    about = "" if sd_s is None else f" ± {1000 * sd_s:.1f}"
-    difference = f"The force comes {1000 * abs(latency_s):.1f}{about} ms {'later' if latency_s >= 0 else 'earlier'}"
-    if applied_s == 0.0:
-        correction = "this was not corrected"
-    elif abs(applied_s - latency_s) < 1e-9:
-        correction = "this was corrected"
+    late_ms = f"{1000 * abs(latency_s):.1f}" + ("" if sd_s is None else f" ± {1000 * sd_s:.1f}")
+    if latency_s >= 0:
+        difference = gettext("The force comes %(late_ms)s ms later than the markers", late_ms=late_ms)
     else:
-        correction = f"{1000 * applied_s:z.1f} ms were corrected, as requested"
-    source = (
-        "" if trials is None else f", as {count_text(trials, 'trial')} of its session say{'s' if trials == 1 else ''}"
-    )
-    return f"{difference} than the markers{source}; {correction}."
+        difference = gettext("The force comes %(early_ms)s ms earlier than the markers", early_ms=late_ms)
+    if trials is not None:
+        difference += ngettext(
+            ", as %(num)s trial of its session says", ", as %(num)s trials of its session say", trials
+        )
+    if applied_s == 0.0:
+        correction = gettext("this was not corrected")
+    elif abs(applied_s - latency_s) < 1e-9:
+        correction = gettext("this was corrected")
+    else:
+        correction = gettext("%(shift_ms)s ms were corrected, as requested", shift_ms=f"{1000 * applied_s:z.1f}")
+    return gettext("%(difference)s; %(correction)s.", difference=difference, correction=correction)
 
 
 def facts_of(result: JobResult) -> list[Fact]:
     """All values of the summary; nested ones by their dotted key."""
-    order = list(_NAMES)
-    flat = sorted(_flatten(result.summary), key=lambda item: order.index(item[0]) if item[0] in _NAMES else len(order))
+    order = list(NAMES)
+    flat = sorted(_flatten(result.summary), key=lambda item: order.index(item[0]) if item[0] in NAMES else len(order))
     named = ((key, _fact_name(key), _fact_text(key, value)) for key, value in flat)
     return [Fact(key, name, text) for key, name, text in named if text is not None]
 
@@ -167,7 +188,9 @@ def _flatten(summary: Mapping[str, Any], prefix: str = "") -> list[tuple[str, An
 
 def _fact_name(key: str) -> str:
     bare = key.removesuffix(_unit_suffix(key))
-    return _NAMES.get(key) or ": ".join(code_words(part) for part in bare.split(".")).capitalize()
+    if key in NAMES:
+        return gettext(NAMES[key])
+    return ": ".join(code_words(part) for part in bare.split(".")).capitalize()
 
 
 def _unit_suffix(key: str) -> str:
@@ -178,17 +201,17 @@ def _fact_text(key: str, value: Any) -> str | None:
     """The value with its unit, or None for what is not a number, a word or a short list of numbers."""
     unit = _IN_THOUSANDTHS.get(key) or _UNITS.get(_unit_suffix(key), "")
     if value is None:
-        return "not known"
+        return gettext("not known")
     if isinstance(value, bool):
-        return "yes" if value else "no"
+        return gettext("yes") if value else gettext("no")
     if isinstance(value, str):
-        return code_words(value)
+        return gettext(code_words(value))
     values = [value] if isinstance(value, int | float) else value
     if not isinstance(values, Sequence) or not 0 < len(values) <= MAX_LIST_LENGTH:
         return None
     if not all(isinstance(v, int | float) for v in values):
         return None
-    between = " to " if key == "window_s" else ", "
+    between = gettext(" to ") if key == "window_s" else ", "
     return f"{between.join(_number_text(key, v) for v in values)} {unit}".strip()
 
 

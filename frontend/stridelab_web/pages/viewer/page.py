@@ -16,7 +16,7 @@ from stridelab_web.api_client import client_of, read_tracks
 from stridelab_web.assets import gzip_response
 from stridelab_web.charts import intervals
 from stridelab_web.charts.intervals import Layer, Row
-from stridelab_web.formatting import count_text
+from stridelab_web.languages import gettext, in_english, ngettext
 from stridelab_web.pages import robot
 from stridelab_web.pages.render import render_page
 from stridelab_web.pages.results import measures
@@ -30,6 +30,11 @@ from stridelab_web.scene.result_files import frames_of, second_recording, shown_
 from stridelab_web.scene.second_walk import OTHER
 
 GZIP_LEVEL: Final = 6
+RECORDING_LAYERS = (
+    Layer("/skeleton/", "Lines"),
+    Layer("/forces/plate", "Forces"),
+    Layer("/forces/total", "Total force", False),
+)
 COM_LAYERS = (
     Layer("/paths/", "Path"),
     Layer("/com/band", "Band"),
@@ -66,13 +71,19 @@ async def view_page(request: Request) -> Response:
     measured, because many files begin before the subject is visible.
     """
     query = request.query_params
+    if any(query.get(name) for name in ("plan", "scenario", "robot")):
+        return await in_english(_robot_page)(request)
+    return await _recording_page(request)
+
+
+async def _robot_page(request: Request) -> Response:
+    """The scene of a plan, of a scenario or of a robot."""
+    query = request.query_params
     if plan_id := query.get("plan"):
         return await planner.plan_page(request, plan_id)
     if scenario_id := query.get("scenario"):
         return await planner.scenario_page(request, scenario_id)
-    if name := query.get("robot"):
-        return await robot.robot_view_page(request, name)
-    return await _recording_page(request)
+    return await robot.robot_view_page(request, query["robot"])
 
 
 async def frames_bin(request: Request) -> Response:
@@ -102,8 +113,11 @@ async def _recording_page(request: Request) -> Response:
             request,
             "pages/error.html",
             404,
-            title="Nothing to show",
-            detail="The viewer needs a recording, a scenario, a plan or a robot: open one and press its 3D button.",
+            title=gettext("Nothing to show"),
+            explanation="",
+            detail=gettext(
+                "The viewer needs a recording, a scenario, a plan or a robot: open one and press its 3D button."
+            ),
             code="",
             status=404,
             errors=[],
@@ -112,12 +126,8 @@ async def _recording_page(request: Request) -> Response:
     job_id = job_id or await _newest_job(client, "estimate-com", recording.id)
     measured = intervals.interval_bars(recording.windows_s, recording.duration_s)
     plates = [intervals.plate_bars(plate, recording.duration_s) for plate in recording.plates if plate.use]
-    layers = [
-        Layer("/skeleton/", "Lines"),
-        Layer("/forces/plate", "Forces"),
-        Layer("/forces/total", "Total force", False),
-    ]
-    links = [("Recording", f"/recordings/{recording.id}")]
+    layers = list(RECORDING_LAYERS)
+    links = [(gettext("Recording"), f"/recordings/{recording.id}")]
     steps_s = await _steps_s(client, recording.id, job_id)
     verdict = None
     if job_id:
@@ -125,11 +135,13 @@ async def _recording_page(request: Request) -> Response:
         layers += [*COM_LAYERS, *KIND_LAYERS.get(job.kind, ())]
         if job.kind in measures.KINDS and await _has_second_walk(client, job, recording.id):
             layers.append(SECOND_WALK_LAYER)
-        links.append(("Result", result_url))
+        links.append((gettext("Result"), result_url))
         verdict = shown_verdict(job, result_url)
     numbered = intervals.numbered_bars(steps_s, recording.duration_s, first=1)
-    steps_text = (
-        f"{count_text(len(steps_s), 'step')}, from strike to strike or, of the wheel, from foot off to foot off"
+    steps_text = ngettext(
+        "%(num)s step, from strike to strike or, of the wheel, from foot off to foot off",
+        "%(num)s steps, from strike to strike or, of the wheel, from foot off to foot off",
+        len(steps_s),
     )
     return render_page(
         request,
@@ -139,14 +151,14 @@ async def _recording_page(request: Request) -> Response:
         scene=(scene := Document("recording", recording.id, job_id or None).address),
         start_s=recording.windows_s[0][0] if recording.windows_s else 0.0,
         rows=[
-            Row("Measured", measured, intervals.windows_text(recording), "window"),
-            *([Row("Step", numbered, steps_text, "phase")] if steps_s else []),
-            *(Row(f"Plate {plate.index}", plate.bars, plate.text, "load") for plate in plates),
+            Row(gettext("Measured"), measured, intervals.windows_text(recording), "window"),
+            *([Row(gettext("Step"), numbered, steps_text, "phase")] if steps_s else []),
+            *(Row(gettext("Plate %(index)s", index=plate.index), plate.bars, plate.text, "load") for plate in plates),
         ],
         moments=(),
         steps=steps_s,
         downloads=[(text, f"{scene}/{name}") for name, text in planner.EXPORTS.items()],
-        layers=layers,
+        layers=[layer.translated() for layer in layers],
         uploads=True,
         bodies=False,
         bands=bool(job_id),

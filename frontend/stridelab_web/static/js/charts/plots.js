@@ -1,6 +1,7 @@
 // A figure of stacked curves with one time axis, so that zoom and cursor are shared.
 import { colour, onColourScheme } from "../shared/colours.js";
 import { createElement } from "../shared/elements.js";
+import { translate } from "../shared/translate.js";
 
 // Line styles by name; colours are those of the style sheet.
 const STYLES = {
@@ -45,7 +46,7 @@ const cursor = document.getElementById("cursor");
 const readout = document.getElementById("readout");
 const response = await fetch(box.dataset.plots).catch(() => null);
 if (response?.ok) draw(await response.json());
-else box.textContent = "The curves could not be read. Reload the page to try again.";
+else box.textContent = translate("The curves could not be read. Reload the page to try again.");
 
 function rowTraces(row, columns) {
   return row.traces.flatMap((trace) => {

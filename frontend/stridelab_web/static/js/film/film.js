@@ -2,6 +2,7 @@
 import { drawPicture, pictureSize } from "../viewer/snapshot.js";
 import { choosePalette, GifWriter } from "./gif.js";
 import { webmFile } from "./webm.js";
+import { translate } from "../shared/translate.js";
 
 const CODECS = [
   { name: "vp09.00.40.08", label: "V_VP9" },
@@ -74,13 +75,14 @@ async function settle(source) {
     source.redraw();
     await new Promise((done) => requestAnimationFrame(done));
     if (performance.now() > until_ms)
-      throw new Error("The scene is not drawn. Keep its window in view while it is filmed.");
+      throw new Error(translate("The scene is not drawn. Keep its window in view while it is filmed."));
   } while (!source.settled());
 }
 
 async function webmEncoder(width, height, rate_hz, n) {
   const codec = await videoCodec(width, height);
-  if (!codec) throw new Error("This browser cannot encode a WebM film of this size. Choose GIF or a smaller size.");
+  if (!codec)
+    throw new Error(translate("This browser cannot encode a WebM film of this size. Choose GIF or a smaller size."));
   const chunks = [];
   /** @type {Error | null} */
   let failure = null;
@@ -117,7 +119,9 @@ async function webmEncoder(width, height, rate_hz, n) {
 
 function gifEncoder(width, height, rate_hz, n) {
   if (width * height * n > MAX_GIF_PIXELS)
-    throw new Error("This GIF would be too large. Choose a smaller size, fewer frames or a shorter range, or WebM.");
+    throw new Error(
+      translate("This GIF would be too large. Choose a smaller size, fewer frames or a shorter range, or WebM."),
+    );
   let writer;
   const pixels = (context) => context.getImageData(0, 0, width, height).data;
   return {

@@ -2,6 +2,7 @@
 import { saveBlob } from "../shared/elements.js";
 import { pictureSize } from "../viewer/snapshot.js";
 import { frameTimes, makeFilm, videoCodec } from "./film.js";
+import { translate } from "../shared/translate.js";
 
 const SCALES = [0.5, 1, 1.5, 2];
 
@@ -34,7 +35,13 @@ export class FilmDialog {
       viser = this.source.viser(),
       before = elements.size.value || "1";
     elements.size.replaceChildren(
-      ...SCALES.map((scale) => new Option(`${scale}×: ${pictureSize(viser, scale).join(" × ")} pixels`, String(scale))),
+      ...SCALES.map(
+        (scale) =>
+          new Option(
+            translate("%(scale)s×: %(size)s pixels", { scale, size: pictureSize(viser, scale).join(" × ") }),
+            String(scale),
+          ),
+      ),
     );
     elements.size.value = before;
     const [from_s, to_s] = this.source.range_s();
@@ -60,7 +67,9 @@ export class FilmDialog {
     const n = this.times_s().length,
       rate_hz = Number(this.form.elements.rate.value);
     this.saveButton.disabled = n === 0 || this.isFilming;
-    this.status.textContent = n ? `${n} frames, ${(n / rate_hz).toFixed(1)} s` : "The range is empty.";
+    this.status.textContent = n
+      ? translate("%(frames)s frames, %(duration)s s", { frames: n, duration: (n / rate_hz).toFixed(1) })
+      : translate("The range is empty.");
   }
 
   async saveFilm() {
@@ -91,7 +100,10 @@ export class FilmDialog {
 
   showProgress(k, n) {
     this.bar.value = k / n;
-    this.status.textContent = `Frame ${k + 1} of ${n}. Close stops the film.`;
+    this.status.textContent = translate("Frame %(frame)s of %(number)s. Close stops the film.", {
+      frame: k + 1,
+      number: n,
+    });
     return !this.isStopped;
   }
 }

@@ -1,5 +1,6 @@
 // Actions on the recordings that are checked in the list; the list may be replaced after an upload.
 import { onClick, openNewJob, startJob } from "../shared/api.js";
+import { translate } from "../shared/translate.js";
 
 const list = document.querySelector("[data-recordings]");
 
@@ -13,7 +14,7 @@ function setUpActions() {
   const status = actions.querySelector("[data-said]");
   const withChosen = (action) => () => {
     const ids = chosenIds();
-    if (!ids.length) throw new Error("Choose recordings first.");
+    if (!ids.length) throw new Error(translate("Choose recordings first."));
     return action(ids);
   };
   onClick(actions.querySelector("[data-estimate-chosen]"), status, withChosen(estimateEach));

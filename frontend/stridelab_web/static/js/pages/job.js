@@ -1,6 +1,7 @@
 // The page of one job: follows its progress, cancels and deletes it, and stores its result as a scenario.
 import { call, confirmDeletion, followJob, jobHeadline, onClick, openNewJob, showJobState } from "../shared/api.js";
 import { CONTACTS_SUFFIX, DURATIONS_SUFFIX, scenarioFields, openAsNewScenario } from "../editor/scenario_store.js";
+import { translate } from "../shared/translate.js";
 
 const card = document.querySelector("[data-live]");
 const cancel = document.querySelector("[data-cancel]");
@@ -24,7 +25,7 @@ function showProgress(job) {
 const message = card.querySelector("[data-message]");
 onClick(cancel, message, async () => {
   await call("DELETE", `/jobs/${id}?cancel_only=true`);
-  message.textContent = "cancelling…";
+  message.textContent = translate("cancelling…");
 });
 confirmDeletion(`/jobs/${id}`, "/jobs");
 

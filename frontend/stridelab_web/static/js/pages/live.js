@@ -5,6 +5,7 @@ import { onColourScheme } from "../shared/colours.js";
 import { createElement } from "../shared/elements.js";
 import { drawBase, drawBody } from "./live_drawing.js";
 import { describeMargin, describeMissing, standing } from "./live_text.js";
+import { translate } from "../shared/translate.js";
 
 const POLL_MS = 1000;
 const TEXT_MS = 200;
@@ -74,7 +75,9 @@ function watch(item) {
   const opened = new WebSocket(`${scheme}://${location.host}/api/v1/stream/markers/${watched}`);
   let seen = false;
   socket = opened;
-  said.textContent = `${item.title || "A stream"}: ${item.rate_hz} frames per second, marker set ${item.marker_set}.`;
+  const stream = item.title || translate("A stream");
+  const values = { stream, rate: item.rate_hz, markers: item.marker_set };
+  said.textContent = translate("%(stream)s: %(rate)s frames per second, marker set %(markers)s.", values);
   opened.addEventListener("message", (message) => {
     seen = true;
     latest = JSON.parse(message.data);
@@ -87,9 +90,9 @@ function watch(item) {
     if (socket !== opened) return;
     socket = null;
     watched = "";
-    if (event.code === 1000) said.textContent = "The stream has ended. Its last frame is shown.";
+    if (event.code === 1000) said.textContent = translate("The stream has ended. Its last frame is shown.");
     else if (!seen && event.code === 1006)
-      said.textContent = "The service refuses to show the stream: that needs a token of scope submit.";
+      said.textContent = translate("The service refuses to show the stream: that needs a token of scope submit.");
     setTimeout(look, POLL_MS);
   });
 }
@@ -106,7 +109,7 @@ async function look() {
   how.open = how.open && !items.length;
   if (items.length) watch(items[0]);
   else {
-    if (!latest) said.textContent = "No stream is open.";
+    if (!latest) said.textContent = translate("No stream is open.");
     setTimeout(look, POLL_MS);
   }
 }

@@ -1,6 +1,7 @@
 // The form that names the markers of a recording: filled with a proposal, saved as its map or stored as a marker set.
 import { call, onSubmit } from "../shared/api.js";
 import { createElement } from "../shared/elements.js";
+import { translate, translateCount } from "../shared/translate.js";
 
 const DOUBTFUL = 0.8;
 
@@ -15,7 +16,7 @@ export function leastCertainFirst(landmarks) {
 /** @param {number} confidence from 0 to 1 */
 export function confidenceText(confidence) {
   const percent = `${Math.round(100 * confidence)} %`;
-  return confidence < DOUBTFUL ? `${percent}, check` : percent;
+  return confidence < DOUBTFUL ? translate("%(percent)s, check", { percent }) : percent;
 }
 
 // The sentence about a proposal: how many landmarks it names, how many of them are doubtful.
@@ -23,8 +24,13 @@ export function confidenceText(confidence) {
 export function proposalSentence(landmarks, unassigned) {
   const named = Object.values(landmarks);
   const doubtful = named.filter((one) => one.confidence < DOUBTFUL).length;
-  const rest = unassigned.length ? ` No landmark for ${unassigned.length} markers.` : "";
-  return `Proposed: ${named.length} landmarks, ${doubtful} of them to check.${rest}`;
+  const proposed = translate("Proposed: %(named)s landmarks, %(doubtful)s of them to check.", {
+    named: named.length,
+    doubtful,
+  });
+  if (!unassigned.length) return proposed;
+  const rest = translateCount("No landmark for %(num)s marker.", "No landmark for %(num)s markers.", unassigned.length);
+  return `${proposed} ${rest}`;
 }
 
 /** @param {PageElement} root @param {string} id @param {(patch: object) => Promise<string>} save */
@@ -43,7 +49,7 @@ export function setUpMarkerNames(root, id, save) {
     label.firstChild.textContent = `${landmark.replaceAll("_", " ")} `;
     field.name = landmark;
     field.defaultValue = "";
-    field.placeholder = "missing";
+    field.placeholder = translate("missing");
     first.parentElement.append(label);
     return field;
   };
@@ -64,7 +70,7 @@ export function setUpMarkerNames(root, id, save) {
   };
 
   const propose = async () => {
-    status.textContent = "Comparing labels, positions and motion…";
+    status.textContent = translate("Comparing labels, positions and motion…");
     try {
       showProposal(await call("POST", "/marker-sets/propose", { recording_id: id }));
     } catch (error) {
@@ -75,10 +81,10 @@ export function setUpMarkerNames(root, id, save) {
   onSubmit(form, () => save({ marker_map: names() }));
   onSubmit(root.querySelector("[data-marker-set]"), async (data) => {
     const name = String(data.get("name")).trim();
-    if (!name) return "Enter a name.";
+    if (!name) return translate("Enter a name.");
     await call("POST", "/marker-sets", { name, landmarks: names() });
     location.reload();
-    return "Stored.";
+    return translate("Stored.");
   });
   form.querySelector("[data-propose]").addEventListener("click", propose);
   if (form.hasAttribute("data-unnamed")) propose();

@@ -1,6 +1,7 @@
 // The forms of the page of a recording; each sends only its own fields.
 import { call, confirmDeletion, onSubmit, openNewJob } from "../shared/api.js";
 import { setUpMarkerNames } from "./marker_names.js";
+import { translate, translateServed } from "../shared/translate.js";
 
 const root = document.querySelector("[data-recording]");
 // Removes the notice's query from the address, so that a reload does not repeat the notice.
@@ -16,7 +17,7 @@ const parseNumber = (text) => (text === "" || text == null ? null : Number(text)
 async function save(patch) {
   await call("PATCH", `/recordings/${id}`, patch);
   location.reload();
-  return "Saved.";
+  return translate("Saved.");
 }
 
 // Sends only changed fields: the others keep following the subject or the file.
@@ -24,7 +25,7 @@ onSubmit(find("[data-subject]"), () => {
   const changed = [...find("[data-subject]").querySelectorAll("input, select")].filter(
     (field) => field.value !== initialValue(field),
   );
-  if (!changed.length) return "Nothing was changed.";
+  if (!changed.length) return translate("Nothing was changed.");
   return save({
     subject: Object.fromEntries(
       changed.map(({ name, value, type }) => [name, type === "number" ? parseNumber(value) : value || null]),
@@ -78,7 +79,7 @@ const showRefusals = (method) => {
   setRefusal(find("[data-wheel]"), method);
   setRefusal(find("[data-compare]"), "");
   for (const name of ["measures", "report", "imitate"]) setRefusal(find(`[data-${name}]`), method || "geometry"); // else markers alone
-  refusalText.textContent = refusals[method] ?? refusals[""] ?? "";
+  refusalText.textContent = translateServed(refusals[method] ?? refusals[""] ?? "");
   refusalText.hidden = !refusalText.textContent;
 };
 const FILTERS = new Set(["", "complementary", "kalman", "rts"]);

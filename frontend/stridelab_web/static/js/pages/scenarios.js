@@ -1,6 +1,7 @@
 // Scenario pages: plan, import, copy, delete.
 import { call, onClick, onSubmit, openNewJob } from "../shared/api.js";
 import { planningUrl, startPlan } from "../editor/planning_jobs.js";
+import { translate } from "../shared/translate.js";
 
 // The disturbances of the replay that a form states, or null.
 function replayOptions(fields) {
@@ -35,7 +36,7 @@ for (const form of document.querySelectorAll("form[data-plan]")) {
       : {};
     const job = await startPlan(form.dataset.plan, options);
     location.assign(planningUrl(form.dataset.plan, job.id));
-    return "started";
+    return translate("Started.");
   });
 }
 

@@ -1,5 +1,6 @@
 // Subject pages: add, change and delete a subject, and assign recordings to it.
 import { call, confirmDeletion, onClick, onSubmit } from "../shared/api.js";
+import { translate } from "../shared/translate.js";
 
 const parseNumber = (text) => (text === "" ? null : Number(text));
 const subjectFields = (data) => ({
@@ -14,7 +15,7 @@ const addForm = document.querySelector("form[data-add]");
 if (addForm) {
   onSubmit(addForm, async (data) => {
     location.assign(`/subjects/${(await call("POST", "/subjects", subjectFields(data))).subject_id}`);
-    return "Added.";
+    return translate("Added.");
   });
 }
 
@@ -25,20 +26,20 @@ if (subjectPage) {
   onSubmit(find("[data-change]"), async (data) => {
     await call("PATCH", `/subjects/${id}`, subjectFields(data));
     location.reload();
-    return "Saved.";
+    return translate("Saved.");
   });
 
   if (find("[data-link]")) {
     onSubmit(find("[data-link]"), async (data) => {
       await call("PATCH", `/recordings/${data.get("recording")}`, { subject_id: id });
       location.reload();
-      return "Saved.";
+      return translate("Saved.");
     });
   }
 
   onClick(find("[data-unlink]"), find("[data-said-unlink]"), async () => {
     const recordings = [...subjectPage.querySelectorAll("[name=recording]:checked")].map((box) => box.value);
-    if (!recordings.length) throw new Error("Choose recordings first.");
+    if (!recordings.length) throw new Error(translate("Choose recordings first."));
     for (const recording of recordings) await call("PATCH", `/recordings/${recording}`, { subject_id: null });
     location.reload();
   });

@@ -1,5 +1,6 @@
 // A tour of four steps on the home page, shown at the first visit and with `?tour=1`; it can be left at any step.
 import { createElement } from "../shared/elements.js";
+import { translate } from "../shared/translate.js";
 
 const KEY = "stridelab-tour",
   DONE = "done";
@@ -7,23 +8,29 @@ const KEY = "stridelab-tour",
 const STEPS = [
   {
     target: "[data-tour=sample]",
-    title: "See a result",
-    text: "A simulated walk opens in 3D with its centre of mass and the 95 % band. Nothing has to be uploaded.",
+    title: translate("See a result"),
+    text: translate(
+      "A simulated walk opens in 3D with its centre of mass and the 95 % band. Nothing has to be uploaded.",
+    ),
   },
   {
     target: "[data-tour=upload]",
-    title: "Give a recording",
-    text: "Drop a C3D, TRC, TSV or CSV here. It is checked at once; its page says what is measured, and estimates with one button.",
+    title: translate("Give a recording"),
+    text: translate(
+      "Drop a C3D, TRC, TSV or CSV here. It is checked at once; its page says what is measured, and estimates with one button.",
+    ),
   },
   {
     target: "[data-tour=robots]",
-    title: "Let a robot climb",
-    text: "Plan computes a motion over given contacts and checks it. New scenario makes stairs, ramps and rails of your own.",
+    title: translate("Let a robot climb"),
+    text: translate(
+      "Plan computes a motion over given contacts and checks it. New scenario makes stairs, ramps and rails of your own.",
+    ),
   },
   {
     target: "[data-tour=help]",
-    title: "Read on",
-    text: "Help leads from every page to its chapter of the book; ? in a 3D view lists the keys.",
+    title: translate("Read on"),
+    text: translate("Help leads from every page to its chapter of the book; ? in a 3D view lists the keys."),
   },
 ];
 
@@ -52,11 +59,11 @@ function start() {
     text = createElement("p", {}),
     place = createElement("span", { className: "hint" });
   const next = createElement("button", { type: "button", className: "primary" });
-  const back = createElement("button", { type: "button" }, "Back");
-  const leave = createElement("button", { type: "button" }, "Leave the tour");
+  const back = createElement("button", { type: "button" }, translate("Back"));
+  const leave = createElement("button", { type: "button" }, translate("Leave the tour"));
   const card = createElement(
     "section",
-    { className: "card tour", ariaLabel: "Tour" },
+    { className: "card tour", ariaLabel: translate("Tour") },
     title,
     text,
     createElement("div", { className: "actions" }, next, back, leave, place),
@@ -72,8 +79,8 @@ function start() {
     step = k;
     title.textContent = STEPS[k].title;
     text.textContent = STEPS[k].text;
-    place.textContent = `${k + 1} of ${STEPS.length}`;
-    next.textContent = k + 1 < STEPS.length ? "Next" : "Done";
+    place.textContent = translate("%(step)s of %(number)s", { step: k + 1, number: STEPS.length });
+    next.textContent = k + 1 < STEPS.length ? translate("Next") : translate("Done");
     back.disabled = k === 0;
     mark(document.querySelector(STEPS[k].target));
   }

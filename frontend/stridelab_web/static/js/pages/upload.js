@@ -2,9 +2,9 @@
 // refused file stays until it is dismissed.
 import { responseJson, problemSentence } from "../shared/api.js";
 import { createElement, smallButton } from "../shared/elements.js";
-import { counted } from "../shared/plurals.js";
 import { refreshRecordings } from "./recordings_list.js";
 import { localTime } from "../shared/local_times.js";
+import { translate, translateCount } from "../shared/translate.js";
 
 const MAX_PARALLEL = 2;
 const STORAGE_KEY = "stridelab-refused-uploads"; // of this tab, survives a reload
@@ -49,9 +49,13 @@ function enqueue(upload) {
 }
 
 function createRow(filename) {
-  const state = createElement("span", { className: "hint" }, "waiting"),
-    stop = smallButton("Cancel", `Cancel the upload of ${filename}`),
-    bar = createElement("progress", { max: 1, value: 0, ariaLabel: `Upload of ${filename}` });
+  const state = createElement("span", { className: "hint" }, translate("waiting")),
+    stop = smallButton(translate("Cancel"), translate("Cancel the upload of %(file)s", { file: filename })),
+    bar = createElement("progress", {
+      max: 1,
+      value: 0,
+      ariaLabel: translate("Upload of %(file)s", { file: filename }),
+    });
   const line = createElement("div", { className: "file" }, createElement("b", {}, filename), state, stop);
   const row = createElement("li", {}, line, bar);
   list.append(row);
@@ -66,7 +70,7 @@ function cancel(upload) {
   upload.request?.abort();
   row.stop.remove();
   row.bar.hidden = true;
-  row.state.textContent = "cancelled";
+  row.state.textContent = translate("cancelled");
   row.state.setAttribute("role", "status");
 }
 
@@ -93,7 +97,9 @@ function sendFile(upload) {
       request.upload.addEventListener("progress", (event) => {
         if (event.lengthComputable) row.bar.value = event.loaded / event.total;
         row.state.textContent =
-          event.loaded < event.total ? `${Math.round((100 * event.loaded) / event.total)} %` : "checking the file…";
+          event.loaded < event.total
+            ? `${Math.round((100 * event.loaded) / event.total)} %`
+            : translate("checking the file…");
       });
       request.upload.addEventListener("load", () => row.stop.remove());
       request.addEventListener("abort", () => resolve());
@@ -117,7 +123,12 @@ function sendFile(upload) {
 function onStored({ row, single }, recording) {
   row.bar.value = 1;
   const remarks = recording.warnings.length;
-  row.state.replaceChildren(linkTo(recording, remarks ? `open (${counted(remarks, "remark")})` : "open"));
+  row.state.replaceChildren(
+    linkTo(
+      recording,
+      remarks ? translateCount("open (%(num)s remark)", "open (%(num)s remarks)", remarks) : translate("open"),
+    ),
+  );
   if (single) location.assign(`/recordings/${recording.id}`);
   else refreshRecordings();
 }
@@ -127,15 +138,19 @@ function onKnownFile(upload, recording) {
   const { row, file, single } = upload;
   if (single) return void location.assign(`/recordings/${recording.id}?known`);
   row.bar.hidden = true;
-  const uploadAgain = smallButton("Upload as a second recording", `Upload ${file.name} as a second recording`);
+  const uploadAgain = smallButton(
+    translate("Upload as a second recording"),
+    translate("Upload %(file)s as a second recording", { file: file.name }),
+  );
   uploadAgain.addEventListener("click", () => {
     row.row.remove();
     enqueue({ file, row: createRow(file.name), single: false, reuse: false });
     startNext();
   });
   row.state.replaceChildren(
-    `already uploaded on ${localTime(recording.created_at)}: `,
-    linkTo(recording, "open"),
+    translate("already uploaded on %(time)s:", { time: localTime(recording.created_at) }),
+    " ",
+    linkTo(recording, translate("open")),
     " ",
     uploadAgain,
   );
@@ -153,8 +168,8 @@ function onRefused({ row, file }, text) {
 function showRefusal(row, name, text) {
   row.stop.remove();
   row.bar.hidden = true;
-  row.state.textContent = "refused";
-  const dismiss = smallButton("Dismiss", `Dismiss the refusal of ${name}`);
+  row.state.textContent = translate("refused");
+  const dismiss = smallButton(translate("Dismiss"), translate("Dismiss the refusal of %(file)s", { file: name }));
   dismiss.addEventListener("click", () => {
     const remaining = readRefusals(),
       index = remaining.findIndex((one) => one.name === name && one.text === text);

@@ -1,5 +1,6 @@
 // Uploads a small recording within the viewer, which then shows it; large ones have a page with a progress bar.
 import { call } from "../shared/api.js";
+import { translate } from "../shared/translate.js";
 
 const MAX_BYTES = 30e6;
 const button = document.querySelector("[data-upload-here]");
@@ -12,13 +13,16 @@ picker?.addEventListener("change", async () => {
   picker.value = "";
   if (!file) return;
   if (file.size > MAX_BYTES) {
-    status.textContent = `${file.name} has ${Math.round(file.size / 1e6)} MB: upload files of more than ${MAX_BYTES / 1e6} MB on the page of recordings.`;
+    status.textContent = translate(
+      "%(file)s has %(size)s MB: upload files of more than %(limit)s MB on the page of recordings.",
+      { file: file.name, size: Math.round(file.size / 1e6), limit: MAX_BYTES / 1e6 },
+    );
     return;
   }
   const form = new FormData();
   form.append("file", file);
   button.disabled = true;
-  status.textContent = `Uploading ${file.name}…`;
+  status.textContent = translate("Uploading %(file)s…", { file: file.name });
   try {
     const { id } = await call("POST", "/recordings?reuse=true", form);
     location.assign(`/view/?recording=${encodeURIComponent(id)}`);

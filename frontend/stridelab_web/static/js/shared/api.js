@@ -1,5 +1,6 @@
 // Requests to /api/v1; every failure becomes an error with a sentence.
 import { checkConnection } from "./connection_notice.js";
+import { translate, translateServed } from "./translate.js";
 
 class ApiError extends Error {
   /** @param {number} status @param {ApiProblem | null} problem @param {string | null} retryAfter */
@@ -13,10 +14,13 @@ class ApiError extends Error {
 /** @param {number} status @param {ApiProblem | null} problem @param {string | null} retryAfter */
 export function problemSentence(status, problem, retryAfter = null) {
   if (!problem)
-    return status === 0 ? "The service does not answer. Is it still running?" : `The service answered ${status}.`;
-  const places = (problem.errors || []).map((item) => `${item.where}: ${item.message}`);
-  const retry = Number(retryAfter) > 0 ? [`Try again in ${Number(retryAfter)} s.`] : [];
-  return [problem.detail || problem.title, ...places, ...retry].join(" ");
+    return status === 0
+      ? translate("The service does not answer. Is it still running?")
+      : translate("The service answered %(status)s.", { status });
+  const places = (problem.errors || []).map((item) => `${item.where}: ${translateServed(item.message)}`);
+  const retry =
+    Number(retryAfter) > 0 ? [translate("Try again in %(seconds)s s.", { seconds: Number(retryAfter) })] : [];
+  return [translateServed(problem.detail || problem.title), ...places, ...retry].join(" ");
 }
 
 // Starts a job. The idempotency key lets the browser repeat the request without a second job.
@@ -29,7 +33,7 @@ export function startJob(kind, input) {
 /** @param {string} kind @param {object} input @param {string} page the address before the id of the job */
 export async function openNewJob(kind, input, page = "/jobs") {
   location.assign(`${page}/${(await startJob(kind, input)).id}`);
-  return "Started.";
+  return translate("Started.");
 }
 
 /**
@@ -87,15 +91,17 @@ export const FINAL_STATES = new Set(["succeeded", "failed", "cancelled", "timed_
 /** @param {Job} job */
 export function jobHeadline(job) {
   if (job.state === "queued")
-    return job.queue_position == null ? "waiting" : `place ${job.queue_position} in the queue`;
-  if (job.error?.detail) return job.error.detail;
-  return FINAL_STATES.has(job.state) ? "" : job.progress.message;
+    return job.queue_position == null
+      ? translate("waiting")
+      : translate("place %(place)s in the queue", { place: job.queue_position });
+  if (job.error?.detail) return translateServed(job.error.detail);
+  return FINAL_STATES.has(job.state) ? "" : translateServed(job.progress.message);
 }
 
 /** @param {HTMLElement} node @param {Job} job */
 export function showJobState(node, job) {
   node.className = `state state-${job.state}${job.verdict ? ` judged-${job.verdict.outcome}` : ""}`;
-  node.textContent = job.state.replaceAll("_", " ");
+  node.textContent = translate(job.state.replaceAll("_", " "));
 }
 
 // Shows the verdict on the result of a job; most kinds of jobs have none.
@@ -103,7 +109,7 @@ export function showJobState(node, job) {
 export function showJobOutcome(node, job) {
   node.hidden = !job.verdict;
   node.className = `outcome${job.verdict ? ` outcome-${job.verdict.outcome}` : ""}`;
-  node.textContent = job.verdict?.message ?? "";
+  node.textContent = translateServed(job.verdict?.message ?? "");
 }
 
 // Runs `action` on submit with the button disabled, and shows its result or its error beside the button.

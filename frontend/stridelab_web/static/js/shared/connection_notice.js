@@ -1,10 +1,11 @@
 // A notice on the page while the service does not answer; it is asked again every few seconds, then the notice disappears.
 import { createElement } from "./elements.js";
+import { translate } from "./translate.js";
 
 const RETRY_MS = 3000,
   SHOWN_MS = 5000;
-const LOST = "The service does not answer. The page keeps what it shows and retries every few seconds.";
-const RESTORED = "The service answers again.";
+const LOST = translate("The service does not answer. The page keeps what it shows and retries every few seconds.");
+const RESTORED = translate("The service answers again.");
 /** @type {any} */
 let notice = null,
   timer = 0;
@@ -47,10 +48,10 @@ function showNotice(text) {
 }
 
 function createNotice() {
-  const button = createElement("button", { className: "small" }, "Retry now");
+  const button = createElement("button", { className: "small" }, translate("Retry now"));
   button.addEventListener("click", retry);
   const paragraph = createElement("p", { role: "status" });
-  const box = createElement("aside", { className: "lost", ariaLabel: "Connection" }, paragraph, button);
+  const box = createElement("aside", { className: "lost", ariaLabel: translate("Connection") }, paragraph, button);
   document.querySelector("header.top").after(box);
   return box;
 }

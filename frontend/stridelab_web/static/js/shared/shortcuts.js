@@ -8,15 +8,17 @@
 // - a shortcut with `page` does not work inside the scene, where viser's camera uses the key.
 
 import { createElement } from "./elements.js";
+import { translate } from "./translate.js";
 
-const SOFTWARE_NOTE =
-  "The scene is drawn in software: this browser has no graphics card, or its hardware acceleration is off.";
+const SOFTWARE_NOTE = translate(
+  "The scene is drawn in software: this browser has no graphics card, or its hardware acceleration is off.",
+);
 const TEXT_FIELDS =
   "input:not([type]), input:is([type=text], [type=search], [type=number], [type=email], [type=url], [type=tel], [type=password], [type=date], [type=time], [type=datetime-local], [type=month], [type=week]), textarea";
 const SLIDER_KEYS = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "Home", "End"];
 const SELECT_KEYS = [...SLIDER_KEYS, "PageUp", "PageDown", "Enter", "Escape"];
 const KEY_NAMES = {
-  " ": "Space",
+  " ": translate("Space"),
   ArrowLeft: "←",
   ArrowRight: "→",
   ArrowUp: "↑",
@@ -27,8 +29,8 @@ const KEY_NAMES = {
 
 // Keys of viser's camera in the scene.
 export const CAMERA_KEYS = [
-  { keys: ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"], text: "In the scene: turn the view" },
-  { keys: ["w", "a", "s", "d"], text: "In the scene: move the view" },
+  { keys: ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"], text: translate("In the scene: turn the view") },
+  { keys: ["w", "a", "s", "d"], text: translate("In the scene: move the view") },
 ];
 
 // Whether `target` is a text field.
@@ -60,7 +62,7 @@ export class Shortcuts {
     this.isReady = ready;
     this.focusedByPointer = false;
     this.dialog = null;
-    this.rows.push({ keys: ["?"], text: "This list", run: () => this.showHelp(), always: true });
+    this.rows.push({ keys: ["?"], text: translate("This list"), run: () => this.showHelp(), always: true });
     document.addEventListener("keydown", (event) => this.onKey(event, false));
     // Whether the focus was set by the pointer or by Tab.
     document.addEventListener(
@@ -113,9 +115,13 @@ export class Shortcuts {
   showHelp() {
     this.dialog ??= document.body.appendChild(document.createElement("dialog"));
     // the heading has the focus, so that a long list starts at its top
-    const heading = createElement("h2", { id: "shortcuts-h", tabIndex: -1, autofocus: true }, "Keyboard shortcuts"),
+    const heading = createElement(
+        "h2",
+        { id: "shortcuts-h", tabIndex: -1, autofocus: true },
+        translate("Keyboard shortcuts"),
+      ),
       list = createElement("dl"),
-      close = createElement("button", {}, "Close");
+      close = createElement("button", {}, translate("Close"));
     this.dialog.setAttribute("aria-labelledby", heading.id);
     this.dialog.className = "shortcuts";
     for (const row of this.available) {
@@ -125,8 +131,9 @@ export class Shortcuts {
       list.append(keys, createElement("dd", {}, row.text));
     }
     close.addEventListener("click", () => this.dialog.close());
-    const note =
-      "They work outside of text fields. Space presses a button or a checkbox that was reached by Tab; after a click it is the shortcut.";
+    const note = translate(
+      "They work outside of text fields. Space presses a button or a checkbox that was reached by Tab; after a click it is the shortcut.",
+    );
     const hints = [note, ...(isSoftwareRendering() ? [SOFTWARE_NOTE] : [])].map((text) =>
       createElement("p", { className: "hint" }, text),
     );

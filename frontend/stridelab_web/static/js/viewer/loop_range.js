@@ -1,5 +1,7 @@
 // The range of the timeline that is looped: two handles over a bar, moved by pointer and keys.
 
+import { translate } from "../shared/translate.js";
+
 const KEY_STEPS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -10, PageUp: 10 };
 
 export class LoopRange {
@@ -111,7 +113,10 @@ export class LoopRange {
     ]) {
       handle.style.left = `${(100 * this.time_s[frame]) / this.end_s}%`;
       handle.setAttribute("aria-valuenow", String(frame));
-      handle.setAttribute("aria-valuetext", `${this.time_s[frame].toFixed(3)} seconds, frame ${frame + 1}`);
+      handle.setAttribute(
+        "aria-valuetext",
+        translate("%(time)s seconds, frame %(frame)s", { time: this.time_s[frame].toFixed(3), frame: frame + 1 }),
+      );
     }
     this.fill.style.left = `${a}%`;
     this.fill.style.width = `${b - a}%`;

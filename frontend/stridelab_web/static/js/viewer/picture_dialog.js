@@ -1,6 +1,7 @@
 // A dialog that saves a picture of the scene in a chosen size and with or without background.
 import { saveBlob } from "../shared/elements.js";
 import { MAX_SCALE, pictureSize, snapshot } from "./snapshot.js";
+import { translate } from "../shared/translate.js";
 
 export class PictureDialog {
   // `source.viser()` returns viser's client, `source.name()` the file name.
@@ -25,7 +26,13 @@ export class PictureDialog {
       before = this.size.value || "1";
     const sizes = Array.from({ length: MAX_SCALE }, (_, k) => k + 1);
     this.size.replaceChildren(
-      ...sizes.map((scale) => new Option(`${scale}×: ${pictureSize(viser, scale).join(" × ")} pixels`, String(scale))),
+      ...sizes.map(
+        (scale) =>
+          new Option(
+            translate("%(scale)s×: %(size)s pixels", { scale, size: pictureSize(viser, scale).join(" × ") }),
+            String(scale),
+          ),
+      ),
     );
     this.size.value = before;
     this.status.textContent = "";
@@ -34,7 +41,7 @@ export class PictureDialog {
 
   async savePicture() {
     this.saveButton.disabled = true;
-    this.status.textContent = "Drawing…";
+    this.status.textContent = translate("Drawing…");
     await new Promise((done) => setTimeout(done, 50)); // shows the text first: drawing a large picture blocks the page
     try {
       const blob = await snapshot(this.source.viser(), Number(this.size.value), this.transparent.checked);

@@ -9,6 +9,7 @@ import { DarkMode } from "./dark_mode.js";
 import { Scene } from "./scene.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
 import { showFailure, hideOverlay } from "./loading_overlay.js";
+import { translate } from "../shared/translate.js";
 
 const URL_INTERVAL_MS = 250,
   STALE_CHECK_MS = 400;
@@ -97,7 +98,7 @@ async function fetchChecked(url, options) {
   const response = await fetch(url, options);
   if (response.ok) return response;
   const problem = await response.json().catch(() => ({}));
-  throw new Error(problem.detail || "The scene could not be read.");
+  throw new Error(problem.detail || translate("The scene could not be read."));
 }
 
 // The frame nearest to a time, by bisection: frames need not be equally spaced.
@@ -130,12 +131,12 @@ function seek(target, inUrl = true) {
   slider.value = String(index);
   camera.onFrame(position);
   const label = phaseLabel(time_s[index]);
-  slider.setAttribute(
-    "aria-valuetext",
-    `${time_s[index].toFixed(3)} seconds, frame ${index + 1}${label && `, ${label}`}`,
-  );
+  const values = { time: time_s[index].toFixed(3), frame: index + 1, number: time_s.length };
+  const spoken = translate("%(time)s seconds, frame %(frame)s", values);
+  const shown = translate("%(time)s s · frame %(frame)s of %(number)s", values);
+  slider.setAttribute("aria-valuetext", label ? `${spoken}, ${label}` : spoken);
   document.dispatchEvent(new CustomEvent("instant", { detail: time_s[index] }));
-  clock.textContent = `${time_s[index].toFixed(3)} s · frame ${index + 1} of ${time_s.length}${label && ` · ${label}`}`;
+  clock.textContent = label ? `${shown} · ${label}` : shown;
   if (inUrl) writeTimeToUrl(index);
 }
 
@@ -146,11 +147,12 @@ function phaseAt(t_s) {
 
 // The phase of a plan, or the step of a walk and its elapsed part, if its steps are detected.
 function phaseLabel(t_s) {
-  if (phases_s.length) return `phase ${phaseAt(t_s)}`;
+  if (phases_s.length) return translate("phase %(phase)s", { phase: phaseAt(t_s) });
   const k = steps_s.findIndex(([start_s, end_s]) => start_s <= t_s + 1e-6 && t_s < end_s);
   if (k < 0) return "";
   const [start_s, end_s] = steps_s[k];
-  return `step ${k + 1} of ${steps_s.length}, ${Math.round((100 * (t_s - start_s)) / (end_s - start_s))} %`;
+  const percent = Math.round((100 * (t_s - start_s)) / (end_s - start_s));
+  return translate("step %(step)s of %(number)s, %(percent)s %", { step: k + 1, number: steps_s.length, percent });
 }
 
 function seekPhase(step) {
@@ -179,7 +181,7 @@ function play(on) {
   playing = on;
   if (on && (position >= range.to || position < range.from)) seek(range.from);
   playButton.setAttribute("aria-pressed", String(on));
-  playButton.setAttribute("aria-label", on ? "Pause (space)" : "Play (space)");
+  playButton.setAttribute("aria-label", on ? translate("Pause (space)") : translate("Play (space)"));
   playButton.querySelector("[data-icon=play]").toggleAttribute("hidden", on);
   playButton.querySelector("[data-icon=pause]").toggleAttribute("hidden", !on);
   if (!on) seek(Math.round(position));
@@ -319,9 +321,9 @@ async function copyLink() {
   writeTimeToUrl(Math.round(position), true);
   try {
     await navigator.clipboard.writeText(location.href);
-    linkStatus.textContent = "Copied.";
+    linkStatus.textContent = translate("Copied.");
   } catch {
-    linkStatus.textContent = "The address of this page is the link.";
+    linkStatus.textContent = translate("The address of this page is the link.");
   }
   setTimeout(() => {
     linkStatus.textContent = "";
@@ -358,26 +360,36 @@ const follow = () => followBox.click();
 // In the scene, the arrow keys turn viser's camera.
 const shortcuts = new Shortcuts(
   [
-    { keys: [" "], text: "Play, pause", run: actions.play },
-    { keys: [","], text: "One frame back", run: actions.back },
-    { keys: ["."], text: "One frame forward", run: actions.forward },
-    { keys: ["ArrowLeft"], text: "One frame back, outside the scene", run: actions.back, page: true },
-    { keys: ["ArrowRight"], text: "One frame forward, outside the scene", run: actions.forward, page: true },
-    { keys: ["Home"], text: "First frame", run: actions.start },
-    { keys: ["End"], text: "Last frame", run: () => seek(time_s.length - 1) },
-    { keys: ["PageUp"], text: "Previous phase or step", run: () => seekPhase(-1), when: () => starts_s.length > 0 },
-    { keys: ["PageDown"], text: "Next phase or step", run: () => seekPhase(1), when: () => starts_s.length > 0 },
-    { keys: ["c"], text: "Gait cycle in slow motion", run: actions.cycle, when: () => steps_s.length > 0 },
-    { keys: ["["], text: "Play from here", run: actions.from },
-    { keys: ["]"], text: "Play to here", run: actions.to },
-    { keys: ["\\"], text: "Play all", run: actions.whole },
-    { keys: ["1"], text: "View from the side", run: () => lookFrom("side") },
-    { keys: ["2"], text: "View from the front", run: () => lookFrom("front") },
-    { keys: ["3"], text: "View from above", run: () => lookFrom("above") },
-    { keys: ["4"], text: "View follows the motion", run: follow },
-    { keys: ["p"], text: "Picture of the scene", run: () => pictures.open() },
-    { keys: ["f"], text: "Film of the played range", run: openFilm },
-    { keys: ["l"], text: "Copy a link to this view", run: copyLink },
+    { keys: [" "], text: translate("Play, pause"), run: actions.play },
+    { keys: [","], text: translate("One frame back"), run: actions.back },
+    { keys: ["."], text: translate("One frame forward"), run: actions.forward },
+    { keys: ["ArrowLeft"], text: translate("One frame back, outside the scene"), run: actions.back, page: true },
+    { keys: ["ArrowRight"], text: translate("One frame forward, outside the scene"), run: actions.forward, page: true },
+    { keys: ["Home"], text: translate("First frame"), run: actions.start },
+    { keys: ["End"], text: translate("Last frame"), run: () => seek(time_s.length - 1) },
+    {
+      keys: ["PageUp"],
+      text: translate("Previous phase or step"),
+      run: () => seekPhase(-1),
+      when: () => starts_s.length > 0,
+    },
+    {
+      keys: ["PageDown"],
+      text: translate("Next phase or step"),
+      run: () => seekPhase(1),
+      when: () => starts_s.length > 0,
+    },
+    { keys: ["c"], text: translate("Gait cycle in slow motion"), run: actions.cycle, when: () => steps_s.length > 0 },
+    { keys: ["["], text: translate("Play from here"), run: actions.from },
+    { keys: ["]"], text: translate("Play to here"), run: actions.to },
+    { keys: ["\\"], text: translate("Play all"), run: actions.whole },
+    { keys: ["1"], text: translate("View from the side"), run: () => lookFrom("side") },
+    { keys: ["2"], text: translate("View from the front"), run: () => lookFrom("front") },
+    { keys: ["3"], text: translate("View from above"), run: () => lookFrom("above") },
+    { keys: ["4"], text: translate("View follows the motion"), run: follow },
+    { keys: ["p"], text: translate("Picture of the scene"), run: () => pictures.open() },
+    { keys: ["f"], text: translate("Film of the played range"), run: openFilm },
+    { keys: ["l"], text: translate("Copy a link to this view"), run: copyLink },
     ...CAMERA_KEYS,
   ],
   () => Boolean(scene?.nodes.viser),
