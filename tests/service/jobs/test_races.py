@@ -6,9 +6,10 @@ from typing import Any
 
 import psycopg
 import pytest
+from sqlalchemy import event
 
 from stridelab.service.jobs.attempts import AttemptStore
-from stridelab.service.jobs.queue import LANES, Attempt, QueueConsumer
+from stridelab.service.jobs.queue import DATABASE_UNAVAILABLE, LANES, Attempt, QueueConsumer
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.database import make_engine
 from support.service.job_kinds import KINDS
@@ -134,9 +135,17 @@ def test_a_claim_whose_answer_was_lost_is_answered_again_in_its_lane(
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
         one, other = consumers
         job_id = (await store.submit("long-work", {})).job_id
-        unheard = await take(one)
-        assert unheard is not None
-        one.release_attempt(unheard)  # it does not know that it has it
+
+        def lose_the_answer(*_: object) -> None:
+            raise psycopg.OperationalError("the connection is closed")
+
+        engine = one._engine.sync_engine
+        event.listen(engine, "after_cursor_execute", lose_the_answer)
+        with pytest.raises(DATABASE_UNAVAILABLE):
+            await take(one)
+        event.remove(engine, "after_cursor_execute", lose_the_answer)
+        record = await store.get(job_id)
+        assert (record.state, record.attempt) == ("running", 1)
         assert await one.claim_attempt(["short"]) is None
         assert await take(other) is None
         again = await take(one)

@@ -109,6 +109,8 @@ class QueueConsumer:
         self._engine = autocommit_engine(make_engine(url, pool_size=2, planner=_PLANNER))
         self._worker: int | None = None
         self._held: set[tuple[str, int]] = set()
+        self._doubtful_lanes: set[Lane] = set()
+        """Lanes of claims that may have started a job without an answer."""
         self._claiming = asyncio.Lock()
         self._registering = asyncio.Lock()
 
@@ -131,13 +133,17 @@ class QueueConsumer:
         async with self._claiming:
             if self._worker is None:
                 await self.send_heartbeat()
-            ids, attempts = [job_id for job_id, _ in self._held], [number for _, number in self._held]
             mine = {"worker": self._worker, "lanes": list(lanes)}
             async with self._engine.connect() as connection:
-                claimed = await connection.execute(_UNANSWERED, {**mine, "ids": ids, "attempts": attempts})
-                row = claimed.mappings().one_or_none()
+                row = None
+                if self._doubtful_lanes.intersection(lanes):
+                    ids, attempts = [job_id for job_id, _ in self._held], [number for _, number in self._held]
+                    claimed = await connection.execute(_UNANSWERED, {**mine, "ids": ids, "attempts": attempts})
+                    row = claimed.mappings().one_or_none()
                 if row is None:
+                    self._doubtful_lanes.update(lanes)
                     row = (await connection.execute(_CLAIM, {**mine, "channel": CHANNEL})).mappings().one_or_none()
+                    self._doubtful_lanes.difference_update(lanes)
             if row is None:
                 return None
             attempt = Attempt(row["id"], row["attempt"], row["kind"], dict(row))
