@@ -23,9 +23,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from stridelab.errors import Fault, InvalidInput, UnreadableFile
+from stridelab.errors import Fault, InvalidInput, Remark, UnreadableFile
 from stridelab.machine.models_folder import models_dir
-from stridelab.recordings.recording import Remark
 
 PAIRED: Final = (
     *("asis", "psis", "trochanter", "knee_lateral", "knee_medial", "fibula_head", "tibial_tuberosity"),

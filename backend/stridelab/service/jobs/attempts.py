@@ -17,7 +17,7 @@ from stridelab.service.jobs.partial_results import NumberedChunk, insert_chunks
 from stridelab.service.jobs.queue import Attempt
 from stridelab.service.jobs.store import EVENT_COLUMNS, statement_with_events
 from stridelab.service.kinds.base import JobKind, Json
-from stridelab.service.kinds.result_tables import software_versions
+from stridelab.service.kinds.provenance import software_versions
 from stridelab.service.storage import locks
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.publication import Publication
