@@ -11,6 +11,8 @@ choice: an owner may be ahead by one job per worker.
 """
 
 import asyncio
+import math
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
@@ -38,7 +40,10 @@ _UNANSWERED = text(
      LIMIT 1
     """
 )
-"""A job that this worker claimed without receiving the answer, because the connection broke."""
+"""A job of this worker that it does not hold: it claimed it without an answer, because the connection broke, or the
+database was restored from an earlier state."""
+CHECK_S: Final = 2.0
+"""Interval of looking for ``_UNANSWERED``, at once after a claim that failed."""
 _CLAIM = text(
     """
     WITH RECURSIVE first AS (  -- of every owner, by one look into the index job_waiting each
@@ -109,8 +114,8 @@ class QueueConsumer:
         self._engine = autocommit_engine(make_engine(url, pool_size=2, planner=_PLANNER))
         self._worker: int | None = None
         self._held: set[tuple[str, int]] = set()
-        self._doubtful_lanes: set[Lane] = set()
-        """Lanes of claims that may have started a job without an answer."""
+        self._checked_at_s: dict[tuple[Lane, ...], float] = {}
+        """When ``_UNANSWERED`` last returned nothing."""
         self._claiming = asyncio.Lock()
         self._registering = asyncio.Lock()
 
@@ -134,16 +139,20 @@ class QueueConsumer:
             if self._worker is None:
                 await self.send_heartbeat()
             mine = {"worker": self._worker, "lanes": list(lanes)}
-            async with self._engine.connect() as connection:
-                row = None
-                if self._doubtful_lanes.intersection(lanes):
-                    ids, attempts = [job_id for job_id, _ in self._held], [number for _, number in self._held]
-                    claimed = await connection.execute(_UNANSWERED, {**mine, "ids": ids, "attempts": attempts})
-                    row = claimed.mappings().one_or_none()
-                if row is None:
-                    self._doubtful_lanes.update(lanes)
-                    row = (await connection.execute(_CLAIM, {**mine, "channel": CHANNEL})).mappings().one_or_none()
-                    self._doubtful_lanes.difference_update(lanes)
+            row, now_s, key = None, time.monotonic(), tuple(lanes)
+            try:
+                async with self._engine.connect() as connection:
+                    if now_s - self._checked_at_s.get(key, -math.inf) >= CHECK_S:
+                        ids, attempts = [job_id for job_id, _ in self._held], [number for _, number in self._held]
+                        claimed = await connection.execute(_UNANSWERED, {**mine, "ids": ids, "attempts": attempts})
+                        row = claimed.mappings().one_or_none()
+                        if row is None:
+                            self._checked_at_s[key] = now_s
+                    if row is None:
+                        row = (await connection.execute(_CLAIM, {**mine, "channel": CHANNEL})).mappings().one_or_none()
+            except BaseException:
+                self._checked_at_s.clear()
+                raise
             if row is None:
                 return None
             attempt = Attempt(row["id"], row["attempt"], row["kind"], dict(row))
