@@ -2,20 +2,12 @@
 
 An error carries a stable ``code`` (kebab case; part of the HTTP contract), a message for the user and, where it
 applies, the places in the input that caused it. The web layer maps the *class* to an HTTP status and the command
-line maps it to an exit code; the layers below depend on neither. A ``Remark`` is what is no failure.
+line maps it to an exit code; the layers below depend on neither.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
-
-
-@dataclass(frozen=True)
-class Remark:
-    """Note on a recording or a result for the user; ``code`` is stable, ``message`` is a sentence."""
-
-    code: str
-    message: str
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from stridelab.conventions import Corners, Mask, Points, Series, Vector3
-from stridelab.errors import Remark as Remark
+from stridelab.recordings.remark import Remark as Remark
 
 Sex = Literal["female", "male"]
 Side = Literal["left", "right"]
