@@ -14,7 +14,7 @@ from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput, Sim
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
 from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.estimate_com import run as estimate_com
-from stridelab.service.kinds.result_tables import software_versions
+from stridelab.service.kinds.provenance import software_versions
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
 from stridelab.service.kinds.simulate_recording.kind import FACTS_FILE, RECORDING_FILE, TRACKS_FILE
 from stridelab.service.samples.recording import ESTIMATE_JOB, INDEX_FILE, SAMPLE_ID, TRUTH_JOB

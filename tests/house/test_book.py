@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
-from stridelab.service.kinds.result_tables import known_references
+from stridelab.service.kinds.provenance import known_references
 from support.docs.book import DOCS, PAGES, ROOT, each_of, inline_code
 from support.docs.shown_calls import description
 

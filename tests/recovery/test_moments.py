@@ -58,7 +58,7 @@ def test_a_worker_killed_at_any_moment_costs_no_job(moment: str, database_url: s
                 jobs.until_running(job_id)
                 lock.enter_context(held(database_url, job_id))
                 wait_until(lambda: any((tmp_path / "blobs").rglob("*.csv")), 30, "the stored file")
-                wait_until(lambda: waiting(database_url, "SELECT job.id") >= 1, 30, "a publication that waits")
+                wait_until(lambda: waiting(database_url, "%= 'succeeded'") >= 1, 30, "a publication that waits")
             victim.kill()
             victim.wait()
         killed_at = time.monotonic()

@@ -1,11 +1,13 @@
 """A sample of the 20 000 schedules of two jobs, two workers and one fault (``scripts/chaos --pairs all``)."""
 
+from functools import partial
 from itertools import product
 from pathlib import Path
 
 from support.faults.commits import FAULTS, SIGNALS, run_all
 from support.faults.pair_schedules import COMMITS, DELAYS_S, KINDS, LATER_S, NUMBERS, PairSchedule, run_numbered_pair
 from support.service.database import TestDatabases
+from support.service.processes import WorkerForks
 
 SAMPLE = 6
 ALWAYS = (("stop-half-way", "stop-half-way"), 2, "cut after", "SIGKILL", 6.0, 0.7)
@@ -25,6 +27,8 @@ def test_the_numbers_are_all_combinations_and_a_range_is_a_sample() -> None:
 
 def test_two_jobs_end_once_whatever_one_commit_meets(postgres: TestDatabases, tmp_path: Path) -> None:
     said: list[str] = []
-    failed = run_all(range(SAMPLE), postgres, tmp_path, at_once=SAMPLE, say=said.append, run_one=run_numbered_pair)
+    with WorkerForks() as forks:
+        run_one = partial(run_numbered_pair, forks=forks)
+        failed = run_all(range(SAMPLE), postgres, tmp_path, at_once=SAMPLE, say=said.append, run_one=run_one)
     assert not failed, "\n".join(said)
     assert sum("struck" in line for line in said) >= SAMPLE // 2, said

@@ -25,7 +25,7 @@ from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import PEOPLE, QUICK_SEEDS, Section, collect_sections, recipes_of
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary, ReproduceTask
-from stridelab.service.kinds.result_tables import software_versions
+from stridelab.service.kinds.provenance import software_versions
 from stridelab.service.local_runs import cannot_write, validate_options, write_file
 
 CLAIM_FIELDS: Final = {field.name for field in fields(Claim)}

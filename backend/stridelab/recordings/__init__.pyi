@@ -15,11 +15,11 @@ from .recording import Event as Event
 from .recording import Plate as Plate
 from .recording import PlateSwitches as PlateSwitches
 from .recording import Recording as Recording
-from .recording import Remark as Remark
 from .recording import Side as Side
 from .recording import Subject as Subject
 from .recording import Window as Window
 from .recording import WrenchTrack as WrenchTrack
+from .remark import Remark as Remark
 from .static_pose import stands_still as stands_still
 
 __all__ = [

@@ -25,7 +25,7 @@ from typing import Any, Final
 
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.machine.models_folder import models_dir
-from stridelab.recordings.recording import Remark
+from stridelab.recordings.remark import Remark
 
 PAIRED: Final = (
     *("asis", "psis", "trochanter", "knee_lateral", "knee_medial", "fibula_head", "tibial_tuberosity"),

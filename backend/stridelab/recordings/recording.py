@@ -7,18 +7,11 @@ from typing import Literal
 import numpy as np
 
 from stridelab.conventions import Corners, Mask, Points, Series, Vector3
+from stridelab.recordings.remark import Remark as Remark
 
 Sex = Literal["female", "male"]
 Side = Literal["left", "right"]
 EventKind = Literal["foot_strike", "foot_off"]
-
-
-@dataclass(frozen=True)
-class Remark:
-    """Note on a recording or a result for the user; ``code`` is stable, ``message`` is a sentence."""
-
-    code: str
-    message: str
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from stridelab.recordings.files.recording_files import recordings_in
 from stridelab.schemas.base import Contract
 from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.service.kinds.base import Outcome
+from stridelab.service.kinds.provenance import bibtex_of, software_versions
 
 RESULT_FILE = "result.json"
 REFERENCES_FILE = "references.bib"
@@ -162,11 +163,6 @@ def write_result(
     folder: Path, kind: str, input_: Contract, outcome: "Outcome", *, versions: Mapping[str, str] | None = None
 ) -> JobResult:
     """Write ``result.json`` and ``references.bib`` beside the artifacts, by default with this machine's versions."""
-    from stridelab.service.kinds.result_tables import (  # imports pyarrow
-        bibtex_of,
-        software_versions,
-    )
-
     result = JobResult(
         kind=kind,
         input=input_.model_dump(mode="json"),

@@ -6,6 +6,7 @@ import threading
 import time
 import zipfile
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -337,6 +338,16 @@ def test_a_missing_artifact_is_reported(http: httpx.Client, service: Served, job
     service.run(publish_result(service.parts, attempt, [("com.csv", "text/csv", b"x")]))
     service.run(service.parts.blobs.delete_prefix(f"results/{job_id}"))
     assert refusal_code(http.get(f"{JOBS}/{job_id}/artifacts/com.csv")) == (404, "file-gone")
+
+
+def test_a_store_that_has_lost_the_content_of_a_file_is_reported(
+    http: httpx.Client, service: Served, job_id: str, tmp_path: Path
+) -> None:
+    attempt = service.run(start_job(service.parts, job_id))
+    service.run(publish_result(service.parts, attempt, [("com.csv", "text/csv", b"x")]))
+    (tmp_path / "empty").touch()
+    service.run(service.parts.blobs.put_file(f"results/{job_id}/1/com.csv", tmp_path / "empty"))
+    assert refusal_code(http.get(f"{JOBS}/{job_id}/artifacts/com.csv")) == (503, "stored-file-damaged")
 
 
 def test_every_registered_kind_has_a_call(service: Served) -> None:

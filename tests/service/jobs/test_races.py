@@ -6,9 +6,11 @@ from typing import Any
 
 import psycopg
 import pytest
+from sqlalchemy import event
 
+from stridelab.service.jobs import queue
 from stridelab.service.jobs.attempts import AttemptStore
-from stridelab.service.jobs.queue import LANES, Attempt, QueueConsumer
+from stridelab.service.jobs.queue import DATABASE_UNAVAILABLE, LANES, Attempt, QueueConsumer
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.database import make_engine
 from support.service.job_kinds import KINDS
@@ -134,9 +136,18 @@ def test_a_claim_whose_answer_was_lost_is_answered_again_in_its_lane(
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
         one, other = consumers
         job_id = (await store.submit("long-work", {})).job_id
-        unheard = await take(one)
-        assert unheard is not None
-        one.release_attempt(unheard)  # it does not know that it has it
+
+        def lose_the_answer(_connection: object, _cursor: object, statement: str, *_: object) -> None:
+            if "WITH RECURSIVE first" in statement:
+                raise psycopg.OperationalError("the connection is closed")
+
+        engine = one._engine.sync_engine
+        event.listen(engine, "after_cursor_execute", lose_the_answer)
+        with pytest.raises(DATABASE_UNAVAILABLE):
+            await take(one)
+        event.remove(engine, "after_cursor_execute", lose_the_answer)
+        record = await store.get(job_id)
+        assert (record.state, record.attempt) == ("running", 1)
         assert await one.claim_attempt(["short"]) is None
         assert await take(other) is None
         again = await take(one)
@@ -145,6 +156,30 @@ def test_a_claim_whose_answer_was_lost_is_answered_again_in_its_lane(
         assert await take(one) is None
 
     with_consumers(2, act)
+
+
+def test_a_job_that_a_restored_database_gives_to_a_worker_is_taken_up(
+    database_url: str, with_consumers: Callable[[int, Work], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
+        (one,) = consumers
+        job_id = (await store.submit("work", {})).job_id
+        attempt = await take(one)
+        assert attempt is not None
+        with psycopg.connect(database_url) as connection:
+            connection.execute("CREATE TABLE yesterday AS SELECT * FROM job")
+        assert await attempts.end_attempt(attempt, "cancelled", None, "")
+        one.release_attempt(attempt)
+        with psycopg.connect(database_url) as connection:
+            connection.execute("UPDATE job SET state = yesterday.state FROM yesterday")
+        assert await attempts.requeue_lost(STALL_S) == [], "its worker is alive"
+        assert await take(one) is None, "it has just looked"
+        monkeypatch.setattr(queue, "CHECK_S", 0.0)
+        again = await take(one)
+        assert again is not None
+        assert (again.job_id, again.number) == (job_id, attempt.number)
+
+    with_consumers(1, act)
 
 
 def test_claim_reads_few_rows_however_many_wait(database_url: str, with_consumers: Callable[[int, Work], None]) -> None:

@@ -12,7 +12,8 @@ from stridelab.schemas.methods import METHODS
 from stridelab.schemas.tasks import CompareEstimatorsTask
 from stridelab.service.kinds.compare_estimators import run as compare_estimators
 from stridelab.service.kinds.estimate_com import run as estimate_com
-from stridelab.service.kinds.result_tables import known_references, read_metadata
+from stridelab.service.kinds.provenance import known_references
+from stridelab.service.kinds.result_tables import read_metadata
 from stridelab.simulation.truth_table import com_errors_mm, known_motion
 from support.command_line import SAMPLE, RecordedProgress, estimate_task, quiet
 

@@ -10,8 +10,8 @@ from types import ModuleType
 import pytest
 
 from stridelab.service.kinds.base import ArtifactFile, Outcome
+from stridelab.service.kinds.provenance import bibtex_of, known_references, software_versions
 from stridelab.service.kinds.registry import KINDS, PARSE_UPLOAD, discover_kinds
-from stridelab.service.kinds.result_tables import bibtex_of, known_references, software_versions
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
@@ -67,10 +67,10 @@ def test_the_upload_parser_is_an_importable_function() -> None:
     assert callable(getattr(importlib.import_module(module), function))
 
 
-def test_importing_the_registry_imports_no_numeric_package() -> None:
-    """The API and the worker import it; only the child pays for numpy and friends."""
+def test_web_server_and_worker_import_no_numeric_package() -> None:
+    """Only the child pays for numpy and friends."""
     code = (
-        "import sys, stridelab.service.kinds.registry;"
+        "import sys, stridelab.service.kinds.registry, stridelab.service.api.app, stridelab.service.jobs.worker;"
         "print(sorted({'numpy', 'scipy', 'ezc3d', 'pinocchio', 'pyarrow'} & set(sys.modules)))"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -24,8 +24,9 @@ from stridelab.reachability.learning.fit import learn_densities
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.robots import LearnReachabilitySummary
 from stridelab.service.kinds.learn_reachability.run import run
+from stridelab.service.kinds.provenance import known_references
 from stridelab.service.kinds.registry import KINDS
-from stridelab.service.kinds.result_tables import known_references, read_metadata
+from stridelab.service.kinds.result_tables import read_metadata
 from stridelab.service.processes.child import with_json
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.running_child import IsolatedOutcome

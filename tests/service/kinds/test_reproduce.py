@@ -13,9 +13,9 @@ from stridelab.errors import InvalidInput
 from stridelab.reproduction.registry import ITEMS, seeds_of
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary, ReproduceTask
+from stridelab.service.kinds.provenance import known_references
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.reproduce import run as kind
-from stridelab.service.kinds.result_tables import known_references
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.running_child import IsolatedOutcome
 from stridelab.service.processes.sandbox import KernelFeatures

@@ -16,6 +16,7 @@ import threading
 import time
 from collections import Counter
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import psutil
@@ -30,7 +31,7 @@ from support.faults.commits import SCHEDULES
 from support.faults.commits import main as run_schedules
 from support.faults.pair_schedules import NUMBERS, run_numbered_pair
 from support.service.job_kinds import KINDS
-from support.service.processes import Service, assert_sound, running_service
+from support.service.processes import Service, WorkerForks, assert_sound, running_service
 from support.service.supervisor_entry import API, WORKER
 
 VICTIMS = {"worker": 4, "computation": 3, "postmaster": 2, "web server": 1}
@@ -189,8 +190,9 @@ def main() -> None:
     chosen = [*(arguments.schedule or []), *_range(arguments.schedules, len(SCHEDULES))]
     pairs = [*(arguments.pair or []), *_range(arguments.pairs, NUMBERS)]
     if pairs:
-        with tempfile.TemporaryDirectory() as folder:
-            sys.exit(run_schedules(pairs, Path(folder), arguments.at_once, "--pair", run_numbered_pair))
+        with tempfile.TemporaryDirectory() as folder, WorkerForks() as forks:
+            run_one = partial(run_numbered_pair, forks=forks)
+            sys.exit(run_schedules(pairs, Path(folder), arguments.at_once, "--pair", run_one))
     if chosen:
         with tempfile.TemporaryDirectory() as folder:
             sys.exit(run_schedules(chosen, Path(folder), arguments.at_once))

@@ -22,13 +22,16 @@ import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
+from queue import SimpleQueue
 from subprocess import TimeoutExpired
 from typing import Final, Literal
 
 from stridelab.schemas.jobs import FINAL_STATES
+from stridelab.service.postgres import embedded
 from stridelab.service.storage.database import parse_url
 from support.service.database import TestDatabases, databases, remove_orphans_now, run_with_engine, socket_of
 from support.service.processes import Jobs, assert_sound, wait_until, worker
@@ -257,10 +260,10 @@ Signal = Literal["no signal", "SIGTERM", "SIGSTOP", "SIGKILL"]
 SIGNALS: Final[tuple[Signal, ...]] = ("no signal", "SIGTERM", "SIGSTOP", "SIGKILL")
 TRANSACTIONS: Final[dict[str, str]] = {
     "claim": r"UPDATE job SET state = 'running', attempt = attempt",
-    "publish": r"UPDATE job SET .*finished_at=now\(\).*job\.attempt = ",
+    "publish": r"UPDATE job SET .*finished_at = now\(\).*job\.attempt = ",
 }
 """What a worker commits while it does a job, in this order, and how the statements are recognised."""
-HAND_BACK: Final = r"UPDATE job SET .*returned=\(job\.returned \+"
+HAND_BACK: Final = r"UPDATE job SET .*returned = job\.returned \+"
 STALL_S: Final = 3.0
 DELAY_S: Final = 6.0
 """Longer than a stopping worker waits for its jobs, and than the stall time of a silent one."""
@@ -355,20 +358,22 @@ def run_all(
 ) -> list[int]:
     """Run schedules, some at the same time; returns the numbers of those that failed."""
     failed: list[int] = []
-    lock = threading.Lock()
+    free: SimpleQueue[str] = SimpleQueue()
 
     def one(number: int) -> None:
-        began = time.monotonic()
+        began, url = time.monotonic(), free.get()
         try:
-            with server.fresh() as url:
-                report = run_one(number, url, folder / str(number))
+            report = run_one(number, url, folder / str(number))
         except Exception as error:
             report = f"FAILED: {error or ''.join(traceback.format_exception(error))}"
-            with lock:
-                failed.append(number)
+            failed.append(number)
+        server.empty(url)
+        free.put(url)
         say(f"schedule {number} {report} [{time.monotonic() - began:.0f} s]")
 
-    with ThreadPoolExecutor(at_once) as threads:
+    with ExitStack() as made, ThreadPoolExecutor(at_once) as threads:
+        for _ in range(at_once):
+            free.put(made.enter_context(server.fresh()))
         list(threads.map(one, numbers))
     return sorted(failed)
 
@@ -381,6 +386,7 @@ def main(
     run_one: Callable[[int, str, Path], str] = run_numbered,
 ) -> int:
     """Run schedules from the command line; returns an exit status."""
+    embedded._OPTIONS["max_connections"] = str(20 * at_once + 20)
     with databases() as server:
         failed = run_all(
             numbers, server, folder, at_once=at_once, say=lambda line: print(line, flush=True), run_one=run_one

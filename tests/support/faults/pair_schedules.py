@@ -11,13 +11,14 @@ import os
 import random
 import signal
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, LiteralString
 
-from stridelab.service.jobs.store import JobRecord
+import psycopg
+
+from stridelab.schemas.jobs import FINAL_STATES
 from support.faults.commits import (
     FAULTS,
     SIGNALS,
@@ -29,7 +30,7 @@ from support.faults.commits import (
     through_proxy,
 )
 from support.service.database import remove_orphans_now, run_with_engine, socket_of
-from support.service.processes import Jobs, assert_sound, wait_until, worker
+from support.service.processes import Jobs, WorkerForks, assert_sound, wait_until
 
 KINDS: Final = (
     *(("work", "work"), ("work", "stop-half-way"), ("stop-half-way", "work")),
@@ -66,7 +67,7 @@ class PairSchedule:
         return f"{jobs}: {self.fault} of {when}, {self.signal}, {self.delay_s:g} s, the other {self.later_s:g} s later"
 
 
-def run_pair(schedule: PairSchedule, url: str, folder: Path) -> str:
+def run_pair(schedule: PairSchedule, url: str, folder: Path, forks: WorkerForks) -> str:
     """Do it on an empty database; returns what happened. Raises ``AssertionError`` naming all that is wrong."""
     jobs, blobs = Jobs(url), {"STRIDELAB_BLOB_URL": (folder / "blobs").as_uri(), "STRIDELAB_STALL_S": str(STALL_S)}
     ids = [jobs.submit(kind) for kind in schedule.kinds]
@@ -81,43 +82,47 @@ def run_pair(schedule: PairSchedule, url: str, folder: Path) -> str:
         if schedule.signal != "no signal":
             os.kill(pid, getattr(signal, schedule.signal))
 
-    def records() -> Iterator[JobRecord]:
-        return (jobs.get(job_id) for job_id in ids)
+    def column(name: LiteralString) -> list[Any]:
+        """Values of both jobs."""
+        values = {row[0]: row[1] for row in look.execute(f"SELECT id, {name} FROM job").fetchall()}
+        return [values[job_id] for job_id in ids]
+
+    def have_ended() -> bool:
+        return FINAL_STATES.issuperset(column("state"))
 
     plan = Plan(is_chosen, schedule.fault, schedule.delay_s, send)
     with contextlib.ExitStack() as stack:
+        look = stack.enter_context(psycopg.connect(url, autocommit=True))
         proxy = stack.enter_context(commit_proxy(socket_of(url), plan))
-        first = stack.enter_context(worker(through_proxy(url, proxy), folder / "a", **blobs))
+        first = stack.enter_context(forks.worker(through_proxy(url, proxy), folder / "a", **blobs))
         pid = first.pid
         time.sleep(schedule.later_s)
-        stack.enter_context(worker(url, folder / "b", **blobs))
-        wait_until(
-            lambda: proxy.struck.is_set() or all(record.is_final for record in records()), 240, "the fault or the end"
-        )
+        stack.enter_context(forks.worker(url, folder / "b", **blobs))
+        wait_until(lambda: proxy.struck.is_set() or have_ended(), 240, "the fault or the end")
         struck = proxy.struck.is_set()
         if struck:
             wait_until(proxy.over.is_set, 60, "the end of the fault")
             if schedule.signal == "SIGSTOP":
                 time.sleep(2 * STALL_S if schedule.fault.startswith("lost") else 0.0)
                 os.kill(pid, signal.SIGCONT)
-        ended = [jobs.until_final(job_id, 240) for job_id in ids]
+        wait_until(have_ended, 240, "the end of both jobs")
         time.sleep(1.0)  # what the first worker has to say, it says now
-        states = [record.state for record in ended]
-        assert states == [ENDS[kind] for kind in schedule.kinds], f"{states}: {[record.error for record in ended]}"
+        ends = column("state")
+        assert ends == [ENDS[kind] for kind in schedule.kinds], f"{ends}: {column('error')}"
         assert_sound(url, folder / "blobs", ids)
         removed = run_with_engine(url, lambda engine: remove_orphans_now(engine, folder / "blobs"))
         assert_sound(url, folder / "blobs", ids)
         files = len(list((folder / "blobs" / "results").rglob("*.csv")))
         assert files == len(ids), f"{files} files after the janitor"
-        starts = [jobs.get(job_id).attempt for job_id in ids]
+        starts = column("attempt")
     what = f"struck {proxy.commits[schedule.commit - 1][:60]!r}" if struck else f"not reached, {n_seen} COMMITs"
     return f"{what}; {starts} starts, {len(removed)} prefixes left to the janitor"
 
 
-def run_numbered_pair(number: int, url: str, folder: Path) -> str:
+def run_numbered_pair(number: int, url: str, folder: Path, forks: WorkerForks) -> str:
     """``run_pair`` of the schedule ``number``; an error names it."""
     schedule = PairSchedule.of_number(number)
     try:
-        return f"({schedule}): {run_pair(schedule, url, folder)}"
+        return f"({schedule}): {run_pair(schedule, url, folder, forks)}"
     except AssertionError as error:
         raise AssertionError(f"({schedule}): {error}") from error

@@ -79,6 +79,16 @@ class TestDatabases:
         finally:
             self.admin.execute(f'DROP DATABASE "{name}" WITH (FORCE)')
 
+    def empty(self, url: str) -> None:
+        """Remove all rows and end all connections of a database, at less cost than making a new one."""
+        tables = ", ".join(table.name for table in metadata.sorted_tables)
+        with psycopg.connect(url, autocommit=True) as connection:
+            connection.execute(
+                "SELECT pg_terminate_backend(pid, 10000) FROM pg_stat_activity"
+                " WHERE datname = current_database() AND pid <> pg_backend_pid()"
+            )
+            connection.execute(f"TRUNCATE {tables} RESTART IDENTITY")
+
     def _url(self, name: str) -> str:
         return parse_url(self.admin_url).set(database=name).render_as_string(hide_password=False)
 

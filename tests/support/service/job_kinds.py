@@ -1,12 +1,18 @@
 """Job kinds for tests; they stage nothing and run ``support.service.computations``.
 
-``python -m support.service.job_kinds`` is a worker for them.
+``python -m support.service.job_kinds`` is a worker for them, with ``--fork`` a process that forks workers
+(``support.service.processes.WorkerForks``).
 """
 
 import asyncio
+import gc
+import json
+import os
+import signal
+import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from pydantic import ConfigDict
 from sqlalchemy.ext.asyncio import AsyncConnection
@@ -64,6 +70,36 @@ KINDS: Mapping[str, JobKind] = {
     )
 }
 
-if __name__ == "__main__":
+
+def work() -> None:
+    """Run a worker with the settings of the environment."""
     configure_logging("info")
     asyncio.run(run_worker(current_settings(), KINDS))
+
+
+def fork_workers() -> None:
+    """Fork a worker for every line of the input, ``{"environment", "log"}``, and answer with its process id."""
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    gc.freeze()
+    for line in sys.stdin:
+        request = json.loads(line)
+        if (pid := os.fork()) == 0:
+            _work_in_fork(request)
+        print(pid, flush=True)
+
+
+def _work_in_fork(request: dict[str, Any]) -> NoReturn:
+    try:
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        log = os.open(request["log"], os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+        for ours, descriptor in enumerate((os.open(os.devnull, os.O_RDONLY), log, log)):
+            os.dup2(descriptor, ours)
+        os.environ.clear()
+        os.environ.update(request["environment"])
+        work()
+    finally:
+        os._exit(0)
+
+
+if __name__ == "__main__":
+    fork_workers() if sys.argv[1:] == ["--fork"] else work()

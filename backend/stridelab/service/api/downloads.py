@@ -6,7 +6,7 @@ from urllib.parse import quote
 
 from starlette.responses import StreamingResponse
 
-from stridelab.errors import NotFound
+from stridelab.errors import NotFound, Unavailable
 from stridelab.service.api.dependencies import Parts
 
 PARQUET: Final = "application/vnd.apache.parquet"
@@ -20,12 +20,24 @@ def content_disposition(filename: str) -> str:
 
 
 async def send_blob(
-    parts: Parts, key: str, filename: str, media_type: str, more_headers: Mapping[str, str] | None = None
+    parts: Parts,
+    key: str,
+    filename: str,
+    media_type: str,
+    more_headers: Mapping[str, str] | None = None,
+    *,
+    n_bytes: int | None = None,
 ) -> StreamingResponse:
-    """Stream the stored file ``key``. Raises ``NotFound`` (``file-gone``) before anything is sent."""
+    """Stream the stored file ``key``, which should have ``n_bytes``.
+
+    Raises, before anything is sent, ``NotFound`` (``file-gone``) and ``Unavailable`` (``stored-file-damaged``).
+    """
     info = await parts.blobs.info(key)
     if info is None:
         raise NotFound("file-gone", "The stored file is gone.")
+    if n_bytes not in (None, info.bytes):
+        message = f"The store has {info.bytes} instead of {n_bytes} bytes of {filename}."
+        raise Unavailable("stored-file-damaged", message)
     headers = {
         "Content-Disposition": content_disposition(filename),
         "Content-Length": str(info.bytes),

@@ -32,6 +32,8 @@ from stridelab.service.storage.publication import Publication, publish_files
 
 PROGRESS_S: Final = 0.2
 """Progress is written to the database at most this often."""
+FIRST_PROGRESS_S: Final = 0.05
+"""Delay of the first progress: an attempt that ends earlier writes none."""
 DatabaseRetry = Callable[[Callable[[], Awaitable[Any]]], Awaitable[Any]]
 """Repeats a database operation while the database is unavailable."""
 
@@ -251,7 +253,9 @@ class AttemptRunner:
         self._progress_arrived.set()
 
     async def _report_progress(self) -> None:
-        """Write the latest progress, at once and then at most every ``PROGRESS_S``."""
+        """Write the latest progress, soon after the first one and then at most every ``PROGRESS_S``."""
+        await self._progress_arrived.wait()
+        await asyncio.sleep(FIRST_PROGRESS_S)
         while True:
             await self._progress_arrived.wait()
             self._progress_arrived.clear()

@@ -9,14 +9,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from sqlalchemy import ColumnElement, Update, func, select, text, update
+from sqlalchemy import ColumnElement, TextClause, bindparam, func, select, text
+from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
-from stridelab.service.jobs.partial_results import NumberedChunk, delete_chunks, insert_chunks
+from stridelab.service.jobs.partial_results import NumberedChunk, insert_chunks
 from stridelab.service.jobs.queue import Attempt
-from stridelab.service.jobs.store import emit_event
+from stridelab.service.jobs.store import EVENT_COLUMNS, statement_with_events
 from stridelab.service.kinds.base import JobKind, Json
-from stridelab.service.kinds.result_tables import software_versions
+from stridelab.service.kinds.provenance import software_versions
 from stridelab.service.storage import locks
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.publication import Publication
@@ -32,8 +33,32 @@ _LOST = text(
      ORDER BY created_at LIMIT 100 FOR UPDATE SKIP LOCKED
     """
 )
-_WAITING: Final[Mapping[str, Any]] = {"state": "queued", "worker_id": None, "started_at": None, "fraction": 0.0}
-"""Column values of a job that waits again; a start without ``started_at`` is no turn of its owner (``jobs.queue``)."""
+
+
+def _fenced_change(assignments: str, condition: str = "", *, ends_attempt: bool = True) -> TextClause:
+    """Statement that changes the row of a running attempt, with its event; no row if the attempt is superseded."""
+    own = f"job.id = :job_id AND job.attempt = :attempt AND state = 'running' {condition}"
+    changed = f"UPDATE job SET {assignments} WHERE {own} RETURNING {EVENT_COLUMNS}"  # noqa: S608 (constants only)
+    return statement_with_events(changed, ends_attempt=ends_attempt)
+
+
+_NOT_CANCELLED: Final = "AND NOT cancel_requested"
+_JSON: Final = JSONB(none_as_null=True)
+_PROGRESS: Final = _fenced_change("fraction = :fraction, message = :message", _NOT_CANCELLED, ends_attempt=False)
+_SUCCEED: Final = _fenced_change(
+    "state = 'succeeded', fraction = 1, message = 'done', finished_at = now(), result = :result,"
+    " blob_prefix = :blob_prefix, log_tail = :log_tail",
+    _NOT_CANCELLED,
+).bindparams(bindparam("result", type_=_JSON))
+_END: Final = _fenced_change(
+    "state = :state, message = :message, finished_at = now(), error = :error, result = :result,"
+    " blob_prefix = :blob_prefix, log_tail = :log_tail"
+).bindparams(bindparam("error", type_=_JSON), bindparam("result", type_=_JSON))
+_WAIT_AGAIN: Final = _fenced_change(  # a start without started_at is no turn of its owner (jobs.queue)
+    "state = 'queued', worker_id = NULL, started_at = NULL, fraction = 0, returned = job.returned + :returned,"
+    " message = :message"
+)
+_OUTCOME: Final = text("SELECT state, attempt, error, blob_prefix FROM job WHERE id = :job_id")
 
 
 class AttemptStore:
@@ -47,12 +72,8 @@ class AttemptStore:
     ) -> bool:
         """Write progress and new parts; False if the attempt should stop (cancelled, or superseded by another)."""
         async with self._engine.begin() as connection:
-            change = (
-                _fenced_update(attempt)
-                .where(~job.c.cancel_requested)
-                .values(fraction=fraction, message=without_nul_characters(message))
-            )
-            if not await _apply_change(connection, attempt, change):
+            progress = {"fraction": fraction, "message": without_nul_characters(message)}
+            if not await _apply_change(connection, _PROGRESS, attempt, progress):
                 return False
             await insert_chunks(connection, attempt.job_id, attempt.number, chunks)
             return True
@@ -78,27 +99,22 @@ class AttemptStore:
         Safe to repeat after a connection broke during the commit. ``publication`` records whether the outcome of the
         COMMIT is known.
         """
+        publish = self._kinds[attempt.kind].publish
         async with (publication or Publication()).transaction(self._engine) as connection:
-            row = await _lock_job_row(connection, attempt.job_id)
-            if row is None or row["attempt"] != attempt.number:
-                return False
-            if row["state"] != "running" or row["cancel_requested"]:
-                return bool(row["state"] == "succeeded")
             summary = outcome["summary"]
-            publish = self._kinds[attempt.kind].publish
             if publish is not None:
-                summary = await publish(connection, blobs, dict(row), outcome, folder) or summary
-            result = _result_record(summary, outcome, artifacts)
-            change = _fenced_update(attempt).values(
-                state="succeeded",
-                fraction=1.0,
-                message="done",
-                finished_at=func.now(),
-                result=without_nul_characters(result),
-                blob_prefix=attempt.blob_prefix,
-                log_tail=without_nul_characters(log_tail),
-            )
-            return await _end_running(connection, attempt, change)
+                row = await _lock_running_row(connection, attempt)
+                if row is not None:
+                    summary = await publish(connection, blobs, row, outcome, folder) or summary
+            values = {
+                "result": without_nul_characters(_result_record(summary, outcome, artifacts)),
+                "blob_prefix": attempt.blob_prefix,
+                "log_tail": without_nul_characters(log_tail),
+            }
+            if await _apply_change(connection, _SUCCEED, attempt, values):
+                return True
+            # True if an earlier call of this attempt has committed
+            return await _read_outcome(connection, attempt) == ("succeeded", None, attempt.blob_prefix)
 
     async def end_attempt(
         self,
@@ -114,38 +130,34 @@ class AttemptStore:
         ``partial_result`` is the computation's outcome and its stored artifacts. Safe to repeat after a connection
         broke during the commit; ``publication`` records whether the outcome of the COMMIT is known.
         """
-        values: dict[str, Any] = {"state": state, "error": without_nul_characters(problem), "blob_prefix": None}
+        values: dict[str, Any] = {
+            "state": state,
+            "message": state.replace("_", " "),
+            "error": without_nul_characters(problem),
+            "result": None,
+            "blob_prefix": None,
+            "log_tail": without_nul_characters(log_tail),
+        }
         if partial_result is not None:
             outcome, artifacts = partial_result
             values["result"] = without_nul_characters(_result_record(outcome["summary"], outcome, artifacts))
             values["blob_prefix"] = attempt.blob_prefix
         async with (publication or Publication()).transaction(self._engine) as connection:
-            row = await _lock_job_row(connection, attempt.job_id)
-            if row is None or row["attempt"] != attempt.number:
-                return False
-            if row["state"] != "running":
-                # True if an earlier call of this attempt has committed the same end
-                return all(row[name] == values[name] for name in ("state", "error", "blob_prefix"))
-            change = _fenced_update(attempt).values(
-                **values,
-                message=state.replace("_", " "),
-                finished_at=func.now(),
-                log_tail=without_nul_characters(log_tail),
-            )
-            return await _end_running(connection, attempt, change)
+            if await _apply_change(connection, _END, attempt, values):
+                return True
+            # True if an earlier call of this attempt has committed the same end
+            ours = (values["state"], values["error"], values["blob_prefix"])
+            return await _read_outcome(connection, attempt) == ours
 
     async def hand_back(self, attempt: Attempt, *, counts: bool = False) -> bool:
         """Queue the job again because its worker stops; this start does not count towards the maximum.
 
         ``counts`` is True if its process was killed from outside, so that a job that is killed every time fails.
         """
+        message = "its process was killed; waiting again" if counts else "waiting again"
         async with self._engine.begin() as connection:
-            change = _fenced_update(attempt).values(
-                **_WAITING,
-                returned=job.c.returned + (0 if counts else 1),
-                message="its process was killed; waiting again" if counts else "waiting again",
-            )
-            return await _end_running(connection, attempt, change)
+            values = {"returned": 0 if counts else 1, "message": message}
+            return await _apply_change(connection, _WAIT_AGAIN, attempt, values)
 
     async def requeue_lost(self, silent_s: float | None) -> list[str]:
         """Queue lost jobs again; returns their ids.
@@ -157,28 +169,23 @@ class AttemptStore:
             if not (await connection.execute(select(func.pg_try_advisory_xact_lock(locks.REAPER)))).scalar_one():
                 return []
             never = 10.0 * 365 * 86400
-            lost = (await connection.execute(_LOST, {"silent_s": never if silent_s is None else silent_s})).mappings()
-            rows = list(lost)
-            for row in rows:
-                change = update(job).where(job.c.id == row["id"])
-                await connection.execute(change.values(**self._values_of_lost_job(row)))
-                await delete_chunks(connection, row["id"])
-                await emit_event(connection, row["id"])
-        return [row["id"] for row in rows]
+            lost = await connection.execute(_LOST, {"silent_s": never if silent_s is None else silent_s})
+            attempts = [Attempt(row["id"], row["attempt"], row["kind"], dict(row)) for row in lost.mappings()]
+            for attempt in attempts:
+                await _apply_change(connection, *self._end_of_lost(attempt))
+        return [attempt.job_id for attempt in attempts]
 
-    def _values_of_lost_job(self, row: Mapping[Any, Any]) -> dict[str, Any]:
-        """New column values of a lost job: cancelled, failed or queued again."""
-        if row["cancel_requested"]:
-            return {"state": "cancelled", "finished_at": func.now(), "message": "cancelled"}
-        used = row["attempt"] - row["returned"]
-        if used >= self._max_attempts:
-            problem = {
-                "code": "worker-died",
-                "detail": f"The worker died {used} times while running this job.",
-                "errors": [],
-            }
-            return {"state": "failed", "finished_at": func.now(), "message": "failed", "error": problem}
-        return {**_WAITING, "message": "its worker was lost; waiting again"}
+    def _end_of_lost(self, attempt: Attempt) -> tuple[TextClause, Attempt, dict[str, Any]]:
+        """Arguments of ``_apply_change`` for a lost job: it is cancelled, fails, or waits again."""
+        n_starts = attempt.counted_starts
+        if not attempt.row["cancel_requested"] and n_starts < self._max_attempts:
+            return _WAIT_AGAIN, attempt, {"returned": 0, "message": "its worker was lost; waiting again"}
+        state = "cancelled" if attempt.row["cancel_requested"] else "failed"
+        detail = f"The worker died {n_starts} times while running this job."
+        problem = {"code": "worker-died", "detail": detail, "errors": []}
+        empty = {"result": None, "blob_prefix": None, "log_tail": None}
+        error = problem if state == "failed" else None
+        return _END, attempt, {**empty, "state": state, "message": state, "error": error}
 
 
 def _result_record(summary: Json, outcome: Json, artifacts: list[Json]) -> Json:
@@ -187,34 +194,29 @@ def _result_record(summary: Json, outcome: Json, artifacts: list[Json]) -> Json:
     return {"summary": summary, "references": references, "versions": software_versions(), "artifacts": artifacts}
 
 
-async def _lock_job_row(connection: AsyncConnection, job_id: str) -> Mapping[str, Any] | None:
-    """The job's row, locked until the end of the transaction."""
-    result = await connection.execute(select(job).where(job.c.id == job_id).with_for_update())
-    row = result.mappings().one_or_none()
+async def _lock_running_row(connection: AsyncConnection, attempt: Attempt) -> Mapping[str, Any] | None:
+    """The row of a running attempt, locked until the end of the transaction; None if superseded or cancelled."""
+    own = select(job).where(*_fencing_conditions(attempt), ~job.c.cancel_requested).with_for_update()
+    row = (await connection.execute(own)).mappings().one_or_none()
     return None if row is None else dict(row)
-
-
-def _fenced_update(attempt: Attempt) -> Update:
-    return update(job).where(*_fencing_conditions(attempt))
 
 
 def _fencing_conditions(attempt: Attempt) -> tuple[ColumnElement[bool], ...]:
     return job.c.id == attempt.job_id, job.c.attempt == attempt.number, job.c.state == "running"
 
 
-async def _end_running(connection: AsyncConnection, attempt: Attempt, change: Update) -> bool:
-    """Apply a change that ends the attempt, and remove its parts; False if it is superseded by another attempt."""
-    if not await _apply_change(connection, attempt, change):
-        return False
-    await delete_chunks(connection, attempt.job_id)
-    return True
+async def _apply_change(
+    connection: AsyncConnection, change: TextClause, attempt: Attempt, values: Mapping[str, Any]
+) -> bool:
+    """Execute a ``_fenced_change``; False if the attempt is superseded."""
+    own = {"job_id": attempt.job_id, "attempt": attempt.number}
+    return (await connection.execute(change, {**own, **values})).first() is not None
 
 
-async def _apply_change(connection: AsyncConnection, attempt: Attempt, change: Update) -> bool:
-    if (await connection.execute(change.returning(job.c.id))).one_or_none() is None:
-        return False
-    await emit_event(connection, attempt.job_id)
-    return True
+async def _read_outcome(connection: AsyncConnection, attempt: Attempt) -> tuple[str, Any, str | None] | None:
+    """State, error and prefix of the files of the job; None if the attempt is superseded by another."""
+    row = (await connection.execute(_OUTCOME, {"job_id": attempt.job_id})).one_or_none()
+    return None if row is None or row.attempt != attempt.number else (row.state, row.error, row.blob_prefix)
 
 
 def without_nul_characters(value: Any) -> Any:

@@ -98,11 +98,6 @@ async def insert_chunks(
         await connection.execute(insert(job_partial).on_conflict_do_nothing(), rows)
 
 
-async def delete_chunks(connection: AsyncConnection, job_id: str) -> None:
-    """Delete all parts of a job."""
-    await connection.execute(delete(job_partial).where(job_partial.c.job_id == job_id))
-
-
 async def delete_stale_chunks(connection: AsyncConnection) -> None:
     """Delete the parts of attempts that do not run."""
     running = exists().where(

@@ -11,6 +11,8 @@ choice: an owner may be ahead by one job per worker.
 """
 
 import asyncio
+import math
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
@@ -38,7 +40,10 @@ _UNANSWERED = text(
      LIMIT 1
     """
 )
-"""A job that this worker claimed without receiving the answer, because the connection broke."""
+"""A job of this worker that it does not hold: it claimed it without an answer, because the connection broke, or the
+database was restored from an earlier state."""
+CHECK_S: Final = 2.0
+"""Interval of looking for ``_UNANSWERED``, at once after a claim that failed."""
 _CLAIM = text(
     """
     WITH RECURSIVE first AS (  -- of every owner, by one look into the index job_waiting each
@@ -109,6 +114,8 @@ class QueueConsumer:
         self._engine = autocommit_engine(make_engine(url, pool_size=2, planner=_PLANNER))
         self._worker: int | None = None
         self._held: set[tuple[str, int]] = set()
+        self._checked_at_s: dict[tuple[Lane, ...], float] = {}
+        """When ``_UNANSWERED`` last returned nothing."""
         self._claiming = asyncio.Lock()
         self._registering = asyncio.Lock()
 
@@ -131,13 +138,21 @@ class QueueConsumer:
         async with self._claiming:
             if self._worker is None:
                 await self.send_heartbeat()
-            ids, attempts = [job_id for job_id, _ in self._held], [number for _, number in self._held]
             mine = {"worker": self._worker, "lanes": list(lanes)}
-            async with self._engine.connect() as connection:
-                claimed = await connection.execute(_UNANSWERED, {**mine, "ids": ids, "attempts": attempts})
-                row = claimed.mappings().one_or_none()
-                if row is None:
-                    row = (await connection.execute(_CLAIM, {**mine, "channel": CHANNEL})).mappings().one_or_none()
+            row, now_s, key = None, time.monotonic(), tuple(lanes)
+            try:
+                async with self._engine.connect() as connection:
+                    if now_s - self._checked_at_s.get(key, -math.inf) >= CHECK_S:
+                        ids, attempts = [job_id for job_id, _ in self._held], [number for _, number in self._held]
+                        claimed = await connection.execute(_UNANSWERED, {**mine, "ids": ids, "attempts": attempts})
+                        row = claimed.mappings().one_or_none()
+                        if row is None:
+                            self._checked_at_s[key] = now_s
+                    if row is None:
+                        row = (await connection.execute(_CLAIM, {**mine, "channel": CHANNEL})).mappings().one_or_none()
+            except BaseException:
+                self._checked_at_s.clear()
+                raise
             if row is None:
                 return None
             attempt = Attempt(row["id"], row["attempt"], row["kind"], dict(row))

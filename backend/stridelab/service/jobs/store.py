@@ -14,9 +14,10 @@ from datetime import datetime
 from typing import Any, Final
 
 import psycopg
-from sqlalchemy import Select, and_, bindparam, case, func, insert, literal, or_, select, tuple_, update
+from sqlalchemy import Select, and_, bindparam, case, func, insert, literal, or_, select, text, tuple_, update
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
+from sqlalchemy.sql.elements import TextClause
 
 from stridelab.errors import Busy, Conflict, Fault, InvalidInput, NotFound
 from stridelab.schemas.jobs import FINAL_STATES, Artifact, JobEvent, JobResult, JobState, Progress
@@ -89,17 +90,32 @@ class JobPage:
     next: str | None
 
 
-async def emit_event(connection: AsyncConnection, job_id: str) -> None:
-    """Write the job's current state as an event and notify listeners, inside the caller's transaction.
+def statement_with_events(changed: str, *, ends_attempt: bool = False) -> TextClause:
+    """Statement that writes an event for every job of ``changed`` and notifies listeners; it returns one row for each.
 
-    Workers are notified of a job that waits.
+    ``changed`` selects or returns ``EVENT_COLUMNS`` of rows that the transaction locks, so that the events of a job
+    are numbered in commit order. With ``ends_attempt`` the parts of the jobs are deleted, too. Workers are notified of
+    a job that waits.
     """
-    # the caller holds a lock on the job's row, so events of one job are numbered in commit order
-    now = select(job.c.id, job.c.state, job.c.attempt, job.c.fraction, job.c.message).where(job.c.id == job_id)
-    event = insert(job_event).from_select(["job_id", "state", "attempt", "fraction", "message"], now)
-    written = event.returning(job_event.c.job_id, job_event.c.state).cte()
-    wake_workers = case((written.c.state == "queued", func.pg_notify(QUEUE_CHANNEL, "")))
-    await connection.execute(select(func.pg_notify(CHANNEL, written.c.job_id), wake_workers))
+    parts = ", parts AS (DELETE FROM job_partial WHERE job_id IN (SELECT id FROM changed))" if ends_attempt else ""
+    return text(
+        f"""
+        WITH changed AS ({changed}), event AS (
+            INSERT INTO job_event (job_id, state, attempt, fraction, message) SELECT * FROM changed
+        ){parts}
+        SELECT pg_notify('{CHANNEL}', id), CASE WHEN state = 'queued' THEN pg_notify('{QUEUE_CHANNEL}', '') END
+          FROM changed
+        """  # noqa: S608 (constants only)
+    )
+
+
+EVENT_COLUMNS: Final = "id, state, attempt, fraction, message"
+_EMIT_EVENT: Final = statement_with_events(f"SELECT {EVENT_COLUMNS} FROM job WHERE id = :job_id")  # noqa: S608
+
+
+async def emit_event(connection: AsyncConnection, job_id: str) -> None:
+    """Write the state of a job, which the transaction has changed, as an event and notify listeners."""
+    await connection.execute(_EMIT_EVENT, {"job_id": job_id})
 
 
 class JobStore:

@@ -3,17 +3,11 @@
 The Parquet file's metadata contain the key ``stridelab``: JSON with the units per column, the software versions and the
 caller's provenance. NaN stays NaN in Parquet and is an empty cell in CSV. Parquet contains text unchanged; in CSV, text
 that a spreadsheet would evaluate as a formula is prefixed with an apostrophe.
-
-Provenance of results: versions of the software that computed them, and the literature of the used methods.
 """
 
 import json
 import os
-import platform
-import re
-from collections.abc import Callable, Iterable, Mapping
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +17,8 @@ import pyarrow.csv
 import pyarrow.parquet
 from jaxtyping import Float
 
-from stridelab.machine.models_folder import models_dir
 from stridelab.service.kinds.base import ArtifactFile
+from stridelab.service.kinds.provenance import software_versions
 
 PARQUET = "application/vnd.apache.parquet"
 CSV = "text/csv"
@@ -144,49 +138,3 @@ def _empty_for_nan(table: pa.Table) -> pa.Table:
             cells = pa.array(table.column(index).to_numpy(), type=field.type, from_pandas=True)
             table = table.set_column(index, field.name, cells)
     return table
-
-
-PACKAGES = (
-    "stridelab",
-    "numpy",
-    "scipy",
-    "ezc3d",
-    "pin",
-    "pyarrow",
-    "casadi",
-    "daqp",
-    "mujoco",
-    "scikit-learn",
-    "example-robot-data",
-)
-"""Packages that affect numerical results."""
-
-_ENTRY = re.compile(r"^@\w+\{([^,\s]+),.*?^\}", re.MULTILINE | re.DOTALL)
-
-
-@cache
-def software_versions() -> dict[str, str]:
-    """Version of Python and of every installed package of ``PACKAGES``."""
-    package_versions = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            package_versions[package] = version(package)
-        except PackageNotFoundError:
-            package_versions[package] = "not installed"
-    return package_versions
-
-
-@cache
-def _bibtex_entries() -> dict[str, str]:
-    text = (models_dir() / "references.bib").read_text(encoding="utf-8")
-    return {match.group(1): match.group(0) for match in _ENTRY.finditer(text)}
-
-
-def known_references() -> frozenset[str]:
-    """Citation keys of ``models/references.bib``."""
-    return frozenset(_bibtex_entries())
-
-
-def bibtex_of(keys: Iterable[str]) -> str:
-    """BibTeX entries of ``keys``, in their order. Raises ``KeyError`` for a key missing in models/references.bib."""
-    return "\n\n".join(_bibtex_entries()[key] for key in dict.fromkeys(keys)) + "\n"

@@ -134,6 +134,24 @@ def test_a_revocation_elsewhere_and_an_expiry_are_noticed(lab: Served, admin: ht
             assert http.get(SUBJECTS).status_code == 401
 
 
+def test_an_upload_whose_token_is_revoked_meanwhile_stores_nothing(
+    lab: Served, admin: httpx.Client, trial: Path
+) -> None:
+    token_made = make(admin, "leaver-with-a-file")
+    head = b'--b\r\nContent-Disposition: form-data; name="file"; filename="walk.c3d"\r\n\r\n'
+
+    def pieces() -> Iterator[bytes]:
+        content = trial.read_bytes()
+        yield head + content[:5000]
+        assert admin.delete(f"{TOKENS}/{token_made['id']}").status_code == 200
+        yield content[5000:] + b"\r\n--b--\r\n"
+
+    with lab.http(headers=bearer(token_made["secret"])) as http:
+        form = {"Content-Type": "multipart/form-data; boundary=b"}
+        assert code(http.post("/api/v1/recordings", content=pieces(), headers=form)) == (401, "login-needed")
+    assert not rows_of(lab, "SELECT id FROM recording WHERE owner = 'leaver-with-a-file'")
+
+
 def test_jobs_and_recordings_belong_to_the_user_that_created_them(lab: Served, admin: httpx.Client) -> None:
     one, other = (make(admin, name)["secret"] for name in ("owner", "colleague"))
     with lab.http(headers=bearer(one)) as mine, lab.http(headers=bearer(other)) as theirs:

@@ -18,7 +18,8 @@ from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, Smoothe
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
-from stridelab.service.kinds.result_tables import known_references, read_metadata
+from stridelab.service.kinds.provenance import known_references
+from stridelab.service.kinds.result_tables import read_metadata
 from stridelab.service.processes.child import with_json
 from stridelab.simulation.truth_table import com_errors_mm
 from support.command_line import SAMPLE, RecordedProgress, estimate_task, quiet

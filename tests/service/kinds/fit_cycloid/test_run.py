@@ -16,7 +16,8 @@ from stridelab.schemas.jobs import SimulateRecordingInput
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.tasks import FitCycloidTask, RecordingSource, SimulateRecordingTask
 from stridelab.service.kinds.fit_cycloid import run as fit_cycloid
-from stridelab.service.kinds.result_tables import known_references, read_metadata
+from stridelab.service.kinds.provenance import known_references
+from stridelab.service.kinds.result_tables import read_metadata
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
 from stridelab.service.processes.child import with_json
 from support.command_line import SAMPLE, RecordedProgress, quiet

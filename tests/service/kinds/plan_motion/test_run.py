@@ -27,7 +27,8 @@ from stridelab.schemas.plans import CertificateSummary, CostWeights
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.attempt_runner import add_last_progress
 from stridelab.service.kinds.plan_motion import run as plan_motion
-from stridelab.service.kinds.result_tables import known_references, read_metadata
+from stridelab.service.kinds.provenance import known_references
+from stridelab.service.kinds.result_tables import read_metadata
 from stridelab.service.processes.child import with_json
 from stridelab.service.processes.pool import IsolatedPool
 from support.command_line import RecordedProgress, quiet

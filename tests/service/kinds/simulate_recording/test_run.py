@@ -20,7 +20,7 @@ from stridelab.recordings.reader import read_recording
 from stridelab.schemas.jobs import SimulateRecordingInput, SimulateRecordingSummary, SimulationNoise
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
-from stridelab.service.kinds.result_tables import known_references
+from stridelab.service.kinds.provenance import known_references
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
 from stridelab.service.kinds.simulate_recording.kind import FACTS_FILE
 from support.command_line import RecordedProgress, quiet

@@ -14,7 +14,7 @@ from stridelab.schemas.jobs import JobResult
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.downloads import content_disposition
 from stridelab.service.jobs.store import JobRecord
-from stridelab.service.kinds.result_tables import bibtex_of
+from stridelab.service.kinds.provenance import bibtex_of
 from stridelab.service.storage.tables import recording
 
 _FLUSH_BYTES: Final = 256 * 1024

@@ -173,7 +173,8 @@ async def get_artifact(parts: AppParts, job_id: str, name: str) -> StreamingResp
     result = await parts.store.result(job_id)
     for artifact in result.artifacts:
         if artifact.name == name:
-            return await send_blob(parts, f"{record.blob_prefix}/{artifact.name}", artifact.name, artifact.media_type)
+            key = f"{record.blob_prefix}/{artifact.name}"
+            return await send_blob(parts, key, artifact.name, artifact.media_type, n_bytes=artifact.bytes)
     names = ", ".join(artifact.name for artifact in result.artifacts) or "none"
     raise NotFound("artifact-not-found", f"The result has no file of that name; it has: {names}.")
 

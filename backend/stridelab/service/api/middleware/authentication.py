@@ -19,7 +19,7 @@ from sqlalchemy.exc import DBAPIError
 from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
 from starlette.responses import RedirectResponse, Response
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from stridelab.errors import Busy, Fault, Forbidden, StridelabError, Unauthenticated, Unavailable
 from stridelab.service.api import problems
@@ -81,7 +81,27 @@ class AuthenticationMiddleware:
                 await self._refusal_response(connection, refusal)(scope, receive, send)
             return
         scope[CALLER_KEY] = caller  # in place: the request context middleware reads it from the same dict
-        await self.app(scope, receive, send)
+        await self.app(scope, self._check_at_end_of_body(receive, connection, caller), send)
+
+    def _check_at_end_of_body(self, receive: Receive, connection: HTTPConnection, caller: Caller) -> Receive:
+        """``receive`` that checks again, at the end of a body in several pieces, that the token is not revoked.
+
+        It raises ``Unauthenticated`` (``login-needed``).
+        """
+        if connection.scope["type"] != "http" or caller.token_id in (None, ADMIN):
+            return receive
+        n_pieces = 0
+
+        async def receive_and_check() -> Message:
+            nonlocal n_pieces
+            message = await receive()
+            n_pieces += message["type"] == "http.request"
+            is_end = message["type"] == "http.request" and not message.get("more_body", False)
+            if is_end and n_pieces > 1 and await parts_of(connection).tokens.caller_of_id(str(caller.token_id)) is None:
+                raise Unauthenticated("login-needed", "The token of this request was revoked before its end.")
+            return message
+
+        return receive_and_check
 
     def _check_host(self, headers: Headers) -> None:
         if self._hosts is not None and _host_name(headers.get("host", "")) not in self._hosts:

@@ -272,7 +272,7 @@ async def get_file(parts: AppParts, recording_id: str) -> StreamingResponse:
     """Download the uploaded file, byte for byte."""
     async with parts.engine.connect() as connection:
         row = await recording_row(connection, recording_id)
-    return await send_blob(parts, row["blob_key"], row["filename"], OCTETS)
+    return await send_blob(parts, row["blob_key"], row["filename"], OCTETS, n_bytes=row["bytes"])
 
 
 @router.get(
