@@ -1,11 +1,12 @@
 """Runs independent pieces of one computation in several processes, of this machine or of a Dask cluster.
 
 ``map_isolated`` runs every item in its own process, so that a crash or hang of one does not affect the others;
-``map_in_order`` shares many pieces among a few processes. Where ``STRIDELAB_DASK_URL`` names a scheduler, its nodes run
-the same processes (``machine.cluster``). On this machine they are forked from the caller if it has one thread, and
-otherwise from a server process with preloaded modules. They stay in the session, the sandbox and under the limits of
-the caller, limit their libraries to one thread, and end when the caller ends or closes the generator. The results equal
-those of a single process, wherever the pieces ran: no random state is shared.
+``map_in_order`` shares many pieces among a few processes; ``compute_beside`` runs one piece beside the caller. Where
+``STRIDELAB_DASK_URL`` names a scheduler, its nodes run the same processes (``machine.cluster``). On this machine they
+are forked from the caller if it has one thread, and otherwise from a server process with preloaded modules. They stay
+in the session, the sandbox and under the limits of the caller, limit their libraries to one thread, and end when the
+caller ends or closes the generator. The results equal those of a single process, wherever the pieces ran: no random
+state is shared.
 """
 
 import contextlib
@@ -119,6 +120,24 @@ def map_in_order(work: Callable[[int], Result], pieces: int, processes: int) -> 
                 group, message = next(messages)
                 received[group].append(message)
             yield _value_of(own.popleft())
+
+
+@contextlib.contextmanager
+def compute_beside(work: Callable[[], Result]) -> Generator[Callable[[], Result], None, None]:
+    """Run ``work`` in a process of this machine while the caller goes on; the yielded function waits for its result.
+
+    ``work`` sees the caller's objects as they are at the start, and its result must be picklable. Where this process
+    may use one core only, or has threads, ``work`` runs when its result is asked for. The process ends with the
+    context. The yielded function raises as ``map_in_order`` does, the project's errors of ``work`` included.
+    """
+    if usable_cores() < 2 or not _has_one_thread():
+        yield work
+        return
+    worker = _Worker.start(_Settings(lambda _: work(), pickle.__name__), [None], None)
+    try:
+        yield lambda: _value_of(worker.receive_message() or worker.receive_message())  # an empty one says it runs
+    finally:
+        worker.end()
 
 
 @dataclass(frozen=True)
