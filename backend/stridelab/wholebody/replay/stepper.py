@@ -10,6 +10,7 @@ import numpy as np
 
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Angles, Vector3
+from stridelab.dynamics.spatial import length_of
 from stridelab.errors import InvalidInput
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -210,7 +211,7 @@ class ReplayStepper:
             self._pace.advance()
         self.samples, self._hold_samples = self.samples + 1, self._hold_samples + int(i == self._last_sample)
         com_m, _ = simulation.com_state()
-        error_m = float(np.linalg.norm(com_m - motion.com_reference_m[self._pace.sample_index]))
+        error_m = length_of(com_m - motion.com_reference_m[self._pace.sample_index])
         left = self.recovering is not None
         times_s = self.time_s, self.plan_time_s, float(self.motion.time_s[self._pace.sample_index])
         self.log.record_sample(simulation, times_s, com_m, error_m, left)
