@@ -26,7 +26,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 from threadpoolctl import threadpool_limits
 
@@ -122,22 +122,58 @@ def map_in_order(work: Callable[[int], Result], pieces: int, processes: int) -> 
             yield _value_of(own.popleft())
 
 
+class WorkBeside(Generic[Result]):
+    """One piece of work in a process forked from this one, which sees the caller's objects as they are now.
+
+    Its priority is lower by ``niceness``.
+    """
+
+    def __init__(self, work: Callable[[], Result], niceness: int = 0) -> None:
+        def run_gently(_item: None) -> Result:
+            os.nice(niceness)
+            return work()
+
+        self._worker = _Worker.start(_Settings(run_gently, pickle.__name__), [None], None)
+        self._message: _Message = {}
+
+    @staticmethod
+    def is_possible() -> bool:
+        """Whether this process can fork safely."""
+        return _has_one_thread()
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether ``wait`` returns or raises at once."""
+        while self._message == {} and self._worker.pipe.poll():  # the first message is empty
+            self._message = self._worker.receive_message()
+        return self._message != {}
+
+    def wait(self) -> Result:
+        """The result, which must be picklable. Raises as ``map_in_order``, also the project's errors of the work."""
+        while self._message == {}:
+            self._message = self._worker.receive_message()
+        result: Result = _value_of(self._message)
+        return result
+
+    def end(self) -> None:
+        """End the process, whatever it does."""
+        self._worker.end()
+
+
 @contextlib.contextmanager
 def compute_beside(work: Callable[[], Result]) -> Generator[Callable[[], Result], None, None]:
-    """Run ``work`` in a process of this machine while the caller goes on; the yielded function waits for its result.
+    """Run ``work`` beside the caller (``WorkBeside``) within the context; the yielded function waits for its result.
 
-    ``work`` sees the caller's objects as they are at the start, and its result must be picklable. Where this process
-    may use one core only, or has threads, ``work`` runs when its result is asked for. The process ends with the
-    context. The yielded function raises as ``map_in_order`` does, the project's errors of ``work`` included.
+    Where this process may use one core only, or has threads, ``work`` runs when its result is asked for.
     """
-    if usable_cores() < 2 or not _has_one_thread():
+    if usable_cores() < 2 or not WorkBeside.is_possible():
         yield work
         return
-    worker = _Worker.start(_Settings(lambda _: work(), pickle.__name__), [None], None)
+    beside = WorkBeside(work)
     try:
-        yield lambda: _value_of(worker.receive_message() or worker.receive_message())  # an empty one says it runs
+        yield beside.wait
     finally:
-        worker.end()
+        beside.end()
 
 
 @dataclass(frozen=True)
