@@ -97,7 +97,7 @@ class PlanMotionInput(ScenarioSource):
     solver optimises the phase durations between the two multiples in ``duration_range``, at constant total duration;
     with ``circular-cones``, only ``native`` can do so. ``measure`` selects the bundled reachability densities; null
     takes the default. ``replay`` is true, or the disturbances of the replay. A ``film`` of the motion requires ffmpeg
-    in the worker.
+    in the worker. With ``mcap``, the motion is also written as a log for Foxglove and Rerun.
     """
 
     formulation: Formulation = "forces"
@@ -113,6 +113,7 @@ class PlanMotionInput(ScenarioSource):
     whole_body: bool = True
     replay: Annotated[bool | ReplayOptions, BeforeValidator(_replay_of)] = False
     film: Film | None = None
+    mcap: bool = False
 
     @model_validator(mode="after")
     def _check_options(self) -> "PlanMotionInput":
@@ -120,6 +121,8 @@ class PlanMotionInput(ScenarioSource):
             raise ValueError("a replay needs whole_body")
         if self.film is not None and not self.whole_body:
             raise ValueError("film: requires whole_body")
+        if self.mcap and not self.whole_body:
+            raise ValueError("mcap: requires whole_body")
         if self.free_durations and self.solver == "fatrop":
             raise ValueError("free_durations: fatrop solves stage by stage and cannot couple stages; use ipopt")
         if self.shape == "cubic" and (self.formulation == "wrench" or self.solver == "fatrop"):

@@ -115,6 +115,13 @@ def write_replay(folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "R
     return *add_replay_tracks(folder, replayed), write_arrays(folder / "replay.npz", arrays), *tables
 
 
+def write_mcap(folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "Replay | None") -> ArtifactFile:
+    """``motion.mcap``, a log for Foxglove and Rerun."""
+    from stridelab.service.kinds.plan_motion.motion_log import write_motion_log  # 40 modules for an option
+
+    return write_motion_log(folder, robot, motion, replay)
+
+
 def write_json(folder: Path, name: str, value: BaseModel) -> ArtifactFile:
     """Write a model of the contract as JSON without null values."""
     text = value.model_dump_json(indent=2, exclude_none=True) + "\n"

@@ -21,6 +21,7 @@ from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.partial_results import PartialWriter
 from stridelab.service.kinds.plan_motion.files import (
     write_json,
+    write_mcap,
     write_motion,
     write_motion_film,
     write_plan,
@@ -80,6 +81,8 @@ def _run_beside(task: PlanMotionTask, folder: Path, progress: ProgressCallback, 
                 artifacts.append(write_motion_film(folder, result.robot, motion, request.film, tell))
             if replay is not None:
                 artifacts += write_replay(folder, result.robot, motion, replay)
+            if request.mcap:
+                artifacts.append(write_mcap(folder, result.robot, motion, replay))
     summary = result.summary(replay, stages).model_dump(mode="json")
     progress(1.0, "done" if stopped is None else f"stopped at {stopped.time_s:.2f} s")
     return Outcome(summary, result.citation_keys, tuple(artifacts), stopped)
