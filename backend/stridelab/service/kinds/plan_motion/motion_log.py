@@ -165,7 +165,7 @@ class MotionLog:
 
     def finish(self) -> None:
         """Write the index; without it, a reader has to search the whole file."""
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
 
     def _write(self, topic: str, time_s: float, message: Any) -> None:
         at_ns = round(time_s * _NS)
