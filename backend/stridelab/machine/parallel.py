@@ -164,7 +164,7 @@ class WorkBeside(Generic[Result]):
 def compute_beside(work: Callable[[], Result]) -> Generator[Callable[[], Result], None, None]:
     """Run ``work`` beside the caller (``WorkBeside``) within the context; the yielded function waits for its result.
 
-    Where this process may use one core only, or has threads, ``work`` runs when its result is asked for.
+    Where this process may use one core only, or has threads, the yielded function runs ``work`` itself.
     """
     if usable_cores() < 2 or not WorkBeside.is_possible():
         yield work

@@ -95,9 +95,8 @@ class PlanMotionInput(ScenarioSource):
     they apply, else constants. ``time_limit_s`` (processor time) replaces the default of one minute; fatrop cannot be
     interrupted, so its iterations are limited instead, and ``auto`` does not use it then. With ``free_durations``, the
     solver optimises the phase durations between the two multiples in ``duration_range``, at constant total duration;
-    with ``circular-cones``, only ``native`` can do so. ``measure`` selects the bundled reachability densities; null
-    takes the default. ``replay`` is true, or the disturbances of the replay. A ``film`` of the motion requires ffmpeg
-    in the worker. With ``mcap``, the motion is also written as a log for Foxglove and Rerun.
+    with ``circular-cones``, only ``native`` can do so. ``measure`` selects the bundled densities (null: the default).
+    ``replay`` is true, or its disturbances. ``film`` needs ffmpeg in the worker; ``mcap`` is a log for Foxglove, Rerun.
     """
 
     formulation: Formulation = "forces"
@@ -119,10 +118,8 @@ class PlanMotionInput(ScenarioSource):
     def _check_options(self) -> "PlanMotionInput":
         if self.replay and not self.whole_body:
             raise ValueError("a replay needs whole_body")
-        if self.film is not None and not self.whole_body:
-            raise ValueError("film: requires whole_body")
-        if self.mcap and not self.whole_body:
-            raise ValueError("mcap: requires whole_body")
+        if not self.whole_body and (without := [name for name in ("film", "mcap") if getattr(self, name)]):
+            raise ValueError(f"{without[0]}: requires whole_body")
         if self.free_durations and self.solver == "fatrop":
             raise ValueError("free_durations: fatrop solves stage by stage and cannot couple stages; use ipopt")
         if self.shape == "cubic" and (self.formulation == "wrench" or self.solver == "fatrop"):
