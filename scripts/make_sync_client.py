@@ -27,7 +27,7 @@ RULES: Final = (
     (r"\(await (self\.\w+\([^()]*\))\)", r"\1"),
     (r"\bawait ", ""),
     (r"\b(Abstract)?Async(Client|Iterator|ComStream|MarkerStream|ContextManager|BaseTransport)", r"\1\2"),
-    (r"\bopen_async\b", "open_sync"),
+    (r"\b(open|watch)_async\b", r"\1_sync"),
     (r"\.a(close|read|iter_\w+)\(", r".\1("),
     (r"__a(enter|exit|iter)__", r"__\1__"),
 )

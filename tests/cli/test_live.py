@@ -2,9 +2,13 @@
 
 import json
 import webbrowser
-from typing import ClassVar, Self
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, ClassVar, Self
 
 import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 import stridelab.client
 from stridelab.client import Unreachable
@@ -40,6 +44,20 @@ class FakeClient:
     ) -> LiveSession:
         self.started.append((scenario_id, robot, velocity))
         return SESSION
+
+    def watch_live(self, session_id: str) -> Iterator[str]:
+        """Two frames, the first one again as by a slow service, a rewind, and a frame after it."""
+        assert session_id == SESSION.session_id
+        links = [[0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0]]
+        robot = {"links": ["pelvis"], "effectors": ["left_foot", "left_hand"]}
+        yield json.dumps({"type": "state", "robot": None})
+        yield json.dumps({"type": "state", "robot": robot})
+        for time_s in (12.0, 12.02, 12.02, 2.02):
+            frame = {"type": "frame", "time_s": time_s, "links": links, "com_m": [time_s, 0.0, 0.9]}
+            frame["effectors_m"] = {"left_foot": [0.0, 0.1, 0.0], "left_hand": [0.3, 0.4, 0.9]}
+            frame["forces_n"] = {"left_foot": [0.0, 0.0, 400.0], "left_hand": [0.0, 0.0, 0.0]}
+            yield json.dumps({**frame, "contacts": ["left_foot"]})
+            yield json.dumps({"type": "state", "robot": robot})
 
 
 @pytest.fixture
@@ -97,3 +115,21 @@ def test_an_impossible_session_is_refused(run: Run, opened: list[str], arguments
     assert ran.code != 0
     assert code in ran.err.replace("\n", "")
     assert not opened
+
+
+@pytest.mark.usefixtures("opened")
+def test_a_session_is_recorded_as_a_log_whose_time_does_not_go_back(run: Run, tmp_path: Path) -> None:
+    log = tmp_path / "run.mcap"
+    ran: Ran = run("live", "six-stairs", "--no-open", "--log", str(log))
+    assert ran.code == 0
+    assert "3 frames are in" in ran.err.replace("\n", "")
+    of_topic: dict[str, list[tuple[float, Any]]] = {}
+    with log.open("rb") as file:
+        for _, channel, message, decoded in make_reader(
+            file, decoder_factories=[DecoderFactory()]
+        ).iter_decoded_messages():
+            of_topic.setdefault(channel.topic, []).append((message.log_time / 1e9, decoded))
+    assert [time_s for time_s, _ in of_topic["/tf"]] == pytest.approx([12.0, 12.02, 12.02])
+    assert [one.pose.position.x for _, one in of_topic["/com"]] == pytest.approx([12.0, 12.02, 2.02])
+    assert [len(one.arrows) for one in of_topic["/forces"][0][1].entities] == [1, 0]
+    assert of_topic["/tf"][0][1].transforms[0].child_frame_id == "pelvis"

@@ -1,12 +1,15 @@
 """Both clients on a real stream."""
 
 import asyncio
+import threading
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from websockets.sync.server import ServerConnection, serve
 
 from stridelab.client import AsyncClient, Client, ClientError, ProblemError, Unreachable
-from stridelab.client.streams import decode_estimates, encode_samples
+from stridelab.client.streams import Address, decode_estimates, encode_samples
 from stridelab.schemas.streams import StreamConfiguration, StreamSample
 from support.service.streams import CONFIGURATION, MOTION, RATE_HZ, pack_samples, walk_samples
 from support.service.web_server import Served
@@ -71,3 +74,29 @@ def test_packing_is_the_documented_layout() -> None:
 def test_an_invalid_answer_is_an_error_of_the_client(raw: str | bytes) -> None:
     with pytest.raises(ClientError, match="cannot parse"):
         decode_estimates(raw)
+
+
+@pytest.fixture
+def talking() -> Iterator[Address]:
+    """A service whose live robot says two things and ends."""
+
+    def talk(connection: ServerConnection) -> None:
+        assert connection.request is not None
+        connection.send(connection.request.path)
+        connection.send("second")
+
+    with serve(talk, "127.0.0.1", 0) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield Address(f"http://127.0.0.1:{server.socket.getsockname()[1]}", {}, 5.0)
+        server.shutdown()
+
+
+def test_a_live_robot_is_watched_until_it_ends(talking: Address) -> None:
+    with Client(talking.base) as lab:
+        assert list(lab.watch_live("ab12")) == ["/api/v1/live/ab12", "second"]
+
+
+@pytest.mark.anyio
+async def test_a_live_robot_is_watched_by_the_asynchronous_client(talking: Address) -> None:
+    async with AsyncClient(talking.base) as lab:
+        assert [message async for message in lab.watch_live("ab12")] == ["/api/v1/live/ab12", "second"]

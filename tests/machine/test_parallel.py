@@ -13,8 +13,8 @@ import psutil
 import pytest
 
 from stridelab.errors import NotEstimable
-from stridelab.machine.cores import usable_cores
-from stridelab.machine.parallel import PROCESSES_MAX, map_in_order, worthwhile_processes
+from stridelab.machine.cores import limit_cores, usable_cores
+from stridelab.machine.parallel import PROCESSES_MAX, WorkBeside, compute_beside, map_in_order, worthwhile_processes
 from support import parallel_work
 from support.parallel_work import another_thread, workers
 
@@ -107,3 +107,38 @@ def test_processes_end_with_a_killed_parent(tmp_path: Path, threads: str) -> Non
 def test_the_number_of_worthwhile_processes_is_limited() -> None:
     assert worthwhile_processes(0) == worthwhile_processes(1) == 1
     assert worthwhile_processes(1000) == min(usable_cores(), PROCESSES_MAX)
+
+
+def test_work_beside_has_its_own_process_if_there_are_one_thread_and_two_cores(threads: str) -> None:
+    assert threads == "one thread" or not WorkBeside.is_possible()
+    forks = WorkBeside.is_possible() and usable_cores() > 1  # tests before this one may have left a thread
+    with compute_beside(lambda: parallel_work.square(7)) as wait:
+        assert len(workers()) == int(forks)
+        square, process = wait()
+    assert square == 49
+    assert (process != os.getpid()) == forks
+    assert workers() == []
+
+
+def test_work_beside_on_one_core_runs_when_it_is_waited_for() -> None:
+    done: list[int] = []
+    limit_cores(1)
+    try:
+        with compute_beside(lambda: done.append(1)) as wait:
+            assert done == []
+            wait()
+    finally:
+        limit_cores(None)
+    assert done == [1]
+
+
+def test_an_error_of_work_beside_is_raised_where_it_is_waited_for() -> None:
+    with compute_beside(lambda: parallel_work.refuse(2)) as wait, pytest.raises(NotEstimable) as refused:
+        wait()
+    assert refused.value.code == "no-posture"
+
+
+def test_work_beside_ends_with_its_context() -> None:
+    with compute_beside(lambda: parallel_work.hang(2)):
+        pass
+    assert workers() == []

@@ -7,6 +7,7 @@ import time
 import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated, Final
 from urllib.parse import urlsplit
 
@@ -30,6 +31,10 @@ def live(
     velocity: Annotated[
         str | None,
         typer.Option("--velocity", help="AHEAD,LEFT,TURN in m/s and rad/s, e.g. 0.3,0,0.1: walk like this instead."),
+    ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option("--log", help="Record the robot until it ends, or Ctrl-C: an MCAP file for Foxglove and Rerun."),
     ] = None,
     browser: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = True,
     as_json: AsJson = False,
@@ -55,9 +60,41 @@ def live(
             out.print(f"{escape(session.title)} is live: {escape(address)}")
         if browser:
             webbrowser.open(address)
+        if log is not None:
+            with Client(server, token) as client:
+                _record_session(client.watch_live(session.session_id), log)
         if started is not None:
             err.print("The service was started for this robot; Ctrl-C stops both.")
             started.wait()
+
+
+def _record_session(messages: Iterator[str], path: Path) -> None:
+    """Write the frames among ``messages`` to an MCAP log until they end, or Ctrl-C; a rewind does not turn it back."""
+    import numpy as np
+
+    from stridelab.service.kinds.plan_motion.motion_log import MotionLog
+
+    log: MotionLog | None = None
+    effectors: list[str] = []
+    time_s, ahead_s, frames = -1.0, 0.0, 0
+    with path.open("wb") as file:
+        try:
+            for message in map(json.loads, messages):
+                if message["type"] == "state" and message["robot"] is not None and log is None:
+                    effectors = message["robot"]["effectors"]
+                    log = MotionLog(file, message["robot"]["links"], effectors)
+                elif message["type"] == "frame" and log is not None and message["time_s"] != time_s:
+                    ahead_s += max(0.0, time_s - message["time_s"])
+                    time_s, frames = message["time_s"], frames + 1
+                    places, forces_n, loaded = message["effectors_m"], message["forces_n"], set(message["contacts"])
+                    forces = [[*places[n], *forces_n[n]] if n in loaded else [np.nan] * 6 for n in effectors]
+                    log.add_poses(time_s + ahead_s, np.array(message["links"]))
+                    log.add_com(time_s + ahead_s, np.array(message["com_m"]))
+                    log.add_forces(time_s + ahead_s, np.array(forces))
+        finally:  # an interrupted recording is complete, too
+            if log is not None:
+                log.finish()
+            err.print(f"{frames} frames are in {escape(str(path))}.")
 
 
 def _parse_velocity(text: str) -> tuple[float, float, float]:

@@ -109,6 +109,9 @@ class PlanRequest:
     film: Annotated[
         Film | None, typer.Option("--film", help="Also write a film of the motion: gif or mp4; needs ffmpeg.")
     ] = None
+    mcap: Annotated[
+        bool, typer.Option("--mcap", help="Also write motion.mcap, a log that Foxglove and Rerun open.")
+    ] = False
 
     def __post_init__(self) -> None:
         if self.replay and not self.whole_body:
@@ -128,6 +131,9 @@ class PlanRequest:
         if self.film is not None and not self.whole_body:
             fault = Fault("--film", "contradicts --no-whole-body")
             raise InvalidInput("option-invalid", "Only a motion of the whole body can be filmed.", [fault])
+        if self.mcap and not self.whole_body:
+            fault = Fault("--mcap", "contradicts --no-whole-body")
+            raise InvalidInput("option-invalid", "Only a motion of the whole body has such a log.", [fault])
         if self.time_limit_s is not None and not 0.0 < self.time_limit_s <= TIME_LIMIT_S:
             fault = Fault("--time-limit", f"must be above 0 and at most {TIME_LIMIT_S:.0f} s")
             raise InvalidInput("option-invalid", f"The solver's time limit cannot be {self.time_limit_s:g} s.", [fault])

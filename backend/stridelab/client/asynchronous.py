@@ -31,6 +31,7 @@ from stridelab.client.streams import (
     AsyncComStream,
     AsyncMarkerStream,
     open_async,
+    watch_async,
 )
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent
 from stridelab.schemas.population import RecordingBatch
@@ -165,6 +166,10 @@ class AsyncClient(Endpoints):
     ) -> AbstractAsyncContextManager[AsyncMarkerStream]:
         """Live balance: ``async with lab.stream_markers(...) as stream``, then ``await stream.send(frame)``."""
         return open_async(self._address, MARKERS_PATH, configuration, AsyncMarkerStream)
+
+    def watch_live(self, session_id: str) -> AsyncIterator[str]:
+        """The messages of a live robot as JSON texts, until its session ends."""
+        return watch_async(self._address, f"{endpoints.API}/live/{session_id}")
 
     async def _send(self, call: endpoints.Call[T]) -> T:
         with self._translate_errors():

@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import math
 import struct
-from collections.abc import AsyncGenerator, AsyncIterator, Callable, Iterator, Mapping, Sequence
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
@@ -178,6 +178,25 @@ def open_sync(
         connection = connect_sync(url.websocket(path), **url.options)
     with connection:
         yield begin(connection, exchange_sync(connection, configuration.model_dump_json()))
+
+
+async def watch_async(url: Address, path: str) -> AsyncGenerator[str, None]:
+    """Yield the messages of a websocket that nothing is sent on, until the service closes it."""
+    with _translate_errors(url.base):
+        connection = await connect_async(url.websocket(path), **url.options)
+    async with connection:
+        with contextlib.suppress(ConnectionClosed):
+            async for message in connection:
+                yield str(message)
+
+
+def watch_sync(url: Address, path: str) -> Generator[str, None, None]:
+    """Yield the messages of a websocket that nothing is sent on, until the service closes it."""
+    with _translate_errors(url.base):
+        connection = connect_sync(url.websocket(path), **url.options)
+    with connection, contextlib.suppress(ConnectionClosed):
+        for message in connection:
+            yield str(message)
 
 
 async def exchange_async(connection: ClientConnection, sent: str | bytes) -> str | bytes:

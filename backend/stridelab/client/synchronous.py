@@ -33,6 +33,7 @@ from stridelab.client.streams import (
     ComStream,
     MarkerStream,
     open_sync,
+    watch_sync,
 )
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent
 from stridelab.schemas.population import RecordingBatch
@@ -165,6 +166,10 @@ class Client(Endpoints):
     def stream_markers(self, configuration: MarkerStreamConfiguration) -> AbstractContextManager[MarkerStream]:
         """Live balance: ``with lab.stream_markers(...) as stream``, then ``stream.send(frame)``."""
         return open_sync(self._address, MARKERS_PATH, configuration, MarkerStream)
+
+    def watch_live(self, session_id: str) -> Iterator[str]:
+        """The messages of a live robot as JSON texts, until its session ends."""
+        return watch_sync(self._address, f"{endpoints.API}/live/{session_id}")
 
     def _send(self, call: endpoints.Call[T]) -> T:
         with self._translate_errors():

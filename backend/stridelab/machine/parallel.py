@@ -1,11 +1,12 @@
 """Runs independent pieces of one computation in several processes, of this machine or of a Dask cluster.
 
 ``map_isolated`` runs every item in its own process, so that a crash or hang of one does not affect the others;
-``map_in_order`` shares many pieces among a few processes. Where ``STRIDELAB_DASK_URL`` names a scheduler, its nodes run
-the same processes (``machine.cluster``). On this machine they are forked from the caller if it has one thread, and
-otherwise from a server process with preloaded modules. They stay in the session, the sandbox and under the limits of
-the caller, limit their libraries to one thread, and end when the caller ends or closes the generator. The results equal
-those of a single process, wherever the pieces ran: no random state is shared.
+``map_in_order`` shares many pieces among a few processes; ``compute_beside`` runs one piece beside the caller. Where
+``STRIDELAB_DASK_URL`` names a scheduler, its nodes run the same processes (``machine.cluster``). On this machine they
+are forked from the caller if it has one thread, and otherwise from a server process with preloaded modules. They stay
+in the session, the sandbox and under the limits of the caller, limit their libraries to one thread, and end when the
+caller ends or closes the generator. The results equal those of a single process, wherever the pieces ran: no random
+state is shared.
 """
 
 import contextlib
@@ -25,7 +26,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 from threadpoolctl import threadpool_limits
 
@@ -119,6 +120,60 @@ def map_in_order(work: Callable[[int], Result], pieces: int, processes: int) -> 
                 group, message = next(messages)
                 received[group].append(message)
             yield _value_of(own.popleft())
+
+
+class WorkBeside(Generic[Result]):
+    """One piece of work in a process forked from this one, which sees the caller's objects as they are now.
+
+    Its priority is lower by ``niceness``.
+    """
+
+    def __init__(self, work: Callable[[], Result], niceness: int = 0) -> None:
+        def run_gently(_item: None) -> Result:
+            os.nice(niceness)
+            return work()
+
+        self._worker = _Worker.start(_Settings(run_gently, pickle.__name__), [None], None)
+        self._message: _Message = {}
+
+    @staticmethod
+    def is_possible() -> bool:
+        """Whether this process can fork safely."""
+        return _has_one_thread()
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether ``wait`` returns or raises at once."""
+        while self._message == {} and self._worker.pipe.poll():  # the first message is empty
+            self._message = self._worker.receive_message()
+        return self._message != {}
+
+    def wait(self) -> Result:
+        """The result, which must be picklable. Raises as ``map_in_order``, also the project's errors of the work."""
+        while self._message == {}:
+            self._message = self._worker.receive_message()
+        result: Result = _value_of(self._message)
+        return result
+
+    def end(self) -> None:
+        """End the process, whatever it does."""
+        self._worker.end()
+
+
+@contextlib.contextmanager
+def compute_beside(work: Callable[[], Result]) -> Generator[Callable[[], Result], None, None]:
+    """Run ``work`` beside the caller (``WorkBeside``) within the context; the yielded function waits for its result.
+
+    Where this process may use one core only, or has threads, the yielded function runs ``work`` itself.
+    """
+    if usable_cores() < 2 or not WorkBeside.is_possible():
+        yield work
+        return
+    beside = WorkBeside(work)
+    try:
+        yield beside.wait
+    finally:
+        beside.end()
 
 
 @dataclass(frozen=True)

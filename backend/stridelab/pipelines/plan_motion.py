@@ -139,6 +139,9 @@ class PlanWatcher:
     def on_samples(self, time_s: Series, q: Float[np.ndarray, "k nq"]) -> None:
         """Samples of that motion: times (s) and postures."""
 
+    def on_motion(self, robot: Robot, motion: WholeBodyMotion) -> None:
+        """The motion to its end, before its certificate."""
+
     def on_check(self, check: CertificateCheck) -> None:
         """One check of the certificate."""
 
@@ -211,6 +214,7 @@ def plan_motion(
         except WholeBodyStopped as stop:
             motion, stopped = stop.motion, stop
     if motion is not None and stopped is None:
+        watcher.on_motion(robot, motion)
         with stages.run_stage(CERTIFICATE, "checking the motion"):
             watch = lambda check: watcher.on_check(check_summary(check))  # noqa: E731
             certificate = certificate_summary(certify(robot, sequence, plan, proxies, motion, watch))

@@ -96,9 +96,8 @@ class PlanMotionInput(ScenarioSource):
     they apply, else constants. ``time_limit_s`` (processor time) replaces the default of one minute; fatrop cannot be
     interrupted, so its iterations are limited instead, and ``auto`` does not use it then. With ``free_durations``, the
     solver optimises the phase durations between the two multiples in ``duration_range``, at constant total duration;
-    with ``circular-cones``, only ``native`` can do so. ``measure`` selects the bundled reachability densities; null
-    takes the default. ``replay`` is true, or the disturbances of the replay. A ``film`` of the motion requires ffmpeg
-    in the worker.
+    with ``circular-cones``, only ``native`` can do so. ``measure`` selects the bundled densities (null: the default).
+    ``replay`` is true, or its disturbances. ``film`` needs ffmpeg in the worker; ``mcap`` is a log for Foxglove, Rerun.
 
     With ``price_per_s`` and ``free_durations``, the total duration is free as well and costs this much per second.
     ``fastest`` searches the fastest pace at which the motion is certified and, with a ``replay``, completed: at pace p,
@@ -120,15 +119,14 @@ class PlanMotionInput(ScenarioSource):
     whole_body: bool = True
     replay: Annotated[bool | ReplayOptions, BeforeValidator(_replay_of)] = False
     film: Film | None = None
+    mcap: bool = False
 
     @model_validator(mode="after")
     def _check_options(self) -> "PlanMotionInput":
         if self.replay and not self.whole_body:
             raise ValueError("a replay needs whole_body")
-        if self.film is not None and not self.whole_body:
-            raise ValueError("film: requires whole_body")
-        if self.fastest and not self.whole_body:
-            raise ValueError("fastest: requires whole_body, whose certificate limits the pace")
+        if not self.whole_body and (without := [k for k in ("film", "mcap", "fastest") if getattr(self, k)]):
+            raise ValueError(f"{without[0]}: requires whole_body")
         if self.fastest and isinstance(self.replay, ReplayOptions) and self.replay.pushes:
             raise ValueError("fastest: pushes have times in one motion; search the pace without them first")
         if self.price_per_s is not None and not self.free_durations:

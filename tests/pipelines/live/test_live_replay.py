@@ -1,16 +1,25 @@
 """A live motion: it goes on as it would have after a rewind, is pushed, changed, and explains its fall."""
 
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
+from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
-from stridelab.pipelines.live import live_replay
+from stridelab.pipelines.live import live_replay, resuming
 from stridelab.pipelines.live.live_replay import BROKEN, MAX_PUSHES, LiveReplay
+from stridelab.pipelines.live.resuming import PlanResuming
 from stridelab.robots.robot import Robot
 from stridelab.schemas.live.messages import REWIND_S, LivePush, LiveSettings, LiveSteer
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.replay import PhysicsReplay
+from stridelab.wholebody.replay.resumption import NotResumed, Resumption
+from stridelab.wholebody.replay.sensors import SensedState
+from stridelab.wholebody.replay.stepper import ReplayStepper
 from support.robots.plans import sway, talos
 
 ENDLESS_S = 60.0
@@ -183,16 +192,141 @@ def test_a_fall_is_explained_and_can_be_undone(live: LiveReplay, robot: Robot) -
     assert live.advance(0.1, ENDLESS_S) == pytest.approx(0.1)
 
 
-def test_after_steps_the_robot_goes_on_standing(live: LiveReplay, robot: Robot) -> None:
-    live.advance(0.4, ENDLESS_S)
-    live.push_link(push(0.6, robot))
-    live.advance(3.0, ENDLESS_S)
-    stepped = live.frame()
-    assert (stepped.doing, stepped.steps > 0) == ("recovery", True)
-    live.advance(2.0, ENDLESS_S)
-    assert live.fall is None
-    assert live.frame().steps >= stepped.steps
-    assert com_m(live)[2] > 0.7
+class LateWork:
+    """Work beside that has ended when it is asked the second time, in this process."""
+
+    def __init__(self, work: Callable[[], Any], _niceness: int) -> None:
+        self._work, self._asked = work, 0
+
+    @staticmethod
+    def is_possible() -> bool:
+        return True
+
+    @property
+    def has_ended(self) -> bool:
+        self._asked += 1
+        return self._asked > 1
+
+    def wait(self) -> Any:
+        return self._work()
+
+    def end(self) -> None:
+        self._asked = -1000
+
+
+def test_after_steps_the_robot_stands_and_then_goes_on_with_its_plan(
+    robot: Robot, motion: WholeBodyMotion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked_s: list[float] = []
+
+    def resume(left_s: float, measured: SensedState) -> Resumption | NotResumed:
+        asked_s.append(left_s)
+        return Resumption(standing_at(measured, robot), 0.0, 1.0)
+
+    monkeypatch.setattr(resuming, "WorkBeside", LateWork)
+    live = LiveReplay(robot, motion, {}, resume)
+    live.advance(0.2, ENDLESS_S)
+    live.push_link(push(0.4, robot))
+    live.advance(2.1, ENDLESS_S)
+    stood = live.frame()
+    assert (stood.doing, stood.steps > 0, stood.is_planning) == ("recovery", True, True)
+    assert asked_s == [], "it stands while the plan is computed"
+    live.advance(2.2, ENDLESS_S)
+    went_on = live.frame()
+    assert (went_on.doing, went_on.is_planning, live.fall) == ("plan", False, None)
+    assert asked_s == [pytest.approx(stood.plan_time_s)]
+    assert went_on.plan_time_s == pytest.approx(1.0, abs=0.3)
+    assert com_m(live)[2] > 0.8
+
+
+class StillStepper(ReplayStepper):
+    """A stepper without a simulation, whose robot stands on one sole at ``at_m``."""
+
+    plan_time_s = 0.7
+
+    def __init__(self) -> None:
+        self.at_m = np.zeros(3)
+        self.resumed: list[Any] = []
+
+    def measured_state(self) -> SensedState:
+        zero = np.zeros(3)
+        sole = {"left_foot": Placement(self.at_m.copy(), np.eye(3))}
+        return SensedState(0.0, np.zeros(8), np.zeros(7), zero, zero, sole, {"left_foot": zero}, {"left_foot": zero})
+
+    def resume_plan(self, resume: Callable[..., Any], *, limited: bool = True) -> bool:
+        assert not limited
+        self.resumed.append(resume(0.0, None))
+        return True
+
+
+@pytest.fixture
+def still(monkeypatch: pytest.MonkeyPatch) -> StillStepper:
+    monkeypatch.setattr(resuming, "WorkBeside", LateWork)
+    return StillStepper()
+
+
+def test_a_plan_that_is_not_resumed_says_why_and_is_not_asked_for_again(still: StillStepper) -> None:
+    asked: list[float] = []
+
+    def resume(left_s: float, _measured: SensedState) -> NotResumed:
+        asked.append(left_s)
+        return NotResumed("no way")
+
+    planning = PlanResuming(still, resume)
+    states = [(planning.follow_rest(), planning.is_planning, planning.reason) for _ in range(4)]
+    assert states == [(False, True, ""), (False, True, ""), (False, False, "no way"), (False, False, "no way")]
+    still.at_m[0] = 0.1
+    assert (planning.follow_rest(), planning.is_planning, planning.reason) == (False, True, "")
+    planning.cancel()
+    assert (planning.is_planning, asked, still.resumed) == (False, [0.7], [])
+
+
+def test_a_plan_from_where_the_robot_no_longer_stands_is_not_followed(
+    still: StillStepper, motion: WholeBodyMotion
+) -> None:
+    planning = PlanResuming(still, lambda _left_s, _measured: Resumption(motion, 0.0, 0.0))
+    planning.follow_rest()
+    planning.follow_rest()
+    still.at_m[1] = 0.02
+    assert not planning.follow_rest()
+    assert not planning.is_planning
+    assert [planning.follow_rest() for _ in range(3)] == [False, False, True]
+    assert [found.motion for found in still.resumed] == [motion]
+
+
+def test_an_error_of_the_planning_is_a_reason(still: StillStepper) -> None:
+    def resume(_left_s: float, _measured: SensedState) -> NotResumed:
+        raise InvalidInput("no-steps", "There are no steps.")
+
+    planning = PlanResuming(still, resume)
+    for _ in range(3):
+        planning.follow_rest()
+    assert planning.reason == "There are no steps"
+
+
+def test_without_a_planner_the_robot_stands_where_it_came_to_rest(still: StillStepper) -> None:
+    planning = PlanResuming(still, None)
+    assert not planning.follow_rest()
+    assert (planning.is_planning, planning.reason) == (False, "")
+
+
+def standing_at(measured: SensedState, robot: Robot) -> WholeBodyMotion:
+    """A short motion that stands on the measured soles."""
+    plan = sway(robot, duration_s=0.2, amplitude_m=0.0)
+    (phase,) = plan.sequence.phases
+    at = {name: measured.contacts[name] for name in phase.contacts}
+    level = {name: Placement(np.array([*one.position_m[:2], 0.0]), upright(one.rotation)) for name, one in at.items()}
+    contacts = {name: replace(contact, placement=level[name]) for name, contact in phase.contacts.items()}
+    middle = np.mean([one.position_m for one in level.values()], axis=0)
+    sequence = replace(plan.sequence, phases=(replace(phase, contacts=contacts),))
+    moved = replace(plan, sequence=sequence, com_m=plan.com_m + middle)
+    return WholeBodyController().run(robot, sequence, moved)
+
+
+def upright(rotation: np.ndarray) -> np.ndarray:
+    """The rotation about the vertical axis alone."""
+    yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
+    return np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,8 +15,11 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.certificate.certificate import Certificate, Check
+from stridelab.wholebody.certificate import clearance
+from stridelab.wholebody.certificate.certificate import Certificate, Check, WorstValues
 from stridelab.wholebody.certificate.certify import certify
+from stridelab.wholebody.certificate.clearance import terrain_distances
+from stridelab.wholebody.certificate.inverse_dynamics import phase_of_samples
 from stridelab.wholebody.motion import SolverFailure, WholeBodyMotion
 
 TwoSteps = tuple[ContactSequence, CentroidalPlan, WholeBodyMotion]
@@ -49,6 +53,39 @@ def test_its_values_are_those_of_the_motion(good: Certificate, talos: Robot, two
     assert check(good, "com_error_max").value == pytest.approx(com_error, rel=1e-6)
     assert check(good, "self_collision_pairs").value == 0.0
     assert 0.001 < check(good, "terrain_distance_min").value < 0.06
+
+
+def test_pairs_that_are_not_measured_change_no_distance(
+    talos: Robot, two_steps: TwoSteps, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sequence, _, motion = two_steps
+    box = Box("block", Placement(np.array([0.35, 0.3, 0.4]), np.eye(3)), np.array([0.2, 0.1, 0.9]), 0.5)
+    rail = Rail("rail", np.array([0.0, -0.6, 0.9]), np.array([1.0, -0.5, 1.0]), 0.02, 0.5)
+    beside = replace(sequence, terrain=Terrain((*sequence.terrain.surfaces, box, rail)))
+    worst = WorstValues(motion.time_s[::40], phase_of_samples(sequence, motion.time_s[::40]))
+    rng = np.random.default_rng(3)
+    q = motion.q[::40].copy()
+    q[:, 7:] += rng.normal(scale=0.15, size=q[:, 7:].shape)
+    few = terrain_distances(talos, beside, q, worst)
+    numbers = list(range(len(clearance._Scene.build_scene(talos, beside).pairs)))
+    chosen: list[int] = []
+    within = clearance._SphereGaps.pairs_within
+
+    def count(self: Any, *arguments: Any) -> list[int]:
+        chosen.append(len(within(self, *arguments)))
+        return numbers
+
+    monkeypatch.setattr(clearance._SphereGaps, "pairs_within", count)
+    for one, other in zip(terrain_distances(talos, beside, q, worst), few, strict=True):
+        assert one.value == pytest.approx(other.value, abs=1e-9), "the solver starts elsewhere"
+        assert (one.name, one.phase, one.effector, one.time_s) == (
+            other.name,
+            other.phase,
+            other.effector,
+            other.time_s,
+        )
+    assert np.median(chosen) < 0.5 * len(numbers)
+    assert {check.effector for check in few} != {None}
 
 
 def moved(motion: WholeBodyMotion, samples: slice, offset: dict[int, float]) -> WholeBodyMotion:

@@ -133,6 +133,25 @@ def test_after_a_longer_moment_a_hand_lands_anew(posed: LimbKinematics) -> None:
     assert moved_m[:2] == pytest.approx(SLID_M[:2], abs=2e-3)
 
 
+def test_a_planned_force_that_rises_takes_the_place_of_the_added_one_at_once(posed: LimbKinematics) -> None:
+    """Both together would press twice; a planned force that ends is replaced at the limited rate."""
+    touches = sensed(posed, np.zeros(3), LANDED_M, PRESSED_N)
+    hands, touching = HandForceControl(Grip(), posed, ("right_hand",), DT_S), {"right_hand": on_top(posed)}
+    limb = posed.limb["right_hand"]
+
+    def added_nm(planned_n: float, samples: int) -> np.ndarray:
+        planned = {"right_hand": np.array([0.0, 0.0, planned_n])}
+        for _ in range(samples):
+            _, tau = hands.compute_corrections(touches, touching, planned, {"right_hand": max(planned_n, 25.0)}, 32)
+        return np.asarray(tau[limb])
+
+    step_n = Grip().rate_n_s * DT_S
+    expected_n = {"before": (0.0, 100, -25.0), "rises": (38.0, 1, 0.0), "ends": (0.0, 3, -3 * step_n)}
+    for planned_n, samples, missing_n in expected_n.values():
+        missing = posed.torques_nm("right_hand", np.array([0.0, 0.0, missing_n]))
+        assert added_nm(planned_n, samples) == pytest.approx(missing, abs=1e-9)
+
+
 def test_a_hand_that_lets_go_for_a_moment_presses_on_nothing_at_once(posed: LimbKinematics) -> None:
     """Its force goes as fast as torques may change, 8 N in 0.04 s, while its place is still kept."""
     planned_n = np.array([0.0, 0.0, 8.0])

@@ -1,8 +1,8 @@
 """A motion in physics that goes on while it is watched: pushes, settings, rewinding, and explained falls.
 
-The same control as in the replay of ``plan-motion`` carries out the motion. At its end the robot stands, after a
-recovery it stands where it came to rest; it does not return to its plan. Once it is steered, it walks at the commanded
-velocity where the ground is level.
+The same control as in the replay of ``plan-motion`` carries out the motion. At its end the robot stands. After a
+recovery it stands where it came to rest while the rest of its plan is computed (``resuming``), and then goes on. Once
+it is steered, it walks at the commanded velocity where the ground is level.
 """
 
 import time
@@ -16,6 +16,7 @@ import numpy as np
 from stridelab.errors import InvalidInput
 from stridelab.pipelines.live.fall import Strain, explain_fall
 from stridelab.pipelines.live.horizon import predict_horizon
+from stridelab.pipelines.live.resuming import PlanResuming
 from stridelab.pipelines.live.snapshots import SavedState, restore_state, save_state
 from stridelab.pipelines.live.world import AdjustableWorld
 from stridelab.reachability.proxy.effector_proxy import Proxy
@@ -40,6 +41,7 @@ from stridelab.wholebody.replay.disturbances import UNDISTURBED, Push
 from stridelab.wholebody.replay.log import LOADED_N, TORQUE_RATIO, ReplayLog
 from stridelab.wholebody.replay.loss_proof import LossPremises
 from stridelab.wholebody.replay.replay import PhysicsReplay
+from stridelab.wholebody.replay.resumption import Resume
 from stridelab.wholebody.replay.sensors import as_sensed
 from stridelab.wholebody.replay.stepper import ReplayStepper
 
@@ -60,13 +62,16 @@ _ROUNDING_S: Final = 1e-9
 class LiveReplay:
     """``motion`` of ``robot`` in physics, advanced in real time; ``fall`` is the fall, until a rewind or restart.
 
-    Raises as ``PhysicsReplay.run``.
+    ``resume`` plans what is left of the motion after a recovery. Raises as ``PhysicsReplay.run``.
     """
 
-    def __init__(self, robot: Robot, motion: WholeBodyMotion, proxies: Mapping[str, Proxy]) -> None:
+    def __init__(
+        self, robot: Robot, motion: WholeBodyMotion, proxies: Mapping[str, Proxy], resume: Resume | None = None
+    ) -> None:
         self._robot, self._motion = robot, motion
         physics = PhysicsReplay(recovery=replace(Recovery(), most_s=np.inf))
         self._stepper = ReplayStepper(physics, robot, motion.sequence, motion, as_sensed, UNDISTURBED)
+        self._resuming = PlanResuming(self._stepper, resume)
         self._world = AdjustableWorld(self._stepper.simulation, motion.sequence)
         self._premises = LossPremises.of_sequence(robot, motion.sequence, proxies)
         self.settings = LiveSettings()
@@ -107,11 +112,13 @@ class LiveReplay:
         self._stepper.add_push(added)
         self._pushes = [*self._pushes[-20:], added]
         self._strain = Strain()
+        self._resuming.cancel()
         self._pushed_link = self._drawn.get(self._stepper.simulation.built.body_of(push.link))
         self._push_number = -1 if push.number is None else push.number
 
     def steer(self, command: LiveSteer, hold_s: float = STEER_HOLD_S) -> None:
         """Walk at a commanded velocity, for ``hold_s``. Raises ``InvalidInput`` (``robot-cannot-steer``)."""
+        self._resuming.cancel()
         self._stepper.steer(WalkCommand(command.ahead_m_s, command.left_m_s, command.turn_rad_s))
         self._steer_until_s = self.time_s + hold_s
 
@@ -160,6 +167,8 @@ class LiveReplay:
             time_s=round(self.time_s, _DIGITS),
             plan_time_s=round(stepper.plan_time_s, _DIGITS),
             doing=self._current_activity(),
+            is_planning=self._resuming.is_planning,
+            not_resumed=self._resuming.reason,
             velocity=recovering.velocity if isinstance(recovering, WalkRun) else None,
             steps=0 if recovering is None else self._steps + recovering.steps,
             links=np.round(link_poses(self._robot, q), _DIGITS).tolist(),
@@ -213,14 +222,17 @@ class LiveReplay:
         if not is_finite:
             self.fall = LiveFall(time_s=self.time_s, summary=BROKEN, reasons=[])
             self._has_diverged = True
+            self._resuming.cancel()
             return
         self._note_strain()
         recovering = stepper.recovering
         if not stepper.standing:
+            self._resuming.cancel()
             self.fall = self._explain_fall()
         elif recovering is not None and recovering.at_rest and not isinstance(recovering, WalkRun):
             self._steps += recovering.steps
-            stepper.renew_recovery()
+            if not self._resuming.follow_rest():
+                stepper.renew_recovery()
         if self.time_s - self._saved[-1].time_s >= SAVE_EVERY_S - 1e-6 and self.fall is None:
             self._save()
 
@@ -245,8 +257,9 @@ class LiveReplay:
 
     def _begin_at(self, state: SavedState) -> None:
         """Go on from ``state`` with the present settings; pushes and the fall after it have not happened."""
+        self._resuming.cancel()
         restore_state(self._stepper, state)
-        self._stepper.log = ReplayLog(self._robot, self._motion.sequence)
+        self._stepper.log = ReplayLog(self._robot, self._stepper.motion.sequence)
         self._world.apply_settings(self.settings)
         self._stepper.set_delay(self.settings.delay_s, self.settings.expected_delay_s)
         while self._saved and self._saved[-1].time_s > state.time_s:

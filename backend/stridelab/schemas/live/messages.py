@@ -189,11 +189,12 @@ class LiveFrame(Contract):
     """``frame``: one instant; ``links`` are poses ``px, py, pz, qw, qx, qy, qz`` in the world.
 
     ``doing`` is ``plan`` while the robot follows its plan, ``steered`` while it walks or stands as commanded,
-    ``recovery`` once it steps to stay upright, ``fallen``. ``velocity`` is the commanded one as it is followed (ahead,
-    left, turning). ``capture_m`` is the capture point, at the height ``ground_m`` of the lowest sole, ``foothold_m``
-    the place that the swinging sole is aimed at, ``effectors_m`` the position and ``forces_n`` the contact force of
-    each effector. ``horizon_m`` is the path of the CoM that the control has in mind for the next 2.5 s, ``footholds``
-    are the next places of the soles.
+    ``recovery`` once it steps to stay upright, ``fallen``. After a recovery, ``is_planning`` says that the rest of the
+    plan is being computed, and ``not_resumed`` why it is not resumed from there, else empty. ``velocity`` is the
+    commanded one as it is followed (ahead, left, turning). ``capture_m`` is the capture point, at the height
+    ``ground_m`` of the lowest sole, ``foothold_m`` the place that the swinging sole is aimed at, ``effectors_m`` the
+    position and ``forces_n`` the contact force of each effector. ``horizon_m`` is the path of the CoM that the control
+    has in mind for the next 2.5 s, ``footholds`` are the next places of the soles.
     """
 
     type: Literal["frame"] = "frame"
@@ -201,6 +202,8 @@ class LiveFrame(Contract):
     plan_time_s: float
     doing: Literal["plan", "steered", "recovery", "fallen"]
     steps: int
+    is_planning: bool = False
+    not_resumed: str = ""
     velocity: _Vector | None = None
     links: list[list[float]]
     com_m: _Vector

@@ -7,13 +7,14 @@ leaves. The contact sphere of a hand is also measured, except against its own su
 point is measured while approaching or leaving, with the landing error as tolerance.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.terrain import Rail
@@ -22,6 +23,7 @@ from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate.certificate import Check, WorstValues
 from stridelab.wholebody.certificate.contact_checks import LANDING_ERROR_M
+from stridelab.wholebody.control.collision_pairs import bounding_sphere
 from stridelab.wholebody.effector_contact import HAND_RADIUS_M, OwnSurfaces, terrain_shape
 
 LEG_CLEARANCE_M = 0.010
@@ -60,19 +62,23 @@ def terrain_distances(
 ) -> tuple[Check, ...]:
     """Smallest distances (m) from boxes and rails: of all links, of legs, of arms including the hands' spheres.
 
-    Penetration is negative. With hands, the largest depth of a contact point inside its own surface follows.
+    Penetration is negative. With hands, the largest depth of a contact point inside its own surface follows. Pairs
+    whose bounding spheres are farther apart than the smallest distances until then are not measured.
     """
     scene = _Scene.build_scene(robot, sequence)
     model, data, results = robot.model, robot.model.createData(), scene.geometry.createData()
+    gaps, of_group = _SphereGaps(scene), {of: np.array(scene.groups) == of for of in ("leg", "arm")}
+    smallest_m = dict.fromkeys(("", "leg", "arm"), np.inf)
     values = np.full((len(q), len(scene.parts)), np.inf)
     distances, depth = values.copy(), np.full(values.shape, -np.inf)
     for i, configuration in enumerate(q):
-        pin.computeDistances(model, data, scene.geometry, results, configuration)
+        pin.updateGeometryPlacements(model, data, scene.geometry, results, configuration)
         phase, time_s = int(worst.phase[i]), float(worst.time_s[i])
         touched = {name: scene.own.contact_surfaces(name, phase) for name in scene.effectors}
         near = {name: scene.own.nearby_surfaces(name, phase, time_s) for name in scene.effectors}
-        for k, pair in enumerate(scene.pairs):
-            distance_m, column = float(results.distanceResults[k].min_distance), pair.column
+        for k in gaps.pairs_within(results, smallest_m):
+            pair = scene.pairs[k]
+            distance_m, column = float(pin.computeDistance(scene.geometry, results, k).min_distance), pair.column
             is_near = pair.effector is not None and pair.surface in near[pair.effector]
             is_own = is_near or (pair.effector is not None and pair.surface in touched[pair.effector])
             if pair.role == "point":
@@ -83,7 +89,9 @@ def terrain_distances(
                 distances[i, column] = min(distances[i, column], distance_m)
             elif pair.role == "palm":
                 values[i, column] = min(values[i, column], distance_m)
-    legs, arms = (np.array([group == of for group in scene.groups], dtype=bool) for of in ("leg", "arm"))
+        smallest_m[""] = min(smallest_m[""], float(values[i].min()))
+        for of in ("leg", "arm"):
+            smallest_m[of] = min(smallest_m[of], float(distances[i, of_group[of]].min(initial=np.inf)))
 
     def smallest_distance(name: str, of: np.ndarray, selected: np.ndarray, limit_m: float) -> Check:
         columns = [part for part, is_one in zip(scene.parts, selected, strict=True) if is_one]
@@ -91,8 +99,8 @@ def terrain_distances(
 
     return (
         smallest_distance("terrain_distance_min", values, np.ones(len(scene.parts), dtype=bool), 0.0),
-        smallest_distance("leg_terrain_distance_min", distances, legs, LEG_CLEARANCE_M),
-        smallest_distance("arm_terrain_distance_min", distances, arms, ARM_CLEARANCE_M),
+        smallest_distance("leg_terrain_distance_min", distances, of_group["leg"], LEG_CLEARANCE_M),
+        smallest_distance("arm_terrain_distance_min", distances, of_group["arm"], ARM_CLEARANCE_M),
         *([worst.at_most("hand_depth_max", depth, "m", LANDING_ERROR_M, scene.parts)] if scene.hands else []),
     )
 
@@ -163,6 +171,41 @@ class _Scene:
             tuple(robot.effectors),
             OwnSurfaces(sequence, robot.effectors),
         )
+
+
+class _SphereGaps:
+    """Lower bounds of the distances of all pairs of a scene: of the shapes' bounding spheres from the surfaces."""
+
+    def __init__(self, scene: _Scene) -> None:
+        parts, pairs = scene.geometry.geometryObjects, scene.geometry.collisionPairs
+        first, second = np.array([(pair.first, pair.second) for pair in pairs], dtype=int).reshape(-1, 2).T
+        self._shape, self._surfaces = first, sorted(set(second.tolist()))
+        self._surface_row = np.searchsorted(self._surfaces, second)
+        spheres = [bounding_sphere(part) for part in parts]
+        self._centres_m = np.array([centre for centre, _ in spheres])
+        self._radius_m = np.array([radius for _, radius in spheres])
+        self._boxes = [(parts[k].placement, _half_extents_m(parts[k].geometry)) for k in self._surfaces]
+        self._groups = np.array([scene.groups[pair.column] for pair in scene.pairs])
+        self._is_point = np.array([pair.role == "point" for pair in scene.pairs], dtype=bool)
+
+    def pairs_within(self, placed: pin.GeometryData, smallest_m: Mapping[str, float]) -> list[int]:
+        """Pairs that may be nearer than the smallest distance of all or of their group, and all contact points."""
+        centres_m = np.array([at.act(c) for at, c in zip(placed.oMg, self._centres_m, strict=True)])
+        to_surface_m = np.empty((len(self._boxes), len(centres_m)))
+        for row, (place, half_m) in enumerate(self._boxes):
+            beyond_m = np.maximum(np.abs((centres_m - place.translation) @ place.rotation) - half_m, 0.0)
+            to_surface_m[row] = np.sqrt((beyond_m * beyond_m).sum(axis=1))
+        gap_m = to_surface_m[self._surface_row, self._shape] - self._radius_m[self._shape]
+        limit_m = np.full(len(gap_m), smallest_m[""])
+        for of in ("leg", "arm"):
+            limit_m[self._groups == of] = max(smallest_m[""], smallest_m[of])
+        return np.flatnonzero((gap_m <= limit_m) | self._is_point).tolist()
+
+
+def _half_extents_m(shape: coal.CollisionGeometry) -> Float[np.ndarray, "3"]:
+    """Half the edges of the box around a shape, whose centre is that of its frame."""
+    shape.computeLocalAABB()
+    return np.asarray(0.5 * (shape.aabb_local.max_ - shape.aabb_local.min_))
 
 
 def _hand_sphere(robot: Robot, name: str, radius_m: float) -> pin.GeometryObject:

@@ -125,7 +125,7 @@ class CollisionPairs:
         parts = self._geometry.geometryObjects
         self._kinds, self.kind = tuple(kinds), np.array(kinds)
         self._shape_pairs = np.array(pairs).reshape(-1, 2)
-        self._spheres = [_bounding_sphere(part) for part in parts]
+        self._spheres = [bounding_sphere(part) for part in parts]
         self._radius_m = np.array([radius for _, radius in self._spheres])
         joints = self._joints = np.array([part.parentJoint for part in parts])[self._shape_pairs]
         self.sign, self.reach_m = PairLevers.of_pairs(robot.model, joints, self._shape_pairs, self._spheres)
@@ -222,7 +222,7 @@ def _above_wrist(robot: Robot, shape: int) -> bool:
     return robot.group.get(str(robot.model.names[joint])) == "arm" and joint not in wrists
 
 
-def _bounding_sphere(part: pin.GeometryObject) -> Sphere:
+def bounding_sphere(part: pin.GeometryObject) -> Sphere:
     """Bounding sphere of a shape in its own frame."""
     part.geometry.computeLocalAABB()
     return np.array(part.geometry.aabb_center), float(part.geometry.aabb_radius)

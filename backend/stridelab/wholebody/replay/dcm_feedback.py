@@ -79,12 +79,11 @@ class CapturePointFeedback:
             total_n = a.load_n + b.load_n
             # load shares of the first sole, the planned one first; ``rest`` is left to the soles themselves
             planned = a.load_n / total_n
-            share_limits = np.clip(
-                [planned - self.transfer, planned + self.transfer], _MIN_LOAD_SHARE, 1.0 - _MIN_LOAD_SHARE
+            least, most = (
+                min(max(planned + sign * self.transfer, _MIN_LOAD_SHARE), 1.0 - _MIN_LOAD_SHARE) for sign in (-1.0, 1.0)
             )
-            shares = np.append(
-                planned, np.linspace(min(share_limits[0], planned), max(share_limits[1], planned), _N_SHARES)
-            )
+            shares = np.empty(1 + _N_SHARES)
+            shares[0], shares[1:] = planned, np.linspace(min(least, planned), max(most, planned), _N_SHARES)
             sole_offset = (_pressure_m(a) - _pressure_m(b))[:2]
             rest = shift_m - (shares - planned)[:, None] * sole_offset
             shifts = [self._clip_to_sole(rest, sole, half_size_m[name]) for name, sole in soles.items()]
@@ -100,7 +99,7 @@ class CapturePointFeedback:
         """Clip shifts ``(..., 2)`` in world axes to the sole; the result is in its contact frame."""
         half = np.array(half_size_m) - self.edge_m
         low, high = np.minimum(-half - sole.pressure_m, 0.0), np.maximum(half - sole.pressure_m, 0.0)
-        return np.asarray(np.clip(shift_m @ sole.rotation[:2, :2], low, high))
+        return np.asarray(np.minimum(np.maximum(shift_m @ sole.rotation[:2, :2], low), high))
 
 
 def _pressure_m(sole: Sole) -> Vector3:

@@ -18,12 +18,14 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Vector3
+from stridelab.dynamics.spatial import length_of
 from stridelab.wholebody.limb_kinematics import LimbKinematics
 from stridelab.wholebody.replay.dcm_feedback import Shift
 from stridelab.wholebody.replay.sensors import SensedState
 
 _DAMPING = 1e-4
 """Damping (m^2) of the leg's Jacobian inverse, for straight knees."""
+_DAMPED = _DAMPING * np.eye(6)
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,7 @@ class FootAdaptation:
         self._landed: dict[str, Vector3] = {}
         self._since: dict[str, float] = {}
         self._sought_m: dict[str, float] = dict.fromkeys(soles, 0.0)
+        self._error = np.zeros(6)
 
     def angles_rad(
         self,
@@ -73,18 +76,18 @@ class FootAdaptation:
             step = self._desired_offset_m(name, swung, measured) - self._offsets_m[name]
             aside = bool(beside[name].any()) and name not in self._landed
             most_m = (f.aside_m_s if aside else f.rate_m_s) * self._dt_s
-            length = float(np.linalg.norm(step))
+            length = length_of(step)
             self._offsets_m[name] = self._offsets_m[name] + step * min(1.0, most_m / max(length, 1e-12))
             J = self._kinematics.limb_jacobian(name)
-            e = np.concatenate([self._offsets_m[name], np.zeros(3)])
-            angles[self._kinematics.limb[name]] += J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(6), e)
+            self._error[:3] = self._offsets_m[name]
+            angles[self._kinematics.limb[name]] += J.T @ np.linalg.solve(J @ J.T + _DAMPED, self._error)
         return angles
 
     def _desired_offset_m(self, name: str, progress: float, measured: SensedState) -> Vector3:
         """Desired offset of the foot from the plan, relative to the planned base (world axes)."""
         f, planned_m = self._footing, self._kinematics.contact_placement(name).position_m
         target_m = planned_m + np.array([*self._beside[name], 0.0])
-        loaded = float(np.linalg.norm(measured.forces_n[name])) > f.loaded_n
+        loaded = length_of(measured.forces_n[name]) > f.loaded_n
         if progress < f.may_land:
             self._landed.pop(name, None)
             self._sought_m[name] = 0.0
@@ -102,5 +105,5 @@ class FootAdaptation:
         )
 
     def _limited_offset_m(self, off_m: Vector3) -> Vector3:
-        length = float(np.linalg.norm(off_m))
+        length = length_of(off_m)
         return np.asarray(off_m * min(1.0, self._footing.most_m / max(length, 1e-12)))

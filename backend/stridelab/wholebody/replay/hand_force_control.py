@@ -17,7 +17,8 @@ surface the search ends at ``delta_max`` without a force on the body. Along the 
 its landing position, and moves one without contact to its planned world position despite errors of the base, as for
 swinging feet. The landing position is that of the first
 contact until contact is lost for longer than ``lost_s``: tracking the current position instead would let the hand slide
-on, and a lightly loaded one creeps up its wall by repeatedly losing and regaining contact.
+on, and a lightly loaded one creeps up its wall by repeatedly losing and regaining contact. The added force changes at
+a limited rate, except that it ends at once where the planned force rises and takes its place.
 
 A hand that has lost its rail must not hook under it. The planned force is removed immediately, as it would press the
 hand down beside the rail; if contact is not regained, the hand is lifted while it is beside its position, and then
@@ -138,9 +139,12 @@ class _Hand:
             self._landed_m = None
         elif self._landed_m is None:
             self._landed_m = beside_m
+        missing_n = -(reference_n - float(planned_n @ n)) * n
+        if in_contact and float(self.added_n @ n) < float(missing_n @ n):
+            self.added_n = missing_n
         self._approach_targets(
             _tangential_component(home_m, n) if self._landed_m is None else self._landed_m,
-            -(reference_n - float(planned_n @ n)) * n if in_contact else planned_n,
+            missing_n if in_contact else planned_n,
         )
         if lost and float(np.linalg.norm(beside_m)) > g.beside_m:
             rate_m_s = -g.lift_m_s

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.contacts.swing import HAND_RETREAT_M
 from stridelab.conventions import Series, Vector3
+from stridelab.dynamics.spatial import length_of
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.effector_contact import OwnSurfaces
 from stridelab.wholebody.replay.simulation import Simulation
@@ -259,19 +260,19 @@ class ReplayLog:
         for name, force in forces.items():
             self._forces_n[name].append(force)
             if self._robot.effectors[name].kind == "surface":
-                self._record_sole(simulation, name, planned.get(name), float(np.linalg.norm(force)))
+                self._record_sole(simulation, name, planned.get(name), length_of(force))
             elif name in planned:
-                force_n = float(np.linalg.norm(force))
+                force_n = length_of(force)
                 self._hand_n.append(force_n)
                 away_m = simulation.contact_placement(name).position_m - planned[name].placement.position_m
-                in_place = name in in_contact and force_n > LOADED_N and float(np.linalg.norm(away_m)) < HAND_RETREAT_M
+                in_place = name in in_contact and force_n > LOADED_N and length_of(away_m) < HAND_RETREAT_M
                 self._in_place.setdefault(name, []).append(in_place)
 
     def _record_recovery(self, simulation: Simulation, time_s: float, forces_n: Mapping[str, Vector3]) -> None:
         """Slip of the soles since they were loaded, and hands that touch anything."""
         for name, force_n in forces_n.items():
             self._forces_n[name].append(force_n)
-            is_loaded = float(np.linalg.norm(force_n)) > LOADED_N
+            is_loaded = length_of(force_n) > LOADED_N
             if self._robot.effectors[name].kind == "surface":
                 position_m = simulation.contact_placement(name).position_m
                 if is_loaded:
@@ -317,7 +318,7 @@ class ReplayLog:
             if name not in self._landed:
                 self._landed[name] = position_m
                 self._landings_m.append(float(np.linalg.norm(position_m - planned.placement.position_m)))
-            self._slips_m.append(float(np.linalg.norm(position_m - self._landed[name])))
+            self._slips_m.append(length_of(position_m - self._landed[name]))
 
     def trim_samples(self, most: int) -> None:
         """Forget all samples but the last ``most``; collisions and the largest slip go back as far as before."""

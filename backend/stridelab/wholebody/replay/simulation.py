@@ -38,6 +38,11 @@ class Simulation:
         self.strained_joint = 0
         self._measured: tuple[dict[str, Float[np.ndarray, "6"]], tuple[GeomContact, ...]] | None = None
         self._root = 1  # the robot's first body; 0 is the world
+        self._command_nm = np.zeros(built.model.nu)
+        self._moving_limit_nm = built.torque_limit_nm[built.moving_actuator]
+        self._coordinates: tuple[Float[np.ndarray, "nq"], Float[np.ndarray, "nv"]] | None = None
+        self._placements: dict[str, Placement] = {}
+        self._com_state: tuple[Vector3, Vector3] | None = None
         x, y, z, w = q[3:7]
         self._data.qpos[:7] = [*q[:3], w, x, y, z]
         self._data.qpos[built.moving_qpos] = q[7:]
@@ -58,12 +63,12 @@ class Simulation:
     @property
     def joints_rad(self) -> Float[np.ndarray, "na"]:
         """Angles of the moving joints."""
-        return np.array(self._data.qpos[self.built.moving_qpos])
+        return np.asarray(self._data.qpos[self.built.moving_qpos])
 
     @property
     def joint_rates_rad_s(self) -> Float[np.ndarray, "na"]:
         """Rates of the moving joints."""
-        return np.array(self._data.qvel[self.built.moving_dof])
+        return np.asarray(self._data.qvel[self.built.moving_dof])
 
     def locked_torques_nm(self, stiffness: float, damping: float) -> Float[np.ndarray, "nl"]:
         """Torques that hold the locked joints at their angles."""
@@ -73,21 +78,20 @@ class Simulation:
 
     def step(self, moving_nm: Float[np.ndarray, "na"], locked_nm: Float[np.ndarray, "nl"]) -> float:
         """One step under torques clipped at the limits; returns the largest ratio of commanded torque and limit."""
-        u = np.zeros(self._model.nu)
+        u, limit = self._command_nm, self.built.torque_limit_nm
         u[self.built.moving_actuator] = moving_nm
         u[self.built.locked_actuator] = locked_nm
-        limit = self.built.torque_limit_nm
-        self._data.ctrl[:] = np.clip(u, -limit, limit)
+        np.minimum(np.maximum(u, -limit), limit, out=self._data.ctrl)
         if self._refreshed:  # derived quantities and contacts are already up to date
             mujoco.mj_step2(self._model, self._data)
         else:
             mujoco.mj_step(self._model, self._data)
-        self._measured, self._refreshed = None, False
-        geoms = self._data.contact.geom[: self._data.ncon]
-        is_body = self._is_body[geoms].any(axis=1)
-        self.body_contacts = tuple(map(self._geom_contact, np.flatnonzero(is_body).tolist())) if is_body.any() else ()
-        ratios = np.abs(moving_nm) / limit[self.built.moving_actuator]
-        self.strained_joint = int(np.argmax(ratios))
+        self._forget_measurements(refreshed=False)
+        is_body = self._is_body[self._data.contact.geom[: self._data.ncon]]
+        touching = np.flatnonzero(is_body.any(axis=1)).tolist() if is_body.any() else ()
+        self.body_contacts = tuple(map(self._geom_contact, touching))
+        ratios = np.abs(moving_nm) / self._moving_limit_nm
+        self.strained_joint = int(ratios.argmax())
         return float(ratios[self.strained_joint])
 
     def apply_forces(self, forces: Sequence[tuple[int, Vector3]]) -> None:
@@ -103,7 +107,7 @@ class Simulation:
         A step ends with the integration; without a refresh, derived quantities are those before it.
         """
         mujoco.mj_forward(self._model, self._data)
-        self._measured, self._refreshed = None, True
+        self._forget_measurements(refreshed=True)
 
     def save_state(self) -> Float[np.ndarray, "k"]:
         """Everything that the next steps depend on, apart from the model, as one array."""
@@ -120,22 +124,29 @@ class Simulation:
 
     def com_state(self) -> tuple[Vector3, Vector3]:
         """Position (m) and velocity (m/s) of the centre of mass."""
-        mujoco.mj_subtreeVel(self._model, self._data)
-        return np.array(self._data.subtree_com[self._root]), np.array(self._data.subtree_linvel[self._root])
+        if self._com_state is None:
+            mujoco.mj_subtreeVel(self._model, self._data)
+            data, root = self._data, self._root
+            self._com_state = np.array(data.subtree_com[root]), np.array(data.subtree_linvel[root])
+        return self._com_state
 
     def coordinates(self) -> tuple[Float[np.ndarray, "nq"], Float[np.ndarray, "nv"]]:
         """``q`` and ``v`` of the robot's reduced model."""
-        d = self._data
-        w, x, y, z = d.qpos[3:7]
-        R = d.xmat[self._root].reshape(3, 3)
-        q = np.concatenate([d.qpos[:3], [x, y, z, w], self.joints_rad])
-        return q, np.concatenate([R.T @ d.qvel[:3], d.qvel[3:6], self.joint_rates_rad_s])
+        if self._coordinates is None:
+            d = self._data
+            w, x, y, z = d.qpos[3:7]
+            R = d.xmat[self._root].reshape(3, 3)
+            q = np.concatenate([d.qpos[:3], [x, y, z, w], self.joints_rad])
+            self._coordinates = q, np.concatenate([R.T @ d.qvel[:3], d.qvel[3:6], self.joint_rates_rad_s])
+        return self._coordinates
 
     def contact_placement(self, effector: str) -> Placement:
         """Placement of an effector's contact frame."""
-        body = self.built.body[effector]
-        T_world_body = Placement(np.array(self._data.xpos[body]), self._data.xmat[body].reshape(3, 3).copy())
-        return T_world_body @ self.built.T_body_contact[effector]
+        if effector not in self._placements:
+            body = self.built.body[effector]
+            T_world_body = Placement(np.array(self._data.xpos[body]), self._data.xmat[body].reshape(3, 3).copy())
+            self._placements[effector] = T_world_body @ self.built.T_body_contact[effector]
+        return self._placements[effector]
 
     def forces_n(self) -> dict[str, Vector3]:
         """World-frame force of the environment on every effector."""
@@ -167,6 +178,11 @@ class Simulation:
                         contacts.append(GeomContact(geom, other, math.sqrt(float(force @ force))))
             self._measured = wrenches, tuple(contacts)
         return self._measured
+
+    def _forget_measurements(self, *, refreshed: bool) -> None:
+        """The state has changed; whether derived quantities are ``refreshed`` already."""
+        self._measured, self._coordinates, self._com_state, self._refreshed = None, None, None, refreshed
+        self._placements.clear()
 
     def _geom_contact(self, k: int) -> GeomContact:
         """Contact k of the last step."""

@@ -108,7 +108,7 @@ class StabiliserRun:
         soles = {name: self._planned_sole(name, c, i) for name, c in contacts.items() if name in self._ankles}
         if not soles:
             return tau
-        ground_m = float(np.mean([sole.position_m[2] for sole in soles.values()]))
+        ground_m = sum(float(sole.position_m[2]) for sole in soles.values()) / len(soles)
         w = pendulum_rate(float(measured.com_m[2]) - ground_m)
         margins, ended = self._capturable, i == len(motion.time_s) - 1
         capture_m = measured.com_m[:2] + measured.com_v_m_s[:2] / w
@@ -117,7 +117,7 @@ class StabiliserRun:
         hand_shift_m = 0.0 if grip is None or not any(name in contacts for name in self._hands) else grip.pressure_m
         pace.update_rate(capture_m, soles_m, progress, hand_shift_m)
         # while the clock pauses, the reference is rest at the capture point, from which the plan can continue
-        pause_share = 0.0 if ended else 1.0 - float(np.clip(pace.rate, 0.0, 1.0))
+        pause_share = 0.0 if ended else 1.0 - min(max(pace.rate, 0.0), 1.0)
         reference_m = motion.com_reference_m[i, :2] if ended else margins.capture_m[i]
         off_m = pace.reference_off_m
         body_m = off_m + pause_share * (reference_m - motion.com_reference_m[i, :2])
@@ -125,7 +125,7 @@ class StabiliserRun:
         xi_m = capture_m - reference_m - off_m
         pause_shift_m = pause_share * (margins.capture_m[i] - margins.pressure_m[i])
         limit = capture.integral_m / max(capture.integral_gain, 1e-9)
-        self._integral_m = np.clip(self._integral_m + w * self._dt_s * xi_m, -limit, limit)
+        self._integral_m = np.minimum(np.maximum(self._integral_m + w * self._dt_s * xi_m, -limit), limit)
         half = {name: self._ankles[name].half_size_m for name in soles}
         shifts, transferred = capture.distribute_shift(
             capture.shift_m(xi_m, self._integral_m) + pause_shift_m, soles, half

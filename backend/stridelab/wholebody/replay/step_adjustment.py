@@ -101,14 +101,15 @@ class AdaptiveClock:
         for name in swinging:
             if progress[name] < by.fixed_from:
                 self.off_m[name] = np.zeros(2)
-        e = capture_m - self._margins.capture_m[i] - self.reference_off_m
+        reference_off_m = self.reference_off_m
+        e = capture_m - self._margins.capture_m[i] - reference_off_m
         error_along = self._margins.directions[i] @ e
         excess = np.where(error_along > by.least_m, error_along - by.share * self._margins.reach_m[i], 0.0)
         self.excess_m = float(excess.max())
         if self.excess_m > 0.0 and not swinging:
             target_rate = float(not self._can_pause(i))
             if target_rate == 0.0 and not self._delay_exhausted:
-                beyond_m = self._margins.directions[i] @ (capture_m - self.reference_off_m)
+                beyond_m = self._margins.directions[i] @ (capture_m - reference_off_m)
                 self.excess_m = max(0.0, float((beyond_m - self._margins.capture_edge_m[i]).max()))
         elif excess[1::2].max() > 0.0 and len(swinging) == 1 and len(progress) == 2:
             (name,) = swinging
@@ -119,12 +120,12 @@ class AdaptiveClock:
         if self._delay_exhausted:
             target_rate = max(target_rate, 1.0)
         step = by.slew_per_s * self._dt_s
-        self.rate += float(np.clip(target_rate - self.rate, -step, step))
+        self.rate += min(max(target_rate - self.rate, -step), step)
 
     def advance(self) -> None:
         """Advance by one sample."""
         self._lost_s += max(0.0, 1.0 - self.rate) * self._dt_s
-        self.sample = float(np.clip(self.sample + self.rate, 0.0, self._last))
+        self.sample = min(max(self.sample + self.rate, 0.0), float(self._last))
 
     @property
     def _delay_exhausted(self) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Angles, Vector3
+from stridelab.dynamics.spatial import length_of
 from stridelab.errors import InvalidInput
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -130,7 +131,7 @@ class ReplayStepper:
         """Begin the recovery anew on the loaded soles, so that a robot at rest goes on standing."""
         if self._physics.recovery is None or self._legs is None:
             return
-        measured = self._observe(self._sensors.read_state(self.time_s))
+        measured = self.measured_state()
         contacts = {name: one for phase in self._sequence.phases for name, one in phase.contacts.items()}
         soles = {name: contacts[name] for name in self._legs.side if name in contacts}
         self.recovering = RecoveryRun(
@@ -145,20 +146,25 @@ class ReplayStepper:
         if not isinstance(self.recovering, WalkRun):
             if self._physics.recovery is None or self._legs is None or self.stabilising is None:
                 raise InvalidInput("robot-cannot-steer", "Only a robot that walks on two soles can be steered.")
-            measured = self._observe(self._sensors.read_state(self.time_s))
+            measured = self.measured_state()
             self.recovering = WalkRun(*self._recovery_arguments(self._physics.recovery, self._legs, measured))
         self.recovering.command = command
 
-    def resume_plan(self, resume: Resume) -> bool:
+    def measured_state(self) -> SensedState:
+        """What the sensors and the state estimator say now."""
+        return self._observe(self._sensors.read_state(self.time_s))
+
+    def resume_plan(self, resume: Resume, *, limited: bool = True) -> bool:
         """Go on to where the plan ends, from where the recovery rests; the robot stands still while it plans.
 
-        Returns False where that is not possible; ``LeftPlan.not_resumed`` says why.
+        Returns False where that is not possible; ``LeftPlan.not_resumed`` says why. With ``limited``, at most
+        ``MAX_RESUMPTIONS`` times.
         """
         if self.recovering is None or self._left is None or self._physics.stabiliser is None:
             return False
-        measured = self._observe(self._sensors.read_state(self.time_s))
+        measured = self.measured_state()
         found: Resumption | NotResumed = NotResumed(f"the plan was resumed {MAX_RESUMPTIONS} times already")
-        if self._resumptions < MAX_RESUMPTIONS:
+        if not limited or self._resumptions < MAX_RESUMPTIONS:
             found = resume(self.plan_time_s, measured)
         if isinstance(found, NotResumed):
             self._left = replace(self._left, not_resumed=found.reason)
@@ -194,7 +200,7 @@ class ReplayStepper:
             q_target, forward = q_target + off_rad, forward + off_nm
         command = None
         if self.stabilising is not None:
-            measured = self._observe(self._sensors.read_state(self.time_s))
+            measured = self.measured_state()
             if self.recovering is None:
                 angles, added = self.stabilising.compute_corrections(measured)
                 q_target, forward = q_target + angles, forward + added
@@ -210,7 +216,7 @@ class ReplayStepper:
             self._pace.advance()
         self.samples, self._hold_samples = self.samples + 1, self._hold_samples + int(i == self._last_sample)
         com_m, _ = simulation.com_state()
-        error_m = float(np.linalg.norm(com_m - motion.com_reference_m[self._pace.sample_index]))
+        error_m = length_of(com_m - motion.com_reference_m[self._pace.sample_index])
         left = self.recovering is not None
         times_s = self.time_s, self.plan_time_s, float(self.motion.time_s[self._pace.sample_index])
         self.log.record_sample(simulation, times_s, com_m, error_m, left)

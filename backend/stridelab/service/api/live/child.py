@@ -11,9 +11,10 @@ from typing import Any, Final
 from stridelab.errors import InvalidInput
 from stridelab.pipelines.commission_robot import foot_places_m, scaled_walk
 from stridelab.pipelines.live.live_replay import LiveReplay
-from stridelab.pipelines.plan_motion import plan_motion, stage_shares
+from stridelab.pipelines.plan_motion import plan_motion, plan_scenario_motion, stage_shares
 from stridelab.pipelines.plan_problem import load_densities
 from stridelab.pipelines.progress import ProgressCallback, Stages
+from stridelab.pipelines.replays.resume_plan import PlanResumer
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.live.messages import LIVE_COMMAND, LivePush, LiveRobot, LiveSet, LiveSteer
@@ -62,7 +63,8 @@ class LiveSimulation:
         if result.motion is None or result.certificate is None:
             raise AssertionError("a plan with a whole body that did not stop has a certificate")
         progress(1.0, "building the simulation")
-        self._replay = LiveReplay(result.robot, result.motion, load_densities(result.robot, DEFAULT_MEASURE))
+        resume = PlanResumer(result.motion.sequence, plan_scenario_motion)
+        self._replay = LiveReplay(result.robot, result.motion, load_densities(result.robot, DEFAULT_MEASURE), resume)
         legs = LegGeometry.of_robot(result.robot)
         if legs is not None and asked["velocity"] is not None:
             ahead_m_s, left_m_s, turn_rad_s = asked["velocity"]

@@ -40,7 +40,7 @@ def write_imitation(folder: Path, result: ImitationResult, progress: ProgressCal
         *write_table(folder, "comparison", comparison_columns(result), about),
         *write_table(folder, "curves", result.curves, about),
         *write_plan(folder, plan.plan),
-        *write_motion(folder, plan.robot, result.motion, None, progress),
+        *write_motion(folder, plan.robot, result.motion),
         *write_replay(folder, plan.robot, result.motion, result.replay),
     )
 

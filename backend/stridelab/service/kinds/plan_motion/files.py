@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from jaxtyping import Int
 from pydantic import BaseModel
 
 from stridelab.centroidal.plan import CentroidalPlan
@@ -61,21 +62,13 @@ def write_plan(folder: Path, plan: CentroidalPlan) -> tuple[ArtifactFile, ...]:
     return *nodes, *write_table(folder, "iterations", iteration_columns(attempts), about)
 
 
-def write_motion(
-    folder: Path,
-    robot: Robot,
-    motion: WholeBodyMotion,
-    film: Film | None,
-    progress: ProgressCallback,
-) -> tuple[ArtifactFile, ...]:
-    """Write the tracks for viewers, the motion as tables and arrays, the trajectory, the player and the video."""
+def write_motion(folder: Path, robot: Robot, motion: WholeBodyMotion) -> tuple[ArtifactFile, ...]:
+    """Write the tracks for viewers, the motion as tables and arrays, the trajectory, the recording and the player."""
     sequence = motion.sequence
-    progress(0.1, "placing the links")
     frames = display_frames(len(motion.time_s), motion.rate_hz)
     shown = DisplayTracks(display_poses(robot, motion.q[frames]), display_forces(motion, frames))
     effectors = tuple(motion.forces_n)
     display = write_display(folder, robot.name, link_names(robot), effectors, motion.time_s[frames], shown)
-    progress(0.3, "writing the motion")
     limits_nm = np.asarray(robot.model.effortLimit)[6:]
     about = _provenance_of(sequence.name, robot.name) | {"rate_hz": motion.rate_hz}
     tables = (
@@ -84,18 +77,28 @@ def write_motion(
     )
     arrays = write_arrays(folder / "motion.npz", motion_arrays(robot, motion))
     trajectory = write_trajectory(folder, robot, motion)
-    progress(0.5, "recording it for viser")
-    links = link_meshes(robot)
-    lasts_s = float(motion.time_s[-1] - motion.time_s[0])
-    every = max(1, round((len(frames) - 1) / lasts_s / RECORDING_HZ)) if lasts_s > 0.0 else 1
-    recording = record_scene(sequence.terrain, links, shown.poses[::every], RECORDING_HZ)
+    filmed = shown.poses[:: _film_stride(motion, frames)]
+    recording = record_scene(sequence.terrain, link_meshes(robot), filmed, RECORDING_HZ)
     write_atomically(folder / RECORDING_FILE, lambda path: path.write_bytes(recording))
     write_text_atomically(folder / PAGE_FILE, player_page(recording))
     shutil.copyfile(Path(__file__).with_name(PLAYER), folder / PLAYER)
     player = [ArtifactFile(RECORDING_FILE, RAW), ArtifactFile(PAGE_FILE, HTML), ArtifactFile(PLAYER, PYTHON)]
-    if film is not None:
-        player.append(write_film(folder, film, sequence.terrain, links, shown.poses[::every], RECORDING_HZ, progress))
     return (*display, *tables, arrays, *trajectory, *player)
+
+
+def write_motion_film(
+    folder: Path, robot: Robot, motion: WholeBodyMotion, film: Film, progress: ProgressCallback
+) -> ArtifactFile:
+    """``motion.gif`` or ``motion.mp4``. Raises ``NotEstimable`` (``film-failed``) with ffmpeg's last message."""
+    frames = display_frames(len(motion.time_s), motion.rate_hz)
+    filmed = display_poses(robot, motion.q[frames[:: _film_stride(motion, frames)]])
+    return write_film(folder, film, motion.sequence.terrain, link_meshes(robot), filmed, RECORDING_HZ, progress)
+
+
+def _film_stride(motion: WholeBodyMotion, frames: Int[np.ndarray, "f"]) -> int:
+    """Every how many of ``frames`` there is one of the recording and of a film."""
+    lasts_s = float(motion.time_s[-1] - motion.time_s[0])
+    return max(1, round((len(frames) - 1) / lasts_s / RECORDING_HZ)) if lasts_s > 0.0 else 1
 
 
 def write_replay(folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "Replay") -> tuple[ArtifactFile, ...]:
@@ -110,6 +113,13 @@ def write_replay(folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "R
     arrays = {"time_s": replay.time_s, "q": replay.q, "v": replay.v, **forces}
     tables = write_table(folder, "replay", replay_columns(replay), {})
     return *add_replay_tracks(folder, replayed), write_arrays(folder / "replay.npz", arrays), *tables
+
+
+def write_mcap(folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "Replay | None") -> ArtifactFile:
+    """``motion.mcap``, a log for Foxglove and Rerun."""
+    from stridelab.service.kinds.plan_motion.motion_log import write_motion_log  # 40 modules for an option
+
+    return write_motion_log(folder, robot, motion, replay)
 
 
 def write_json(folder: Path, name: str, value: BaseModel) -> ArtifactFile:

@@ -182,7 +182,7 @@ function drawFrame(frame) {
   const doing = {
     plan: planned,
     steered: `walks as steered${steps}`,
-    recovery: `steps to stay upright${steps}`,
+    recovery: recoveryText(frame) + steps,
     fallen: "fallen",
   };
   fact("doing", doing[frame.doing]);
@@ -190,6 +190,11 @@ function drawFrame(frame) {
   root.dataset.shown = String(frame.time_s);
   root.dataset.doing = frame.doing;
   if (frame.push) root.dataset.pushed = String(frame.push.number);
+}
+
+function recoveryText(frame) {
+  if (frame.is_planning) return "stands and plans its way on";
+  return frame.not_resumed ? `stands, its plan does not go on (${frame.not_resumed})` : "steps to stay upright";
 }
 
 function velocityText([ahead, left, turn]) {
