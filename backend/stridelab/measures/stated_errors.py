@@ -10,6 +10,7 @@ steps in which all force is measured, for the others, where the velocity follows
 markers alone. Of the last, the sideways margins are those of people (``MARKERS_ALONE_SD``), whose skin moves.
 """
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
@@ -74,7 +75,7 @@ def calibrate_errors(motion: WalkMotion, steps: Sequence[GaitStep], measures: It
 
 def is_measured(motion: WalkMotion, step: GaitStep, measure: Measure) -> bool:
     """Whether all force is measured throughout the step (or stride, or stance) that ``measure`` is of."""
-    if motion.covariance is None:
+    if motion.covariance is None or not math.isfinite(step.period_s):
         return False
     if measure.name.startswith("limb_"):
         return measure.sd is not None and measure.sd < MEASURED_WORK_SD_J_KG

@@ -97,14 +97,20 @@ class Contact:
 
 
 def find_contacts(
-    recording: Recording, landmarks: Mapping[str, str], *, latency_s: float = 0.0, plates: bool = True
+    recording: Recording,
+    landmarks: Mapping[str, str],
+    *,
+    latency_s: float = 0.0,
+    plates: bool = True,
+    feet: Sequence[Foot] | None = None,
 ) -> tuple[Contact, ...]:
     """All contacts of both feet in order of time; empty if the feet are not marked.
 
     ``latency_s`` > 0 is the delay of the force; plate events are converted to the markers' clock. ``plates`` False uses
-    the markers only, for validation.
+    the markers only: for validation, and if ``feet`` is the only marked one, since the other may load a plate as well.
     """
-    feet = find_feet(recording, landmarks)
+    if feet is None:
+        feet = find_feet(recording, landmarks)
     if not feet:
         return ()
     by_markers = {foot.side: contacts_of_foot(recording, landmarks, foot) for foot in feet}
