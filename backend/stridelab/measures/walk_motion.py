@@ -58,8 +58,8 @@ class WalkMotion:
     changes within a step. ``momentum_per_kg`` is the angular momentum of the segments about the CoM per kilogram of
     body mass, as point masses, in m^2/s; NaN where a segment is hidden. ``frame`` has the axes of the walk as rows, and
     ``origin_m`` is their origin in the world frame, which moves with the belt of a treadmill. ``by_markers``: the CoM
-    is that of the markers alone, whose ``covariance`` is the same everywhere. ``height_sd_m`` is the error of the height
-    that is the same in the whole recording, that of the segment table.
+    is that of the markers alone, whose ``covariance`` is the same everywhere. ``height_sd_m`` is the error of the
+    height that is the same in the whole recording, that of the segment table.
     """
 
     time_s: Series
