@@ -40,6 +40,7 @@ from stridelab.measures import (
     spatiotemporal,
 )
 from stridelab.measures.energy_exchange import step_energies
+from stridelab.measures.rolling_wheel import rolling_wheel
 from stridelab.pipelines.gait_measures import measure_recording
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.foot_contact import find_feet, foot_outline
@@ -183,6 +184,7 @@ def true_measures(walk: Walk, seed: int) -> tuple[Sequence[GaitStep], Sequence[M
         *margins_of_stability(whole, steps),
         *energy_exchange(whole, steps),
         *step_energies(whole, steps),
+        *rolling_wheel(whole, steps),
         *angular_momentum_ranges(whole, steps),
         *limb_work(whole, contacts, steps),
     )

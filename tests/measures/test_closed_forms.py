@@ -16,16 +16,20 @@ from stridelab.measures import (
     foot_placement,
     limb_work,
     margins_of_stability,
+    rolling_wheel,
     spatiotemporal,
     summarise,
     symmetry_index,
 )
 from stridelab.measures.energy_exchange import STEP_ERRORS, step_energies
+from stridelab.measures.rolling_wheel import CORRELATION_S, VERTICAL_SHARE, wheel_sd
 from stridelab.measures.spatiotemporal import timing_sd
 from stridelab.measures.stated_errors import FACTORS, calibrate_errors
 from stridelab.measures.walk_motion import MARKER_SD_M
 from stridelab.recordings.recording import Side
+from stridelab.walking.curtate_cycloid import Wheel
 from stridelab.walking.gait_events import Contact, EventError
+from stridelab.walking.path_fit import fit_path
 from support.recordings.analytic_motions import (
     FOOT_M,
     HALF_BREADTH_M,
@@ -223,6 +227,50 @@ def test_a_linear_law_of_foot_placement_is_recovered() -> None:
     assert law["foot_placement_gain_velocity"] == pytest.approx(0.2, abs=1e-6)
     assert law["foot_placement_residual"] == pytest.approx(0.0, abs=1e-6)
     assert foot_placement([(swaying, plain_steps(8))]) == []
+
+
+def test_a_cycloid_has_the_radii_the_height_and_the_speed_of_its_wheel() -> None:
+    """One turn per step; the height of the hub has the error of the height beside that of the fit."""
+    plain = plain_walk()
+    wheel = Wheel(R_m=STEP_M / (2.0 * math.pi), r_m=0.02, z0_m=HEIGHT_M, x0_m=0.0)
+    theta = 2.0 * math.pi * (plain.time_s / STEP_S + 0.3)
+    path = wheel.position_m(theta)
+    com = np.column_stack([path[:, 0], np.zeros(len(path)), path[:, 1]])
+    covariance = np.broadcast_to(np.diag([1e-6, 1e-4]), (len(plain.time_s), 3, 2, 2))
+    motion = replace(plain, com_m=com, covariance=covariance, varying_sd_m=0.003, height_sd_m=0.02)
+    measures = rolling_wheel(motion, plain_steps())
+    truth = {
+        "cycloid_wheel_radius": wheel.R_m,
+        "cycloid_point_radius": 0.02,
+        "cycloid_hub_height": HEIGHT_M,
+        "cycloid_angular_speed": 2.0 * math.pi / STEP_S,
+    }
+    for name, value in truth.items():
+        given = values(measures, name)
+        assert len(given) == STEPS_IN_WALK
+        assert given == pytest.approx([value] * STEPS_IN_WALK, rel=1e-4)
+    heights = [one.sd for one in measures if one.name == "cycloid_hub_height"]
+    assert heights == pytest.approx([0.02] * STEPS_IN_WALK, rel=0.01)
+    assert all(one.sd is None for one in rolling_wheel(replace(motion, covariance=None), plain_steps()))
+    assert rolling_wheel(plain, plain_steps()) == [], "a straight line is no wheel"
+
+
+def test_the_errors_of_a_wheel_hold_for_errors_of_the_path_that_are_correlated_in_time() -> None:
+    """Fits of 150 drawn paths: the scatter of each parameter is the stated deviation within four of its own errors."""
+    rng = np.random.default_rng(5)
+    time_s = np.arange(0.0, STEP_S, 0.01)
+    theta = 2.0 * math.pi * (time_s / STEP_S - 0.5)
+    exact = Wheel(R_m=0.11, r_m=0.02, z0_m=1.0, x0_m=0.0).position_m(theta)
+    sd_m, n = 0.0005, 150
+    root = np.linalg.cholesky(np.exp(-np.abs(time_s[:, None] - time_s) / CORRELATION_S))
+    rows = []
+    for _ in range(n):
+        error = sd_m * (root @ rng.standard_normal((len(time_s), 2))) * [1.0, VERTICAL_SHARE]
+        fit = fit_path(time_s, exact + error, STEP_S)
+        omega = np.polyfit(time_s, fit.theta_rad, 1)[0]
+        rows.append([fit.wheel.R_m, fit.wheel.r_m, fit.wheel.z0_m, omega])
+    ratios = np.std(rows, axis=0) / wheel_sd(time_s, fit_path(time_s, exact, STEP_S), sd_m)
+    assert np.abs(ratios - 1.0).max() < 4.0 / math.sqrt(2 * n)
 
 
 def test_an_error_common_to_two_strikes_drops_out_of_the_time_between_them() -> None:

@@ -64,12 +64,44 @@ def test_one_foot_on_a_plate_has_no_work_of_the_other_leg(tmp_path: Path, walk: 
     assert next(one for one in summary.measures if one.name == "walking_speed").mean > 0.5
 
 
-def test_a_side_without_markers_is_refused_with_what_is_missing(tmp_path: Path, walk: Recording) -> None:
-    left = {f"L_{name}" for name in FOOT_LABELS}
-    markers = {label: track for label, track in walk.markers_m.items() if label not in left}
-    message = refused(tmp_path, replace(walk, markers_m=markers))
+def without_foot(walk: Recording, *sides: str) -> Recording:
+    hidden = {f"{side}_{name}" for side in sides for name in FOOT_LABELS}
+    return replace(walk, markers_m={label: track for label, track in walk.markers_m.items() if label not in hidden})
+
+
+def test_a_side_without_markers_leaves_the_strides_and_margins_of_the_other(tmp_path: Path, walk: Recording) -> None:
+    whole = measures(tmp_path, replace(walk, plates=()))
+    summary = measures(tmp_path, without_foot(replace(walk, plates=()), "L"))
+    missing = reasons(summary)
+    assert summary.sides == {"left": 0, "right": 3}
+    assert {one.side for one in summary.measures} == {None, "right"}
+    assert any(one.code == "one-foot-marked" and "Only the right foot" in one.message for one in summary.warnings)
+    for name in ("step_length", "step_width", "step_time", "margin_of_stability_ml_min", "limb_work_right_positive"):
+        assert missing[name].startswith("one-foot-marked: Only the right foot is marked")
+    values = {one.name: one.mean for one in summary.measures if one.side == "right"}
+    both = {one.name: one.mean for one in whole.measures if one.side == "right"}
+    assert values["stride_time"] == pytest.approx(both["stride_time"], abs=0.005)
+    assert values["stride_length"] == pytest.approx(both["stride_length"], abs=0.01)
+    assert values["walking_speed"] == pytest.approx(both["walking_speed"], abs=0.02)
+    for name in ("margin_of_stability_ml_contact", "margin_of_stability_ap_contact"):
+        assert values[name] == pytest.approx(both[name], abs=0.006)
+
+
+def test_without_markers_on_both_feet_a_walk_is_refused(tmp_path: Path, walk: Recording) -> None:
+    message = refused(tmp_path, without_foot(walk, "L", "R"))
     assert "feet-not-marked" in message
     assert "both feet" in message
+
+
+def test_a_marked_cane_is_remarked_on_and_support_that_no_plate_sees_is_named(tmp_path: Path, walk: Recording) -> None:
+    cane = {"person:LCane1": walk.markers_m["L_FCC"] + [0.0, 0.3, 0.0]}
+    summary = measures(tmp_path, replace(walk, plates=(), markers_m={**walk.markers_m, **cane}))
+    (remark,) = (one for one in summary.warnings if one.code == "walking-aid-marked")
+    assert "LCane1" in remark.message
+    assert reasons(summary)["support_beside_feet"].startswith("no-measured-force: Whether a cane, a rail")
+    with_force = measures(tmp_path, walk)
+    assert "support_beside_feet" not in reasons(with_force)
+    assert not [one for one in with_force.warnings if one.code == "walking-aid-marked"]
 
 
 def test_weight_on_a_walking_aid_leaves_what_the_markers_say(tmp_path: Path, walk: Recording) -> None:

@@ -29,6 +29,16 @@ def test_without_a_dead_band_the_threshold_is_used() -> None:
     assert END_S - 20.0 / SLOPES_N_S[1] - 0.001 <= end_s <= END_S - 20.0 / SLOPES_N_S[1]
 
 
+def test_a_steep_load_is_no_dead_band() -> None:
+    """From 18.5 to 48.5 N within a sample: the sample before shows that nothing was cut off."""
+    rise_n_s = 30000.0
+    start_s = 0.3 + 11.5 / rise_n_s
+    steep = plate()
+    steep.force_n[:500, 2] = np.clip(rise_n_s * (np.arange(500) / RATE_HZ - start_s), 0.0, 700.0)
+    ((begins_s, _),) = contact_intervals(steep, RATE_HZ)
+    assert begins_s == pytest.approx(start_s + 20.0 / rise_n_s, abs=1e-6)
+
+
 @pytest.mark.parametrize("dead_band_n", [35.0, 53.0, 80.0])
 def test_behind_a_dead_band_the_time_of_zero_load_is_extrapolated(dead_band_n: float) -> None:
     ((start_s, end_s),) = contact_intervals(plate(dead_band_n=dead_band_n), RATE_HZ)

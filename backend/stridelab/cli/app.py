@@ -1,26 +1,20 @@
 """The ``stridelab`` command line: starts the service, and runs its main jobs without one.
 
-Numeric packages are imported inside the commands, so that ``stridelab --help`` answers at once.
+Numeric packages are imported inside the commands, so that ``stridelab --help`` answers at once; the modules of the
+commands themselves, with the contracts they need, where a command is looked up.
 """
 
+import importlib
 import os
 import signal
+from collections.abc import Iterator, Mapping, MutableMapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final, NamedTuple
 
 import typer
 from typer.core import TyperGroup
 
 from stridelab import __version__
-from stridelab.cli.backup import adopt, backup, restore
-from stridelab.cli.bridges.command import bridge
-from stridelab.cli.compare import bench_methods
-from stridelab.cli.contacts import export_contacts, import_contacts, plan_contacts
-from stridelab.cli.fit_cycloid import fit_cycloid
-from stridelab.cli.imitate import imitate
-from stridelab.cli.learn_reachability import add_robot, learn_reachability
-from stridelab.cli.live import live
-from stridelab.cli.measures import measure_gait, report_gait
 from stridelab.cli.options import (
     AsJson,
     BestMethod,
@@ -36,20 +30,117 @@ from stridelab.cli.options import (
     Walks,
     with_groups,
 )
-from stridelab.cli.plan_motion import plan_scenario
 from stridelab.cli.results import FAILURE, INTERRUPTED, exit_code, out, show_error
-from stridelab.cli.serve import migrate, serve, worker
-from stridelab.cli.stream import stream
-from stridelab.cli.study_population import study_population
-from stridelab.cli.sweep import run_sweep
-from stridelab.cli.tokens import tokens
 from stridelab.errors import StridelabError
 from stridelab.schemas.methods import Method
 from stridelab.schemas.recordings import Sex
 
 
+class Elsewhere(NamedTuple):
+    """A command, or a group of commands, in a module of its own: ``function`` there, with ``groups`` of options."""
+
+    module: str
+    function: str
+    groups: bool = False
+    help: str | None = None
+
+
+ELSEWHERE: Final[Mapping[str, Elsewhere]] = {
+    "serve": Elsewhere("serve", "serve"),
+    "worker": Elsewhere("serve", "worker"),
+    "migrate": Elsewhere("serve", "migrate"),
+    "backup": Elsewhere("backup", "backup"),
+    "restore": Elsewhere("backup", "restore"),
+    "adopt": Elsewhere("backup", "adopt"),
+    "token": Elsewhere("tokens", "tokens"),
+    "stream": Elsewhere("stream", "stream"),
+    "bridge": Elsewhere("bridges.command", "bridge"),
+    "live": Elsewhere("live", "live"),
+    "fit-cycloid": Elsewhere("fit_cycloid", "fit_cycloid"),
+    "imitate": Elsewhere("imitate", "imitate"),
+    "study-population": Elsewhere("study_population", "study_population"),
+    "measures": Elsewhere("measures", "measure_gait"),
+    "com-bench": Elsewhere("compare", "bench_methods"),
+    "report": Elsewhere("measures", "report_gait"),
+    "plan": Elsewhere(
+        "plan_motion",
+        "plan_scenario",
+        groups=True,
+        help="Plan how a robot carries out a contact scenario, check the motion and replay it; needs no server.",
+    ),
+    "sweep": Elsewhere("sweep", "run_sweep", groups=True),
+    "plan-contacts": Elsewhere("contacts", "plan_contacts"),
+    "export-contacts": Elsewhere(
+        "contacts", "export_contacts", help="Write a scenario's contacts as JSON with multicontact-api's field names."
+    ),
+    "import-contacts": Elsewhere(
+        "contacts", "import_contacts", help="Convert such JSON to a scenario, if the robot can carry it out."
+    ),
+    "learn-reachability": Elsewhere("learn_reachability", "learn_reachability"),
+    "add-robot": Elsewhere("learn_reachability", "add_robot"),
+}
+"""Commands that are imported when they are looked up."""
+HERE_AFTER: Final[Mapping[str, tuple[str, ...]]] = {
+    "token": ("estimate", "compare"),
+    "report": ("simulate",),
+    "add-robot": ("reproduce", "demo", "doctor", "version"),
+}
+"""Commands of this module that follow one of ``ELSEWHERE`` in the help."""
+
+
+class CommandsOnDemand(MutableMapping[str, Any]):
+    """Commands by name; those of ``ELSEWHERE`` are imported at their first use."""
+
+    def __init__(self, here: Mapping[str, Any]) -> None:
+        self.loaded = dict(here)
+        ordered = (name for other in ELSEWHERE for name in (other, *HERE_AFTER.get(other, ())))
+        self.names = list(dict.fromkeys([*ordered, *here]))
+
+    def __getitem__(self, name: str) -> Any:
+        """The command, imported if it was not; raises ``KeyError`` if there is none."""
+        if name not in self.loaded:
+            self.loaded[name] = load_command(name, ELSEWHERE[name])
+        return self.loaded[name]
+
+    def __setitem__(self, name: str, command: Any) -> None:
+        """Add a command at the end of the help."""
+        self.loaded[name] = command
+        self.names = list(dict.fromkeys([*self.names, name]))
+
+    def __delitem__(self, name: str) -> None:
+        """Remove a command."""
+        self.names.remove(name)
+        self.loaded.pop(name, None)
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is such a command, without importing it."""
+        return name in self.names
+
+    def __iter__(self) -> Iterator[str]:
+        """Names in the order of the help."""
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        """Number of commands."""
+        return len(self.names)
+
+
+def load_command(name: str, where: Elsewhere) -> Any:
+    """Import a command, or a group of commands, and build it as typer does."""
+    function = getattr(importlib.import_module(f"stridelab.cli.{where.module}"), where.function)
+    if isinstance(function, typer.Typer):
+        return typer.main.get_group(function)
+    single = typer.Typer(add_completion=False)
+    single.command(name=name, help=where.help)(with_groups(function) if where.groups else function)
+    return typer.main.get_command(single)
+
+
 class Commands(TyperGroup):
     """Command group that turns a ``StridelabError`` into one line and an exit code, and Ctrl-C into an exit code."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.commands = CommandsOnDemand(self.commands)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command and translate its errors."""
@@ -70,15 +161,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-
-
-app.command()(serve)
-app.command()(worker)
-app.command()(migrate)
-app.command()(backup)
-app.command()(restore)
-app.command()(adopt)
-app.add_typer(tokens, name="token")
 
 
 @app.command()
@@ -124,17 +206,6 @@ def compare(
     run(request, truth=truth, delivery=delivery)
 
 
-app.command()(stream)
-app.command()(bridge)
-app.command()(live)
-app.command(name="fit-cycloid")(fit_cycloid)
-app.command()(imitate)
-app.command(name="study-population")(study_population)
-app.command(name="measures")(measure_gait)
-app.command(name="com-bench")(bench_methods)
-app.command(name="report")(report_gait)
-
-
 @app.command()
 def simulate(
     out_dir: OutFolder = None,
@@ -166,22 +237,6 @@ def simulate(
     fields: dict[str, object] = {"seed": seed, "duration_s": duration_s, "robot": robot, "gait": gait, "lab": lab}
     fields |= {name: value for name, value in stated.items() if value is not None}
     run(fields, noise=tuple(noise or ()), out_dir=out_dir, force=force, as_json=as_json)
-
-
-app.command(
-    name="plan",
-    help="Plan how a robot carries out a contact scenario, check the motion and replay it; needs no server.",
-)(with_groups(plan_scenario))
-app.command(name="sweep")(with_groups(run_sweep))
-app.command(name="plan-contacts")(plan_contacts)
-app.command(name="export-contacts", help="Write a scenario's contacts as JSON with multicontact-api's field names.")(
-    export_contacts
-)
-app.command(name="import-contacts", help="Convert such JSON to a scenario, if the robot can carry it out.")(
-    import_contacts
-)
-app.command(name="learn-reachability")(learn_reachability)
-app.command()(add_robot)
 
 
 @app.command()

@@ -27,7 +27,13 @@ if TYPE_CHECKING:
 KIND: Final = "gait-measures"
 REPORT_KIND: Final = "gait-report"
 PDF: Final = "report.pdf"
-_SCALES: Final = {"m": (1e3, "mm", 1), "1": (1.0, "", 3), "s": (1.0, "s", 3), "1/min": (1.0, "1/min", 1)}
+_SCALES: Final = {
+    "m": (1e3, "mm", 1),
+    "1": (1.0, "", 3),
+    "s": (1.0, "s", 3),
+    "1/min": (1.0, "1/min", 1),
+    "rad/s": (1.0, "rad/s", 2),
+}
 
 
 @with_groups

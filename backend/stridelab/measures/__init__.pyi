@@ -9,6 +9,7 @@ from .measure import Measure as Measure
 from .measure import MeasureSummary as MeasureSummary
 from .measure import summarise as summarise
 from .measure import symmetry_index as symmetry_index
+from .rolling_wheel import rolling_wheel as rolling_wheel
 from .spatiotemporal import spatiotemporal as spatiotemporal
 from .walk_motion import FootMotion as FootMotion
 from .walk_motion import WalkMotion as WalkMotion
@@ -26,6 +27,7 @@ __all__ = [
     "limb_work",
     "local_stability",
     "margins_of_stability",
+    "rolling_wheel",
     "spatiotemporal",
     "summarise",
     "symmetry_index",

@@ -49,7 +49,7 @@ def foot_placement(motions: Sequence[tuple[WalkMotion, Sequence[GaitStep]]]) -> 
 
 def _row(motion: WalkMotion, step: GaitStep) -> tuple[float, float, float] | None:
     middle_s = 0.5 * (step.lift_off_s + step.strike_s)
-    if not motion.covers(step.lift_off_s, step.strike_s):
+    if OTHER_SIDE[step.side] not in motion.feet or not motion.covers(step.lift_off_s, step.strike_s):
         return None
     outwards = 1.0 if step.side == "left" else -1.0
     standing = motion.at(motion.feet[OTHER_SIDE[step.side]].heel_m, step.lift_off_s)[LEFT]

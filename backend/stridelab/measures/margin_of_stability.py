@@ -46,6 +46,8 @@ def sideways_margin_m(motion: WalkMotion, xcom: ExtrapolatedCom, side: Side) -> 
 
 def _single_support(motion: WalkMotion, xcom: ExtrapolatedCom, step: GaitStep, number: int) -> list[Measure]:
     side = OTHER_SIDE[step.side]
+    if side not in motion.feet:
+        return []
     span = motion.samples(step.lift_off_s, step.strike_s)
     margin = sideways_margin_m(motion, xcom, side)[span]
     if len(margin) == 0 or not np.isfinite(margin).all():

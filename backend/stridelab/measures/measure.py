@@ -26,7 +26,7 @@ class Measure:
     """One value: of the step ``step`` (from 0 in order of strikes) and its ``side``, or of the recording if None.
 
     ``sd`` is the standard deviation of the measurement error, None if it is not known. ``unit`` is "m", "s", "m/s",
-    "J/kg", "1/min" or "1".
+    "J/kg", "1/min", "rad/s" or "1".
     """
 
     name: str

@@ -26,7 +26,10 @@ from stridelab.walking.steps import GaitStep
 
 
 def spatiotemporal(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measure]:
-    """Lengths, widths, times, speeds and shares per step, and the stride measures of steps with a following stride."""
+    """Lengths, widths, times, speeds and shares per step, and the stride measures of steps with a following stride.
+
+    If one foot is marked, the walking speed is that of its strides, and what needs the other foot is left out.
+    """
     measures = []
     for number, step in enumerate(steps):
         measures += _of_step(motion, step, number)
@@ -53,6 +56,8 @@ def position_sd_m(motion: WalkMotion, track: Points, at_s: float, error: EventEr
 
 
 def _of_step(motion: WalkMotion, step: GaitStep, number: int) -> list[Measure]:
+    if OTHER_SIDE[step.side] not in motion.feet:
+        return []
     period = step.period_s
     landing, standing = motion.feet[step.side].heel_m, motion.feet[OTHER_SIDE[step.side]].heel_m
     marker_m = math.sqrt(2.0) * MARKER_SD_M
@@ -113,6 +118,9 @@ def _of_stride(motion: WalkMotion, step: GaitStep, following: GaitStep, number: 
             position_sd_m(motion, heel, following.strike_s, last, AHEAD),
         )
         values.append(("stride_length", float(ahead), length_sd, "m"))
+        if OTHER_SIDE[step.side] not in motion.feet:
+            speed = float(ahead) / stride_s
+            values.append(("walking_speed", speed, math.hypot(length_sd, speed * values[0][2]) / stride_s, "m/s"))
     measures = [Measure(name, value, sd, unit, step.side, number) for name, value, sd, unit in values]
     return measures + _excursions(motion, step, step.strike_s, following.strike_s, number)
 

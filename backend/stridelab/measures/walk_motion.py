@@ -58,7 +58,8 @@ class WalkMotion:
     changes within a step. ``momentum_per_kg`` is the angular momentum of the segments about the CoM per kilogram of
     body mass, as point masses, in m^2/s; NaN where a segment is hidden. ``frame`` has the axes of the walk as rows, and
     ``origin_m`` is their origin in the world frame, which moves with the belt of a treadmill. ``by_markers``: the CoM
-    is that of the markers alone, whose ``covariance`` is the same everywhere.
+    is that of the markers alone, whose ``covariance`` is the same everywhere. ``height_sd_m`` is the error of the
+    height that is the same in the whole recording, that of the segment table.
     """
 
     time_s: Series
@@ -73,6 +74,7 @@ class WalkMotion:
     frame: Rotation = field(default_factory=lambda: np.eye(3))
     origin_m: Points | Vector3 = field(default_factory=lambda: np.zeros(3))
     by_markers: bool = False
+    height_sd_m: float = 0.0
 
     def in_world(self, track: Points) -> Points:
         """A track of shape (n, 3) in the world frame of the recording."""
@@ -117,15 +119,18 @@ def walk_motion(
     mass_kg: float | None,
     stature_m: float | None,
     latency_s: float = 0.0,
+    feet: Sequence[Foot] | None = None,
 ) -> WalkMotion | None:
     """Tracks in the frame of the walk, which is that of the footprints; None if the feet are not marked.
 
     With fewer than three footprints the frame is that of the mean velocity of the CoM.
 
     ``estimate`` and ``geometric`` are in the world frame and relative to the laboratory; ``contacts`` are
-    those of ``find_contacts``.
+    those of ``find_contacts``. ``feet`` are both by default; the force of the only marked one is not known, since the
+    other may stand on the same plate.
     """
-    feet = find_feet(recording, landmarks)
+    if feet is None:
+        feet = find_feet(recording, landmarks)
     if not feet:
         return None
     floor_m_s = geometric.ground_m_s
@@ -146,7 +151,9 @@ def walk_motion(
     com_m = estimate.com_m
     if estimate.state_covariance is None and len(com_m) > SHORTEST_FLIGHT:
         com_m = low_pass(com_m, recording.marker_rate_hz)  # as the velocity is: energies add up the noise of the height
-    forces = forces_by_foot(recording, landmarks, feet, contacts, latency_s)
+    forces = {foot.side: np.full((recording.n_frames, 3), np.nan) for foot in feet}
+    if len(feet) > 1:
+        forces = forces_by_foot(recording, landmarks, feet, contacts, latency_s)
     return WalkMotion(
         time_s=time_s,
         com_m=(com_m - moved - origin) @ frame.T,
@@ -167,6 +174,7 @@ def walk_motion(
         frame=frame,
         origin_m=np.asarray(moved + origin),
         by_markers=estimate.method == GeometryOnly.name,
+        height_sd_m=geometric.sd_m[2],
     )
 
 

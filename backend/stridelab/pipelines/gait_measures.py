@@ -3,6 +3,7 @@
 file -> Prepared -> ComEstimate -> contacts, steps -> WalkMotion -> measures -> summaries
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,13 +24,15 @@ from stridelab.measures.limb_work import limb_work
 from stridelab.measures.local_stability import LEAST_STRIDES, local_stability, longest_run_s
 from stridelab.measures.margin_of_stability import margins_of_stability
 from stridelab.measures.measure import Measure, summarise, symmetry_index
+from stridelab.measures.rolling_wheel import rolling_wheel
 from stridelab.measures.spatiotemporal import spatiotemporal
 from stridelab.measures.stated_errors import calibrate_errors
 from stridelab.measures.walk_motion import WalkMotion, walk_motion
 from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs
 from stridelab.pipelines.estimate_com import assess_estimate, estimate_with_fallback, quality_schema, worst_quality
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.recordings.recording import Remark, Side
+from stridelab.recordings.foot_contact import find_marked_feet
+from stridelab.recordings.recording import Recording, Remark, Side
 from stridelab.schemas import base
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import GaitMeasuresSummary, MeasureValue, NotMeasured
@@ -38,7 +41,7 @@ from stridelab.schemas.quality import TrialQuality
 from stridelab.schemas.tasks import EstimateComTask, GaitMeasuresTask, MeasuresMember
 from stridelab.walking.gait_events import Contact, find_contacts
 from stridelab.walking.preconditions import require_walk
-from stridelab.walking.steps import GaitStep, find_steps
+from stridelab.walking.steps import GaitStep, find_one_sided_steps, find_steps
 
 REFERENCES: Final = ("hof2005", "donelan2002", "cavagna1976", "herr2008", "wang2014", "rosenstein1993", "bruijn2009")
 SIDES: Final[tuple[Side, ...]] = ("left", "right")
@@ -48,6 +51,18 @@ SIGNED: Final = frozenset(
 """Measures that may be zero or negative, for which a ratio of the sides says nothing."""
 LEAST_WEIGHT_SHARE: Final = 0.96
 """Share of the weight on the plates below which something else carries the person: limit of ``mass_from_motion``."""
+ONE_FOOT: Final = "one-foot-marked"
+"""Code of the remark, and of the reason why what needs the other foot is not measured."""
+NEED_BOTH_FEET: Final = (
+    *("step_length", "step_width", "step_time", "margin_of_stability_ml_min", "cycloid_wheel_radius"),
+    *("angular_momentum_range_x", "limb_work_left_positive", "limb_work_right_positive", "foot_placement_residual"),
+)
+"""Measures that are refused with the code ``ONE_FOOT``; others follow from them, as a cadence from a step time."""
+AID_WORDS: Final = re.compile(
+    r"(?<![a-z])[lr]?(cane|crutch|stick|rollator|walker|handrail|rail)(?![a-z]{2})", re.IGNORECASE
+)
+"""In the label of a marker on a walking aid, behind the name of its subject."""
+SUPPORT_BESIDE: Final = "support_beside_feet"
 WEIGHT_BESIDE: Final = "weight-beside-plates"
 """Code of the remark, and of the reason why the work of the legs is not measured."""
 
@@ -131,9 +146,14 @@ def measure_recording(recording_id: str, task: EstimateComTask, folder: Path) ->
     request = task.input
     prepared, estimate = _estimate(task, folder)
     recording, landmarks = prepared.trial.recording, prepared.trial.match.landmarks
-    contacts = find_contacts(recording, landmarks, latency_s=prepared.latency.applied_s)
-    require_walk(recording, landmarks, contacts)
-    steps = find_steps(recording, landmarks, prepared.windows, contacts=contacts)
+    feet = find_marked_feet(recording, landmarks)
+    both = len(feet) == len(SIDES)
+    contacts = find_contacts(recording, landmarks, latency_s=prepared.latency.applied_s, plates=both, feet=feet)
+    require_walk(recording, landmarks, contacts, feet)
+    if both:
+        steps = find_steps(recording, landmarks, prepared.windows, contacts=contacts)
+    else:
+        steps = find_one_sided_steps(recording, contacts)
     motion = walk_motion(
         recording,
         landmarks,
@@ -143,14 +163,16 @@ def measure_recording(recording_id: str, task: EstimateComTask, folder: Path) ->
         mass_kg=prepared.mass.known_kg,
         stature_m=task.recording.subject.height_m or recording.subject.height_m,
         latency_s=prepared.latency.applied_s,
+        feet=feet,
     )
     if not steps or motion is None:
-        raise NotEstimable("no-steps", "The recording contains no whole step with both feet marked.")
+        raise NotEstimable("no-steps", "The recording contains no whole step of a marked foot.")
     measures = (
         *spatiotemporal(motion, steps),
         *margins_of_stability(motion, steps),
         *energy_exchange(motion, steps),
-        *angular_momentum_ranges(motion, steps),
+        *rolling_wheel(motion, steps),
+        *(angular_momentum_ranges(motion, steps) if both else ()),
         *limb_work(motion, contacts, steps),
         *local_stability(motion, steps),
     )
@@ -168,9 +190,29 @@ def measure_recording(recording_id: str, task: EstimateComTask, folder: Path) ->
         tuple(calibrate_errors(motion, steps, measures)),
         extrapolated_com(motion),
         prepared,
-        estimate,
+        replace(estimate, remarks=(*estimate.remarks, *_support_remarks(recording, [foot.side for foot in feet]))),
         quality,
     )
+
+
+def _support_remarks(recording: Recording, marked: Sequence[Side]) -> tuple[Remark, ...]:
+    """Remarks about a foot that is not marked, and about a walking aid that is."""
+    remarks: list[Remark] = []
+    if len(marked) == 1:
+        hidden = "right" if marked[0] == "left" else "left"
+        message = (
+            f"Only the {marked[0]} foot is marked: strides and the margins at its strikes are those of this foot. When "
+            f"the {hidden} foot stands is unknown, so that nothing that needs it is measured."
+        )
+        remarks.append(Remark(ONE_FOOT, message))
+    aids = sorted(label for label in recording.markers_m if AID_WORDS.search(label.rpartition(":")[2]))
+    if aids:
+        message = (
+            f"The labels {', '.join(aids[:8])} name a walking aid or a rail. What it carries is not measured, and the "
+            "base of support that the margins end at is that of the feet alone."
+        )
+        remarks.append(Remark("walking-aid-marked", message))
+    return tuple(remarks)
 
 
 def _without_plates(one: MeasuredRecording, member: MeasuresMember, folder: Path) -> MeasuredRecording | None:
@@ -292,6 +334,7 @@ _EXPECTED: Final[Mapping[str, tuple[str, str]]] = {
     "margin_of_stability_ml_min": ("no-whole-step", "No single support lies within the estimate with the foot marked."),
     "step_time": ("no-prior-strike", "No step has a strike of each foot within the recording."),
     "stride_length": _STRIDE_REASON,
+    "cycloid_wheel_radius": ("no-whole-step", "No step within the estimate is a curtate cycloid of a walker."),
     "energy_recovery": (
         "velocity-uncertain",
         "The force is measured throughout no stride; between the plates the velocity is too uncertain for energies.",
@@ -312,6 +355,12 @@ def _not_measured(measured: Sequence[MeasuredRecording], given: set[str], n_step
             "The plates do not carry the whole weight: the force of a leg on them is not all of it.",
         )
         missing |= {name: reason for name in missing if name.startswith("limb_work")}
+    if not any(one.prepared.windows for one in measured):
+        message = (
+            "Whether a cane, a rail or another person carries a part of the weight is seen by plates under all feet "
+            "only. Here no instant has them: the margins hold if the feet are the only support."
+        )
+        missing[SUPPORT_BESIDE] = ("no-measured-force", message)
     if "foot_placement_residual" not in given:
         message = f"{n_steps} steps; the regression needs at least {LEAST_STEPS} within the estimates."
         missing["foot_placement_residual"] = ("too-few-steps", message)
@@ -319,4 +368,7 @@ def _not_measured(measured: Sequence[MeasuredRecording], given: set[str], n_step
         most = max(0, *(len(longest_run_s(one.motion, one.steps)) - 1 for one in measured))
         message = f"{most} strides in a row; the exponent needs at least {LEAST_STRIDES} of one recording."
         missing["local_dynamic_stability"] = ("too-few-strides", message)
+    one_sided = [remark for one in measured for remark in one.estimate.remarks if remark.code == ONE_FOOT]
+    if len(one_sided) == len(measured):
+        missing |= {name: (ONE_FOOT, one_sided[0].message) for name in NEED_BOTH_FEET if name not in given}
     return [NotMeasured(name=name, code=code, message=message) for name, (code, message) in missing.items()]

@@ -63,8 +63,15 @@ class Foot:
 
 def find_feet(recording: Recording, landmarks: Mapping[str, str]) -> tuple[Foot, ...]:
     """Both feet; empty if either foot has no heel marker or no forefoot marker."""
+    feet = find_marked_feet(recording, landmarks)
+    return feet if len(feet) == len(SIDES) else ()
+
+
+def find_marked_feet(recording: Recording, landmarks: Mapping[str, str]) -> tuple[Foot, ...]:
+    """The feet with a heel marker and a forefoot marker: both, one or none."""
     tracks = {side: _foot_tracks(recording, landmarks, prefix) for side, prefix in SIDES}
-    if any(len(heel) == 0 or len(fore) == 0 for heel, fore in tracks.values()):
+    tracks = {side: (heel, fore) for side, (heel, fore) in tracks.items() if heel and fore}
+    if not tracks:
         return ()
     rate_hz = recording.marker_rate_hz
     ground = surface_velocities_m_s(recording, {side: heel + fore for side, (heel, fore) in tracks.items()})

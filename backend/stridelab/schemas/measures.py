@@ -183,6 +183,10 @@ MEASURE_TITLES: Final[Mapping[str, str]] = {
     "angular_momentum_range_x": "Range of the angular momentum about the axis ahead",
     "angular_momentum_range_y": "Range of the angular momentum about the lateral axis",
     "angular_momentum_range_z": "Range of the angular momentum about the vertical axis",
+    "cycloid_wheel_radius": "Rolling wheel, radius R",
+    "cycloid_point_radius": "Rolling wheel, distance r of the centre of mass from the hub",
+    "cycloid_hub_height": "Rolling wheel, height z0 of the hub above the floor",
+    "cycloid_angular_speed": "Rolling wheel, angular speed",
     "foot_placement_gain_position": "Foot placement, gain of the position",
     "foot_placement_gain_velocity": "Foot placement, gain of the velocity",
     "foot_placement_residual": "Foot placement, residual",
@@ -234,6 +238,7 @@ _SCALES: Final[Mapping[str, MeasureScale]] = {
     "m/s": MeasureScale(1.0, "m/s", 2),
     "J/kg": MeasureScale(1.0, "J/kg", 2),
     "1/min": MeasureScale(1.0, "1/min", 1),
+    "rad/s": MeasureScale(1.0, "rad/s", 2),
     "1": MeasureScale(1.0, "", 3),
 }
 

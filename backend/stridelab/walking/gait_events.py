@@ -97,14 +97,20 @@ class Contact:
 
 
 def find_contacts(
-    recording: Recording, landmarks: Mapping[str, str], *, latency_s: float = 0.0, plates: bool = True
+    recording: Recording,
+    landmarks: Mapping[str, str],
+    *,
+    latency_s: float = 0.0,
+    plates: bool = True,
+    feet: Sequence[Foot] | None = None,
 ) -> tuple[Contact, ...]:
     """All contacts of both feet in order of time; empty if the feet are not marked.
 
     ``latency_s`` > 0 is the delay of the force; plate events are converted to the markers' clock. ``plates`` False uses
-    the markers only, for validation.
+    the markers only: for validation, and if ``feet`` is the only marked one, since the other may load a plate as well.
     """
-    feet = find_feet(recording, landmarks)
+    if feet is None:
+        feet = find_feet(recording, landmarks)
     if not feet:
         return ()
     by_markers = {foot.side: contacts_of_foot(recording, landmarks, foot) for foot in feet}
@@ -253,6 +259,8 @@ def _shifted(contact: Contact, kind: EventKind, shift_s: float, error: EventErro
 
 DEAD_BAND: Final = 1.5
 """A contact is cut by a dead band if its first (last) sample exceeds this multiple of the threshold."""
+QUIET_SHARE: Final = 0.25
+"""Load before a dead band ends, over the threshold: above it the load rises steeply, and nothing is cut off."""
 RISE_S, FALL_S = 0.005, 0.01
 """Durations of the linear fits: a heel loads faster than toes unload."""
 MAX_BEFORE_S, MAX_AFTER_S = 0.02, 0.03
@@ -277,7 +285,8 @@ def contact_intervals(plate: Plate, rate_hz: float) -> list[tuple[float | None, 
 def _strike_s(load: Series, first: int, threshold_n: float, rate_hz: float, lead_s: float | None) -> float:
     """Strike of a contact whose load begins at sample ``first``; ``lead_s`` is that of a low-passed onset, if it is."""
     if lead_s is None:
-        beyond_s = _beyond_s(load[first:], threshold_n, rate_hz, RISE_S, MAX_BEFORE_S)
+        quiet = load[first - 1] < QUIET_SHARE * threshold_n
+        beyond_s = _beyond_s(load[first:], threshold_n, rate_hz, RISE_S, MAX_BEFORE_S) if quiet else 0.0
         rise_n = load[first] - load[first - 1]
         within = (load[first] - threshold_n) / rise_n if beyond_s == 0.0 and rise_n > 0.0 else 0.0
         return (first - float(np.clip(within, 0.0, 1.0))) / rate_hz - beyond_s

@@ -32,13 +32,20 @@ leg is a pendulum, which is highest there, and a runner's a spring (Cavagna, Thy
 NOT_APPLICABLE: Final = "This is no straight walk on level ground: "
 
 
-def require_walk(recording: Recording, landmarks: Mapping[str, str], contacts: Sequence[Contact]) -> None:
+def require_walk(
+    recording: Recording,
+    landmarks: Mapping[str, str],
+    contacts: Sequence[Contact],
+    feet: Sequence[Foot] | None = None,
+) -> None:
     """Raise ``NotEstimable`` unless the subject walks straight ahead on level ground.
 
-    ``contacts`` are those of ``find_contacts``. Codes: ``feet-not-marked``, ``standing``, ``stairs``, ``running``,
-    ``turning``; ``faults`` list the measured values.
+    ``contacts`` are those of ``find_contacts``; ``feet`` are both by default. Of one foot a flight is not seen, but the
+    pelvis of a run is. Codes: ``feet-not-marked``, ``standing``, ``stairs``, ``running``, ``turning``; ``faults`` list
+    the measured values.
     """
-    feet = find_feet(recording, landmarks)
+    if feet is None:
+        feet = find_feet(recording, landmarks)
     if not feet:
         raise NotEstimable(
             "feet-not-marked",

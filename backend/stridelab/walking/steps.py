@@ -117,13 +117,38 @@ def find_steps(
     return tuple(sorted(steps, key=lambda step: step.lift_off_s))
 
 
+def find_one_sided_steps(recording: Recording, contacts: Sequence[Contact]) -> tuple[GaitStep, ...]:
+    """Swings of the only marked foot as steps, whose times, lengths and speeds beside those of this foot are NaN.
+
+    ``contacts`` are those of this foot. Strides from strike to strike need no other foot.
+    """
+    unknown = float("nan")
+    return tuple(
+        GaitStep(
+            side=after.side,
+            lift_off_s=before.lift_off_s,
+            strike_s=after.strike_s,
+            next_lift_off_s=unknown,
+            period_s=unknown,
+            length_m=None,
+            speed_m_s=unknown,
+            measured=False,
+            source=_timing_source(before, after, after),
+            lift_off_error=before.lift_off_error,
+            strike_error=after.strike_error,
+        )
+        for before, after in itertools.pairwise(contacts)
+        if before.lift_off_s is not None and after.strike_s is not None
+    )
+
+
 def footprint_direction(recording: Recording, feet: Sequence[Foot], contacts: Sequence[Contact]) -> Vector3 | None:
     """Line of progression through the footprints, a unit vector on the floor; None with too few footprints.
 
     The forefoot stands at p_k in contact k, and s_k is 1 for the left and -1 for the right foot. Across the walk,
     ``y_k = a + b x_k + w s_k`` by least squares gives the slope b of the line and half of the width w. Two footprints
-    of one foot and one of the other suffice. The body itself sways: its mean velocity over a step or two deviates by
-    several degrees, which changes the width of a step by centimetres.
+    of one foot and one of the other suffice, and two of the only marked foot. The body itself sways: its mean velocity
+    over a step or two deviates by several degrees, which changes the width of a step by centimetres.
     """
     prints: list[tuple[float, float, float]] = []
     for foot in feet:
@@ -136,7 +161,7 @@ def footprint_direction(recording: Recording, feet: Sequence[Foot], contacts: Se
                 prints.append((float(x), float(y), 1.0 if foot.side == "left" else -1.0))
     table = np.array(prints).reshape(-1, 3)
     sides = [int((table[:, 2] == side).sum()) for side in (1.0, -1.0)]
-    if min(sides) < 1 or max(sides) < 2:
+    if (min(sides) < 1 and len(feet) > 1) or max(sides) < 2:
         return None
     once = max((table[table[:, 2] == side][:, :2] for side in (1.0, -1.0)), key=len)
     way = once[-1] - once[0]

@@ -24,6 +24,7 @@ COLUMN_UNITS: Final[Mapping[str, str]] = {
     "m/s": "_m_s",
     "J/kg": "_j_kg",
     "1/min": "_1_min",
+    "rad/s": "_rad_s",
     "1": "",
 }
 """Ends of the names of columns by the unit of their measure."""
