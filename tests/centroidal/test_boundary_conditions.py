@@ -7,8 +7,8 @@ import pytest
 
 from stridelab.centroidal.boundary_conditions import PathBounds, Start, capture_region
 from stridelab.centroidal.contact_wrench import ContactWrench
-from stridelab.centroidal.nlp.transcription import transcribe
 from stridelab.centroidal.infeasibility.elastic_lp import is_feasible
+from stridelab.centroidal.nlp.transcription import transcribe
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solver import solve

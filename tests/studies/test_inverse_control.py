@@ -12,6 +12,7 @@ from stridelab.centroidal.solver import solve
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.terrain import Terrain
 from stridelab.dynamics.spatial import Placement
+from stridelab.reproduction.chapter4 import people_weights
 from stridelab.reproduction.studies.human_proxy import human_proxies
 from stridelab.reproduction.studies.inverse_control import (
     COMPARATORS,
@@ -157,3 +158,30 @@ def test_the_density_of_a_person_lies_between_the_feet_and_scales() -> None:
     mode = right.mode_m()
     assert 0.3 * 1.5 < mode[2] < 0.58 * 1.5
     assert 0.0 < mode[1] < 0.3 * 1.5
+
+
+def test_verdicts_on_weights_need_what_a_term_explains() -> None:
+    """A term that costs 4 % is not one that people minimise; one that costs 6 % is. The others are compared as ratios."""
+    n = len(GRID)
+    errors = np.ones((4, n, 6))
+    best = next(k for k, each in enumerate(GRID) if each == TermWeights(1.0, 10.0, 0.1, 10.0))
+    errors[:, best] = 0.9
+    for term, cost in (("likelihood", 1.04), ("momentum_rate", 1.06)):
+        errors[:, without_term(GRID, term)] = 0.9 * cost**2
+    by_hand = {name: np.full((4, 6), 1.8) for name in COMPARATORS}
+    found = people_weights.Predictions(errors, by_hand)
+    assert found.chosen == GRID[best]
+    assert found.agreeing == 4
+    motions = [
+        replace(two_steps(name, 1.0, 1.7), com_m=np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]])) for name in "abcd"
+    ]
+    claims = {claim.key: claim for claim in people_weights._claims(found, motions)}
+    assert claims["without_likelihood"].ours == pytest.approx(1.04)
+    assert claims["without_likelihood"].outcome == "aim_missed"
+    assert claims["without_momentum_rate"].ours == pytest.approx(1.06)
+    assert claims["without_momentum_rate"].outcome == "aim_reached"
+    assert claims["over_thesis"].ours == pytest.approx(np.sqrt(0.5))
+    assert claims["force"].ours == pytest.approx(np.sqrt(0.5))
+    assert claims["height"].ours == pytest.approx(np.sqrt(0.9))
+    robot = people_weights.talos_weights(TermWeights(2.0, 3.0, 0.0, 5.0))
+    assert robot["weights of people, the thesis' densities"] == TermWeights(2.0, 3.0, 0.2, 5.0)

@@ -73,6 +73,11 @@ class Predictions:
         return held_out_errors(self.grid)[1]
 
     @property
+    def agreeing(self) -> int:
+        """For how many adults the choice on all others is that on all."""
+        return sum(GRID[k] == self.chosen for k in held_out_errors(self.grid)[0])
+
+    @property
     def across(self) -> Float[np.ndarray, "people 6"]:
         """The same with weights chosen by the horizontal distance."""
         return held_out_errors(self.grid, "horizontal")[1]
@@ -109,7 +114,8 @@ def run(gait: Path, tell: Progress) -> Reproduction:
         "states at both ends are the person's; the centre of mass in between is compared with the smoother's, the "
         "force with the plates'. On all adults the choice is "
         f"{_shown_weight(w.com_acceleration)} |c''|², {_shown_weight(w.momentum_rate)} |L'/(m h)|², "
-        f"{_shown_weight(w.likelihood)} log p, {_shown_weight(w.force)} |f/(m g)|². TALOS' rows are plans of its flat "
+        f"{_shown_weight(w.likelihood)} log p, {_shown_weight(w.force)} |f/(m g)|²; without one of them it is the same "
+        f"for {predictions.agreeing} of {len(people)}. TALOS' rows are plans of its flat "
         "walk, simulated.",
         tables={"predictions": rows, "talos": _talos_table(robot), "grid": _grid_table(grid)},
         drawing=render_svg(*_panels(predictions, shown, plans)),
