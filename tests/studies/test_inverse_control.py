@@ -161,14 +161,14 @@ def test_the_density_of_a_person_lies_between_the_feet_and_scales() -> None:
 
 
 def test_verdicts_on_weights_need_what_a_term_explains() -> None:
-    """A term that costs 4 % is not one that people minimise; one that costs 6 % is. The others are compared as ratios."""
+    """A term that costs 4 % is not one that people minimise; one that costs 6 % is."""
     n = len(GRID)
     errors = np.ones((4, n, 6))
     best = next(k for k, each in enumerate(GRID) if each == TermWeights(1.0, 10.0, 0.1, 10.0))
     errors[:, best] = 0.9
     for term, cost in (("likelihood", 1.04), ("momentum_rate", 1.06)):
         errors[:, without_term(GRID, term)] = 0.9 * cost**2
-    by_hand = {name: np.full((4, 6), 1.8) for name in COMPARATORS}
+    by_hand = {name: np.full((4, 6), 1.8 if name == "the thesis' weights" else 0.95) for name in COMPARATORS}
     found = people_weights.Predictions(errors, by_hand)
     assert found.chosen == GRID[best]
     assert found.agreeing == 4
@@ -181,6 +181,9 @@ def test_verdicts_on_weights_need_what_a_term_explains() -> None:
     assert claims["without_momentum_rate"].ours == pytest.approx(1.06)
     assert claims["without_momentum_rate"].outcome == "aim_reached"
     assert claims["over_thesis"].ours == pytest.approx(np.sqrt(0.5))
+    assert claims["over_thesis"].outcome == "aim_reached"
+    assert claims["over_equal"].ours == pytest.approx(np.sqrt(0.9 / 0.95))
+    assert claims["over_equal"].outcome == "aim_missed"
     assert claims["force"].ours == pytest.approx(np.sqrt(0.5))
     assert claims["height"].ours == pytest.approx(np.sqrt(0.9))
     robot = people_weights.talos_weights(TermWeights(2.0, 3.0, 0.0, 5.0))
