@@ -22,6 +22,7 @@ from stridelab.reproduction.studies.inverse_control import (
     best_candidate,
     errors_of_people,
     held_out_errors,
+    prediction_error,
     rms_ratio,
     weighted,
     without_term,
@@ -188,3 +189,57 @@ def test_verdicts_on_weights_need_what_a_term_explains() -> None:
     assert claims["height"].ours == pytest.approx(np.sqrt(0.9))
     robot = people_weights.talos_weights(TermWeights(2.0, 3.0, 0.0, 5.0))
     assert robot["weights of people, the thesis' densities"] == TermWeights(2.0, 3.0, 0.2, 5.0)
+
+
+def test_children_are_judged_with_the_weights_of_adults(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The ratio of the first to the second of the weights that are asked for; 0.97 of the thesis' is not better."""
+    asked: list[object] = []
+
+    def errors_of(
+        motions: list[RecordedMotion], weights: list[object], _tell: object
+    ) -> tuple[tuple[str, ...], object]:
+        asked.extend(weights)
+        return ("a", "b"), np.array([[np.full(6, 0.97**2), np.ones(6)]] * len(motions))
+
+    monkeypatch.setattr(people_weights, "errors_of_people", errors_of)
+    chosen, children = TermWeights(1.0, 2.0), [two_steps(name, 1.0, 1.4) for name in "ab"]
+    (claim,) = people_weights._children_claims(chosen, children)
+    assert asked == [chosen, people_weights.THESIS]
+    assert claim.ours == pytest.approx(0.97)
+    assert claim.outcome == "aim_missed"
+    assert claim.n == 2
+    assert people_weights._children_claims(chosen, []) == []
+
+
+def test_rows_are_in_metres_and_body_weights() -> None:
+    """RMS over people of each axis and of their sum, in the order of the choices."""
+    n = len(GRID)
+    errors = np.tile(np.array([4.0, 9.0, 36.0, 0.04, 0.05, 0.16]) * 1e-6, (3, n, 1))
+    errors *= np.array([0.5, 1.0, 1.5])[:, None, None]
+    by_hand = dict.fromkeys(COMPARATORS, 4.0 * errors[:, 0])
+    rows = people_weights._rows(people_weights.Predictions(errors, by_hand))
+    assert rows["ahead_m"][0] == pytest.approx(0.002)
+    assert rows["sideways_m"][0] == pytest.approx(0.003)
+    assert rows["up_m"][0] == pytest.approx(0.006)
+    assert rows["distance_m"][0] == pytest.approx(0.007)
+    assert rows["force_body_weights"][0] == pytest.approx(0.0005)
+    assert rows["distance_m"][-1] == pytest.approx(0.014)
+    assert rows["weights"][-1] == "forces alone"
+    grid = people_weights._grid_table(errors)
+    assert grid["distance_m"] == pytest.approx(np.full(n, 0.007))
+    assert grid["horizontal_m"] == pytest.approx(np.full(n, np.sqrt(13e-6)))
+
+
+def test_force_is_compared_where_it_is_measured() -> None:
+    """An interval without measurement is not an error, one whose force is off by the body weight counts 1."""
+    motion = walked(two_steps("a", 1.0, 1.7), TermWeights(1.0), 0.0, 0)
+    off = motion.force_n.copy()
+    off[0, 2] += motion.problem.weight_n
+    off[1] = np.nan
+    measured = np.zeros(len(off), dtype=bool)
+    measured[[0, 2]] = True
+    found = prediction_error(replace(motion, force_n=off, measured=measured), TermWeights(1.0))
+    assert found.force_share2 == pytest.approx((0.0, 0.0, 0.5), abs=1e-9)
+    assert found.distance_m2 == pytest.approx(0.0, abs=1e-12)
+    lifted = replace(motion, com_m=motion.com_m + np.array([0.0, 0.003, 0.004]))
+    assert prediction_error(lifted, TermWeights(1.0)).distance_m2 == pytest.approx(2.5e-5, rel=1e-2)

@@ -112,7 +112,11 @@ def run(gait: Path, tell: Progress) -> Reproduction:
 
 
 def fuse_run(path: Path) -> FusedRun:
-    """Apply the thesis' filter to one run. Raises as ``RecordedWalk.from_file``."""
+    """Apply the thesis' filter to one run.
+
+    Raises ``NotFound`` (``recordings-missing``) if the recording does not show where the runner faces, and the errors
+    of ``RecordedWalk.from_file``.
+    """
     walk = RecordedWalk.from_file(path)
     wrench = walk.total_wrench(0.0)
     used = wrench.complete & np.isfinite(walk.geometric.com_m).all(axis=1)
