@@ -41,7 +41,7 @@ def claims_of(runs: list[FusedRun]) -> dict[str, Claim]:
 def test_offsets_are_those_of_settled_samples() -> None:
     """Few centimetres ahead, millimetres sideways; the largest axis of the drift counts."""
     runs = [fused_run(k, speed, at, 0.001) for k, at in enumerate(OFFSETS_M) for speed in SPEEDS]
-    claims = claims_of(runs)
+    claims = claims_of([*runs, fused_run(3, SPEEDS[0], OFFSETS_M[0]), fused_run(4, SPEEDS[-1], OFFSETS_M[0])])
     assert claims["offset_along_m"].ours == pytest.approx(0.0165, abs=1e-4)
     assert claims["offset_along_m"].verdict == "met"
     assert claims["offset_left_m"].ours < 0.003
