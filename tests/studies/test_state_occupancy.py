@@ -4,16 +4,20 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from stridelab.centroidal.solver import solve
 from stridelab.reachability.learning.com_sampling import configuration_stream
 from stridelab.reproduction.studies.state_occupancy import (
     StateSamples,
     change_within_phases,
     nats_below_mode,
+    position_log_density,
+    rates_of_plan,
     sample_states,
 )
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
+from support.robots.sequences import rest_to_rest, two_steps
 
 
 @pytest.fixture(scope="module")
@@ -64,3 +68,18 @@ def test_nats_below_the_mode_are_those_of_the_normal_distribution() -> None:
 
 def test_a_change_counts_within_a_phase_only() -> None:
     assert change_within_phases(np.array([0.0, 1.0, 9.0, 9.5, 9.2]), np.array([0, 0, 1, 1, 1])) == 1.0
+
+
+def test_rates_of_a_plan_lead_from_node_to_node() -> None:
+    """(4.11): velocity and momentum, plus their rates times the interval, are those of the next node."""
+    problem = rest_to_rest(two_steps())
+    plan = solve(problem)
+    velocities, rates = rates_of_plan(plan)
+    step_s = np.diff(plan.time_s)[:, None]
+    assert (velocities + step_s * rates)[:-1] == pytest.approx(velocities[1:], abs=1e-9)
+    assert velocities[0] == pytest.approx(np.zeros(6), abs=1e-9)
+    log_p = position_log_density(problem, plan)
+    first, second = plan.sequence.phases[0].contacts.values()
+    at, h = plan.com_m[:1], float(plan.sequence.headings_rad[0])
+    alone = [problem.proxies[c.effector].log_density(at, c.placement, h)[0] for c in (first, second)]
+    assert log_p[0] == pytest.approx(sum(alone))
