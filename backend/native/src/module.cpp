@@ -90,11 +90,11 @@ std::unique_ptr<ProblemState> build(const Reals1& weights, const Reals1& start, 
                                     const Reals3& visit_axes, const Reals3& block_S, const Reals3& block_points,
                                     const Ints1& block_count, const Reals2& block_effort, const Reals1& block_most,
                                     const Ints2& phase_layout, const Reals1& phase_h, const Reals2& phase_height,
-                                    int end, const Reals2& planes, const Reals3& wrench_cones,
-                                    const Ints1& phase_cone, const Reals1& length_limits, const Ints2& block_edges,
-                                    bool cubic, const Ints2& places, const Reals3& place_axes,
-                                    const Reals2& place_windows, const Ints1& block_place, const Ints1& visit_place_of,
-                                    const Reals2& limbs, const Reals2& reference) {
+                                    int end, const Reals2& planes, const Reals3& wrench_cones, const Ints1& phase_cone,
+                                    const Reals1& length_limits, const Ints2& block_edges, bool cubic,
+                                    const Ints2& places, const Reals3& place_axes, const Reals2& place_windows,
+                                    const Ints1& block_place, const Ints1& visit_place_of, const Reals2& limbs,
+                                    const Reals2& reference) {
   auto held = std::make_unique<ProblemState>();
   Problem& p = held->problem;
   require(weights.size() == 3, "weights are those of acceleration, momentum rate and likelihood");

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.conventions import Mask, Progress, Series, Vector3
+from stridelab.conventions import Mask, Points, Progress, Series, Vector3
 from stridelab.dynamics.wrench import AXIS_THRESHOLD_N, Wrench
 from stridelab.errors import NotFound, StridelabError
 from stridelab.estimation.complementary.forward_backward import filter_inputs, forward_backward
@@ -50,7 +50,7 @@ class FusedRun:
     speed_m_s: int
     mass_kg: float
     time_s: Series
-    offset_m: np.ndarray
+    offset_m: Points
     left_over: Vector3
     aloft: float
 
@@ -123,7 +123,7 @@ def fuse_run(path: Path) -> FusedRun:
     g, total = walk.geometric.com_m[used], Wrench(wrench.force_n[used], wrench.moment_nm[used])
     filters = complementary_filters(THESIS_LOW_HZ, THESIS_HIGH_HZ, walk.recording.marker_rate_hz)
 
-    def fuse(geometry_m: np.ndarray) -> np.ndarray:
+    def fuse(geometry_m: Points) -> Points:
         return np.asarray(forward_backward(filters, filter_inputs(geometry_m, total, walk.mass_kg)))
 
     ahead = walk.recording.walking_direction
