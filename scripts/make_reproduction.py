@@ -91,7 +91,10 @@ recordings), *replayed* (motions carried out in a physics simulation), *people* 
 
 The recordings of adults are a part (11 of 50 people) of the data of Schreiber and Moissenet 2019
 (doi 10.1038/s41597-019-0124-4), published at doi 10.6084/m9.figshare.7734767; put the folders of the people below
-FOLDER/gait/rehazenter-adult-walking. Fukuchi et al. 2018 (doi 10.7717/peerj.4640) has 42 more, not used here.{note}
+FOLDER/gait/rehazenter-adult-walking. Fukuchi et al. 2018 (doi 10.7717/peerj.4640) has 42 more, not used here. The
+runners are those of Hamner and Delp 2013 (doi 10.1016/j.jbiomech.2012.11.024, published at
+simtk.org/projects/nmbl_running): Run_2.trc to Run_5.trc, Run_2_grf.mot to Run_5_grf.mot and static.trc of each person
+in a folder below FOLDER/gait/running.{note}
 """
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from stridelab.centroidal.boundary_conditions import PathBounds, Start, capture_region
 from stridelab.centroidal.contact_wrench import ContactWrench
+from stridelab.centroidal.infeasibility.elastic_lp import is_feasible
 from stridelab.centroidal.nlp.transcription import transcribe
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
@@ -69,6 +70,28 @@ def test_a_capturable_end_costs_less_than_rest_and_can_be_stopped(
         start=Start(plan.com_v_m_s[-1], plan.l_nms[-1]),
     )
     assert solve(at_rest).converged
+
+
+def test_a_moving_end_has_the_given_velocity_and_momentum(walk: CentroidalProblem, walked: CentroidalPlan) -> None:
+    """The first phases of a plan, cut where they end in it, are planned again as they were."""
+    k = int(np.flatnonzero(walked.phase == 2)[0])
+    first = replace(
+        walk,
+        sequence=replace(walk.sequence, phases=walk.sequence.phases[:2]),
+        com_end_m=walked.com_m[k],
+        terminal="moving",
+        end=Start(walked.com_v_m_s[k], walked.l_nms[k]),
+    )
+    again = solve(first)
+    assert again.converged, again.status
+    assert again.com_m == pytest.approx(walked.com_m[: k + 1], abs=1e-4)
+    assert again.com_v_m_s[-1] == pytest.approx(walked.com_v_m_s[k], abs=1e-8)
+    assert again.l_nms[-1] == pytest.approx(walked.l_nms[k], abs=1e-6)
+    other = solve(replace(first, end=Start(walked.com_v_m_s[k] + [0.05, 0.0, 0.0], walked.l_nms[k])))
+    assert other.converged, other.status
+    assert other.com_v_m_s[-1] - again.com_v_m_s[-1] == pytest.approx([0.05, 0.0, 0.0], abs=1e-8)
+    assert is_feasible(first)
+    assert not is_feasible(replace(first, end=Start(np.array([9.0, 0.0, 0.0]), walked.l_nms[k])))
 
 
 def test_derivatives_of_a_capturable_end_against_finite_differences(walk: CentroidalProblem) -> None:

@@ -119,6 +119,24 @@ def test_contacts_move_where_they_may_and_the_plan_verifies_there() -> None:
     assert moved.sequence.phases[0].contacts["right_foot"] is swung.sequence.phases[0].contacts["right_foot"]
 
 
+def test_placements_and_durations_are_free_at_once() -> None:
+    """Cheaper than either alone; given what both chose, the plan costs the same."""
+    swung = with_a_contact_between()
+    durations, placements = FreeDurations(0.96, 1.04), FreePlacements((0.05, 0.03))
+    of_durations, of_placements, of_both = (
+        solve(replace(swung, durations=d, placements=p))
+        for d, p in ((durations, None), (None, placements), (durations, placements))
+    )
+    assert of_both.converged, of_both.status
+    assert whole_cost(of_both) < min(whole_cost(of_durations), whole_cost(of_placements)) - 1e-3
+    share = durations_s(of_both) / durations_s(of_placements)
+    assert share.min() >= 0.96 - 1e-9
+    assert share.max() <= 1.04 + 1e-9
+    given = solve(replace(swung, sequence=of_both.sequence))
+    assert len(given.phase) == len(of_both.phase)
+    assert whole_cost(given) == pytest.approx(whole_cost(of_both), abs=1e-3)
+
+
 def test_contacts_at_the_start_and_end_do_not_move() -> None:
     spans = [
         (stay.contact.effector, stay.first, stay.last) for stay in movable_spans(with_a_contact_between().sequence)

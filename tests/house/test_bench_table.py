@@ -54,3 +54,19 @@ def test_every_aim_names_a_row_of_the_page():
     aims = tomllib.loads((ROOT / "tests" / "bench" / "aims.toml").read_text(encoding="utf-8"))["aim"]
     page = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8").splitlines()
     assert len(bench_table.check_aims(page, aims)) == len(aims) + 2
+
+
+def test_the_speeds_of_the_kalman_filters_are_those_of_the_benchmarks():
+    """One source: the theory page repeats the last table with two digits."""
+    page = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8").splitlines()
+    rates = {name: float(extra["samples_per_s"]) for name, (_, extra) in bench_table.read_rows(page).items()
+             if "samples_per_s" in extra}  # fmt: skip
+    measured = {
+        "filter": ("kalman filter[1800]", "kalman filter[200000]", "estimate with its band[kalman]"),
+        "smoother": ("rts smoother[1800]", "rts smoother[200000]", "estimate with its band[rts]"),
+        "textbook loop": ("textbook kalman and rts loop for comparison[1800]",),
+    }
+    theory = (ROOT / "docs" / "theory" / "kalman-filter.md").read_text(encoding="utf-8")
+    for name, benchmarks in measured.items():
+        cells = [f"{rates[benchmark]:.1e}".replace("e+0", "e") for benchmark in benchmarks]
+        assert f"| {name} | {' | '.join(cells)} |" in theory, name

@@ -17,14 +17,14 @@ Ending ending(const Problem& problem, const Iterate& it) {
   const std::size_t n = it.stages.size() - 1;
   const double* x = it.stages[n].x;
   const double* goal = problem.goal.data();
-  if (problem.end == End::rest) {
+  if (problem.end == End::rest || problem.end == End::moving) {
     e.rows = nx;
-    e.rests = true;
+    e.rests = problem.end == End::rest;
     for (int i = 0; i < nx; ++i) {
       e.miss[i] = x[i] - goal[i];
       e.J[i][i] = 1.0;
     }
-    for (int i = 0; i < 3; ++i) e.rest[i] = it.stages[n - 1].w[i] - (i == 2 ? 1.0 : 0.0);
+    for (int i = 0; e.rests && i < 3; ++i) e.rest[i] = it.stages[n - 1].w[i] - (i == 2 ? 1.0 : 0.0);
     return e;
   }
   e.rows = problem.end == End::upright ? 4 : 5;

@@ -90,11 +90,11 @@ std::unique_ptr<ProblemState> build(const Reals1& weights, const Reals1& start, 
                                     const Reals3& visit_axes, const Reals3& block_S, const Reals3& block_points,
                                     const Ints1& block_count, const Reals2& block_effort, const Reals1& block_most,
                                     const Ints2& phase_layout, const Reals1& phase_h, const Reals2& phase_height,
-                                    bool capturable, const Reals2& planes, const Reals3& wrench_cones,
-                                    const Ints1& phase_cone, const Reals1& length_limits, const Ints2& block_edges,
-                                    bool cubic, const Ints2& places, const Reals3& place_axes,
-                                    const Reals2& place_windows, const Ints1& block_place, const Ints1& visit_place_of,
-                                    const Reals2& limbs, const Reals2& reference) {
+                                    int end, const Reals2& planes, const Reals3& wrench_cones, const Ints1& phase_cone,
+                                    const Reals1& length_limits, const Ints2& block_edges, bool cubic,
+                                    const Ints2& places, const Reals3& place_axes, const Reals2& place_windows,
+                                    const Ints1& block_place, const Ints1& visit_place_of, const Reals2& limbs,
+                                    const Reals2& reference) {
   auto held = std::make_unique<ProblemState>();
   Problem& p = held->problem;
   require(weights.size() == 3, "weights are those of acceleration, momentum rate and likelihood");
@@ -208,7 +208,9 @@ std::unique_ptr<ProblemState> build(const Reals1& weights, const Reals1& start, 
   require(phase_height.shape(0) == phase_h.size() && phase_height.shape(1) == 2, "phases have bounds on the height");
   require(planes.shape(1) == 5, "planes have a normal (4) and an offset");
   finite(planes, "planes");
-  p.end = capturable ? End::capturable : End::rest;
+  constexpr End ends[] = {End::rest, End::capturable, End::moving};
+  require(end >= 0 && end < 3, "an end is at rest (0), capturable (1) or moving (2)");
+  p.end = ends[end];
   for (std::size_t i = 0; i < planes.shape(0); ++i) {
     p.planes.push_back({{planes(i, 0), planes(i, 1), planes(i, 2), planes(i, 3)}, planes(i, 4)});
   }
@@ -384,7 +386,7 @@ nb::dict run(ProblemState& held, int iterations, double seconds, double toleranc
 
 NB_MODULE(_native, module) {
   module.attr("__version__") = "0.1.0";
-  module.attr("INTERFACE") = 4;
+  module.attr("INTERFACE") = 5;
   nb::class_<ProblemState>(module, "Problem")
       .def("begin", &begin, "x"_a, "u"_a, "z"_a, "wrench_u"_a, "wrench_z"_a, "phase_h"_a)
       .def("solve", &run, "iterations"_a, "seconds"_a, "tolerance"_a, "gap"_a, "warm"_a);

@@ -35,6 +35,16 @@ void bounds_hold() {
   }
 }
 
+void moved() {
+  Problem p = step();
+  p.end = End::moving;
+  p.goal[3] = 0.2;
+  p.goal[7] = 0.01;
+  Iterate it;
+  solved(p, it, "a moving end");
+  for (int i = 0; i < nx; ++i) expect_near(it.stages.back().x[i], p.goal[static_cast<std::size_t>(i)], 1e-9, "goal");
+}
+
 void captured() {
   Problem p = step();
   p.end = End::capturable;
@@ -114,6 +124,7 @@ int main() {
          "30 m in 2.5 s cannot be, by wrenches neither");
   bounds_hold();
   captured();
+  moved();
   free_lengths_cost_less();
   warm_is_shorter();
 

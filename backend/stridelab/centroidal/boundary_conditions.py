@@ -7,6 +7,9 @@ point of the linear inverted pendulum,
     xi = c + c' / omega,    omega^2 = g / (height of the goal above the soles),
 
 lies in the hull of the last phase's contact points, at the goal's height, without vertical velocity or momentum.
+
+``moving`` prescribes a velocity and a momentum at the goal in place of rest, for a motion that goes on, such as one
+step of a recorded walk.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +23,7 @@ from scipy.spatial import ConvexHull
 from stridelab.conventions import GRAVITY_M_S2, Points, Vector3
 from stridelab.errors import Fault, InvalidInput
 
-Terminal = Literal["rest", "capturable"]
+Terminal = Literal["rest", "capturable", "moving"]
 
 
 def _zero_vector() -> Vector3:
@@ -29,7 +32,7 @@ def _zero_vector() -> Vector3:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Velocity of the CoM and angular momentum about it at the start; zero (rest) by default.
+    """Velocity of the CoM and angular momentum about it at the start, or at a moving end; zero (rest) by default.
 
     Raises ``InvalidInput`` (``start-not-finite``).
     """

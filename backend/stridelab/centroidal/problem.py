@@ -84,7 +84,8 @@ class CentroidalProblem:
     fixed unless given as free variables. ``limbs_nm`` (N m) is the momentum rate of the limbs about the CoM, averaged
     between ``limb_times_s``; the cost then weighs the difference from it. ``reference_m_s2`` is an acceleration of the
     CoM, averaged between the same times; the cost then weighs ``|c'' - a|^2`` instead of ``|c''|^2``. The motion begins
-    at ``start`` and ends at rest or ``capturable``, within ``bounds``.
+    at ``start`` and ends at rest, ``capturable``, or ``moving`` with the velocity and the momentum of ``end``, within
+    ``bounds``.
 
     Raises ``InvalidInput`` for inconsistent problems: ``effector-unknown``, ``proxy-missing``,
     ``phase-without-duration``, ``mass-out-of-range``, ``node-rate-out-of-range``, ``com-not-finite``,
@@ -107,6 +108,7 @@ class CentroidalProblem:
     shape: Shape = "constant"
     start: Start = AT_REST
     terminal: Terminal = "rest"
+    end: Start = AT_REST
     bounds: PathBounds = UNBOUNDED
     durations: FreeDurations | None = None
     placements: FreePlacements | None = None
@@ -211,9 +213,17 @@ class CentroidalProblem:
             )
         return tuple(patches)
 
+    def end_state(self) -> Float[np.ndarray, "9"]:
+        """``(c, c', K / (m |g|))`` at the end, relative to the CoM at the start; at rest unless the end is moving."""
+        goal_m = self.com_end_m - self.com_start_m
+        if self.terminal != "moving":
+            return np.concatenate([goal_m, np.zeros(6)])
+        v = self.end.com_v_m_s
+        return np.concatenate([goal_m, v, self.end.l_nms / self.weight_n + np.cross(goal_m, v) / GRAVITY_M_S2])
+
     def capture_region(self) -> CaptureRegion | None:
-        """Capture region of a capturable end relative to the CoM at the start; None for an end at rest."""
-        if self.terminal == "rest":
+        """Capture region of a capturable end relative to the CoM at the start; None for other ends."""
+        if self.terminal != "capturable":
             return None
         last = self.contact_patches(len(self.sequence.phases) - 1, self.com_start_m)
         return capture_region([patch.points_m for patch in last], self.com_end_m - self.com_start_m)

@@ -85,6 +85,7 @@ def solve(
             problem.com_end_m,
             problem.start,
             problem.terminal,
+            problem.end,
         )
         converged = _is_solved(result.attempt) and is_verified(verification)
         proved = result.infeasible and not (problem.durations or problem.placements)
@@ -224,6 +225,7 @@ def _status_message(
             f"cone margin {verification.cone_margin_n:.1e} N."
         )
     if infeasible:
-        ends = "at rest at the goal" if terminal == "rest" else "in a capturable state"
+        states = {"rest": "at rest at the goal", "capturable": "in a capturable state", "moving": "in the given state"}
+        ends = states[terminal]
         return f"No motion over these contacts ends {ends} ({summary})."
     return f"The solvers did not find a motion over these contacts and did not prove infeasibility ({summary})."

@@ -114,10 +114,12 @@ def verify(
     com_end_m: Vector3,
     start: Start = AT_REST,
     terminal: Terminal = "rest",
+    end: Start = AT_REST,
 ) -> Verification:
     """Integrate the forces and check every cone; forces of effectors without contact count as violations.
 
-    A capturable end must meet the goal's height and the hull of the last contact points, not the goal's position.
+    A capturable end must meet the goal's height and the hull of the last contact points, not the goal's position; a
+    moving one the velocity and the momentum of ``end``.
     """
     h = np.diff(motion.time_s)[:, None]
     c, v, L = motion.com_m, motion.com_v_m_s, motion.l_nms
@@ -132,7 +134,8 @@ def verify(
         v[0] - start.com_v_m_s,
         L[0] - start.l_nms,
     ]
-    ends = [c[-1] - com_end_m, v[-1], L[-1]]
+    final = end if terminal == "moving" else AT_REST
+    ends = [c[-1] - com_end_m, v[-1] - final.com_v_m_s, L[-1] - final.l_nms]
     if terminal == "capturable":
         last = sequence.phases[-1].contacts
         support = capture_region([at.placement.act(motion.points_m[name]) for name, at in last.items()], com_end_m)

@@ -14,7 +14,7 @@ _MODULES: Final = {
     2: "fig_2_2 fig_2_5 fig_2_6 fig_2_7 fig_2_8 fig_2_9 numbers "
     "table_errors table_lag table_coverage table_partial_force table_flight",
     3: "fig_3_3 fig_3_4 fig_3_5 fig_3_6 height_figures fig_3_10 numbers",
-    4: "fig_4_3 fig_4_5 fig_4_6 fig_4_7 fig_4_8 fig_4_9 foot_density numbers table_4_1",
+    4: "fig_4_3 fig_4_5 fig_4_6 fig_4_7 fig_4_8 fig_4_9 foot_density numbers occupancy table_4_1",
 }
 """Modules with items, by chapter."""
 MAX_SEEDS: Final = 200

@@ -31,6 +31,7 @@ CONES = CircularCones()
 
 OF_EVERY_KIND: tuple[dict[str, Any], ...] = (
     {"terminal": "capturable"},
+    {"terminal": "moving", "end": Start(np.array([0.1, 0.02, -0.01]), np.array([0.2, -1.0, 0.1]))},
     {"bounds": PathBounds(com_height_m=(0.80, 0.864))},
     {"bounds": PathBounds(normal_force_max_n={"right_hand": 15.0, "left_foot": 400.0})},
     {"start": Start(np.array([0.1, 0.02, 0.0]), np.array([0.0, 1.0, 0.0]))},

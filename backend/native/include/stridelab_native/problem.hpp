@@ -64,8 +64,8 @@ struct Phase {
 
 // At rest: x_N = goal and F = (0, 0, 1) in the last interval. Capturable: height and vertical velocity of the goal, no
 // angular momentum, and the capture point inside every half-plane. Upright: the same without the momentum about the
-// vertical, which is not linear.
-enum class End { rest, capturable, upright };
+// vertical, which is not linear. Moving: x_N = goal, which may have a velocity and a momentum.
+enum class End { rest, capturable, upright, moving };
 
 // normal (c_x, c_y, c'_x, c'_y) <= offset.
 struct Plane {

@@ -221,7 +221,7 @@ def _end_miss(problem: CentroidalProblem, e: Vector) -> EndMiss:
     if problem.terminal == "capturable":
         beyond = np.array([np.abs(e[2:]).max(), 0.0, e[0]])
         return EndMiss(beyond, np.array([0.0, 0.0, e[1]]), np.zeros(3), np.zeros(3))
-    com, velocity, K = e[3:6], e[6:9], e[9:12]
+    com, velocity, K = e[-9:-6], e[-6:-3], e[-3:]
     about_it = np.cross(problem.com_end_m - problem.com_start_m + com, velocity)
     momentum = problem.weight_n * K - problem.mass_kg * about_it
     return EndMiss(com, velocity, e[0:3] * problem.weight_n / problem.mass_kg, momentum)

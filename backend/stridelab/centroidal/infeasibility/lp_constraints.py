@@ -5,6 +5,7 @@
     x_{k+1} - A x_k - B sum V lambda = b                              every interval
     x_0 = the start
     F = the weight,  x_N = (goal, 0, 0)                               at an end at rest
+    x_N = the state of the goal                                       at a moving one
     c_z, c_z' = (goal, 0),  n (c + c' / omega) <= b                   at a capturable one
 """
 
@@ -76,11 +77,15 @@ def linear_constraints(problem: CentroidalProblem, grid: Grid) -> LinearConstrai
         A.add_block(end + 2, n, np.eye(planes))  # slack to the planes, non-negative
         b.append(np.concatenate([goal[2:], [0.0], stop.offsets]))
         n, n_end = n + planes, 2 + planes
+    elif problem.terminal == "moving":
+        A.add_block(end, at_end, np.eye(N_STATE))
+        b.append(problem.end_state())
+        n_end = N_STATE
     else:
         for name in phases[-1].contacts:
             A.add_block(end, first[last, name], wrenches[len(phases) - 1, name][:3])
         A.add_block(end + 3, at_end, np.eye(N_STATE))
-        b += [-DOWN, np.concatenate([goal, np.zeros(6)])]
+        b += [-DOWN, problem.end_state()]
         n_end = 3 + N_STATE
     lower = np.full(n, -np.inf)
     lower[N_STATE * (last + 2) :] = 0.0

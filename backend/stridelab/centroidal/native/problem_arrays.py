@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from stridelab.centroidal.boundary_conditions import Terminal
 from stridelab.centroidal.control import ContactPatch
 from stridelab.centroidal.force_splines import INNER, touchdowns_and_liftoffs
 from stridelab.centroidal.free_variables import ContactSpan, movable_spans
@@ -19,6 +20,8 @@ POINTS_PER_BLOCK: Final = 4
 """Contact points per block; a contact with more points takes several blocks."""
 MIN_WINDOW_M: Final = 1e-6
 """Placement windows up to this size count as empty."""
+ENDS: Final[tuple[Terminal, ...]] = ("rest", "capturable", "moving")
+"""The ends in the order of their numbers in the C++ solver."""
 MixtureArrays = tuple[Float[np.ndarray, "_"], Float[np.ndarray, "_ 3"], Float[np.ndarray, "_ 3 3"]]
 """Constants, means and whitenings: ``log w_j N(y; mu_j, S_j) = constant_j - |W_j (y - mu_j)|^2 / 2``."""
 
@@ -51,7 +54,7 @@ class NativeInput:
     phase_layout: Int[np.ndarray, "phases 5"]
     phase_step_s: Float[np.ndarray, "phases"]
     phase_height: Float[np.ndarray, "phases 2"]
-    capturable: bool
+    end: int
     planes: Float[np.ndarray, "planes 5"]
     wrench_cones: Float[np.ndarray, "cones 6 6"]
     phase_cone: Int[np.ndarray, "phases"]
@@ -117,7 +120,7 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
             [weights.com_acceleration, weights.momentum_rate * problem.weight_n**2, weights.likelihood], dtype=float
         ),
         start=np.concatenate([np.zeros(3), problem.start.com_v_m_s, start_l]),
-        goal=np.concatenate([problem.com_end_m - origin, np.zeros(6)]),
+        goal=problem.end_state(),
         mixtures=[_mixture_arrays(problem.proxies[name].mixture) for name in names],
         visit_mixture=np.array([j for j, _ in places], dtype=np.int32),
         visit_place=np.array([at.position_m - origin for _, at in places], dtype=float).reshape(-1, 3),
@@ -137,7 +140,7 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
         phase_layout=np.array(layout, dtype=np.int32),
         phase_step_s=np.array([p.duration_s / n for p, n in zip(sequence.phases, controls, strict=True)], dtype=float),
         phase_height=_height_bounds(problem),
-        capturable=problem.terminal == "capturable",
+        end=ENDS.index(problem.terminal),
         planes=_capture_planes(problem),
         wrench_cones=wrench_cones,
         phase_cone=phase_cone,

@@ -278,18 +278,20 @@ def _row_bounds(
     problem: CentroidalProblem, grid: Grid, layout: Layout, end: CaptureRegion | None
 ) -> tuple[Float[np.ndarray, "rows"], Float[np.ndarray, "rows"]]:
     lower = np.zeros(layout.n_rows)
-    goal_m = problem.com_end_m - problem.com_start_m
+    goal = problem.end_state()
     lower[layout.start + 3 : layout.start + N_STATE] = np.append(
         problem.start.com_v_m_s, problem.start.l_nms / problem.weight_n
     )
     if end is None:
         lower[layout.rest : layout.rest + 3] = -DOWN
-        lower[layout.end : layout.end + 3] = goal_m
+        lower[layout.end : layout.end + N_STATE] = goal
     else:
-        lower[layout.end] = goal_m[2]
+        lower[layout.end] = goal[2]
     if problem.durations and problem.durations.fixed_total:
         lower[layout.total] = problem.sequence.duration_s
     upper = lower.copy()
+    if problem.terminal == "moving":
+        lower[layout.rest : layout.rest + 3], upper[layout.rest : layout.rest + 3] = -np.inf, np.inf
     if end is not None:
         first = layout.end + N_CAPTURABLE
         lower[first : first + len(end.offsets)] = -np.inf

@@ -95,9 +95,8 @@ def run(seeds: range, tell: Progress) -> Reproduction:
     }
     return Reproduction(
         claims=claims,
-        note="TALOS runs at about 1 m/s instead of a man at 4.4 m/s; its flight phases last 0.11 s. At 4.4 m/s a force "
-        "delayed by 10 ms gives an offset of 44 mm along the run, as large as the offset that the thesis attributes to "
-        "a bias of the segment table. The item flight compares all estimators in flight.",
+        note="TALOS runs over ground at about 1 m/s instead of a man at 4.4 m/s on a treadmill; its flight phases last "
+        "0.11 s. Runners on a treadmill are in fig-2.9-people; the item flight compares all estimators in flight.",
         tables={"errors": table, "settling": {"time_s": np.arange(len(curve)) / RATE_HZ, "offset_m": curve}},
         drawing=render_svg(*_draw_panels(trial, fused, curve)),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),

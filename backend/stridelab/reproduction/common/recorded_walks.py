@@ -2,18 +2,30 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
+from zipfile import ZipFile
+
+import numpy as np
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel
+from stridelab.conventions import GRAVITY_M_S2
+from stridelab.dynamics.wrench import AXIS_THRESHOLD_N
 from stridelab.errors import NotFound
+from stridelab.recordings.foot_contact import is_treadmill
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording, Window, WrenchTrack
 
-STATICS: Final = ("*_ST.c3d", "Static*.c3d")
+STATICS: Final = ("*_ST.c3d", "Static*.c3d", "static.trc")
+FORCES_SUFFIX: Final = "_grf.mot"
+"""End of the name of a TRC file's forces, in place of ``.trc``."""
+
+
+MIN_FLIGHTS: Final = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,16 +44,45 @@ class RecordedWalk:
 
         Raises ``NotFound`` (``recordings-missing``) if the body mass is missing, and the errors of the readers.
         """
-        recording = read_recording(path)
+        recording = read_trial(path)
+        windows = measured_windows(recording, identify(list(recording.markers_m)).landmarks)
         mass_kg = recording.subject.mass_kg
+        if mass_kg is None and is_treadmill(recording):
+            mass_kg = mass_of_runner_kg(wrench_track(recording, windows))
         if mass_kg is None:
             raise NotFound("recordings-missing", f"{path.name} does not contain the body mass of the subject.")
-        windows = measured_windows(recording, identify(list(recording.markers_m)).landmarks)
         return RecordedWalk(path.parent.name, recording, mass_kg, geometric_com_of(recording, path.parent), windows)
 
     def total_wrench(self, latency_s: float) -> WrenchTrack:
         """Total contact wrench, corrected for the latency: read ``latency_s`` later than its time stamp."""
         return wrench_track(self.recording, self.windows, latency_s=latency_s)
+
+
+def read_trial(path: Path) -> Recording:
+    """Read a recording; a TRC file with the forces of the same name beside it. Raises as ``read_recording``."""
+    forces = path.with_name(path.stem + FORCES_SUFFIX)
+    if path.suffix != ".trc" or not forces.exists():
+        return read_recording(path)
+    with TemporaryDirectory() as folder:
+        both = Path(folder) / f"{path.stem}.zip"
+        with ZipFile(both, "w") as archive:
+            archive.write(path, path.name)
+            archive.write(forces, forces.name)
+        return read_recording(both, name=path.name)
+
+
+def mass_of_runner_kg(wrench: WrenchTrack) -> float | None:
+    """Mean vertical force over g, from the first to the last end of a flight; None with fewer than five flights.
+
+    Over whole steps of a steady run the mean acceleration is zero.
+    """
+    up_n = wrench.force_n[:, 2]
+    aloft = wrench.complete & (np.linalg.norm(wrench.force_n, axis=1) < AXIS_THRESHOLD_N)
+    lands = np.flatnonzero(aloft[:-1] & ~aloft[1:])
+    if len(lands) < MIN_FLIGHTS:
+        return None
+    during = slice(lands[0], lands[-1])
+    return float(up_n[during].mean() / GRAVITY_M_S2) if wrench.complete[during].all() else None
 
 
 def recordings_in(gait: Path, pattern: str) -> list[Path]:

@@ -8,7 +8,7 @@ from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.parts import HRP2, TALOS, Walker
-from stridelab.contacts.scenarios.stairs import HandRail, Stairs, long_stride, six_stairs, stairs_with_rail
+from stridelab.contacts.scenarios.stairs import HandRail, Stairs, flat_walk, long_stride, six_stairs, stairs_with_rail
 from stridelab.reachability.card import Measure
 from stridelab.reachability.store import DEFAULT_MEASURE, load_proxies
 from stridelab.robots.loader import load_robot
@@ -34,3 +34,9 @@ def experiment_problem(experiment: Experiment, robot: str, measure: Measure = DE
     """Rest-to-rest centroidal problem of an experiment with the bundled densities of a measure."""
     sequence = sequence_of(experiment_scenario(experiment, robot), effector_shapes(robot))
     return from_rest_to_rest(load_robot(robot), sequence, load_proxies(robot, measure))
+
+
+def flat_walk_problem(robot: str = "talos") -> CentroidalProblem:
+    """Rest-to-rest problem of eight steps of 0.25 m on flat ground."""
+    sequence = sequence_of(flat_walk(walker=WALKERS[robot]), effector_shapes(robot))
+    return from_rest_to_rest(load_robot(robot), sequence, load_proxies(robot, DEFAULT_MEASURE))

@@ -1,0 +1,110 @@
+"""Figure 2.9 on runners: what is an offset, what makes it that of a body, and which mass and files a run has."""
+
+from pathlib import Path
+from zipfile import ZipFile
+
+import numpy as np
+import pytest
+
+from stridelab.conventions import GRAVITY_M_S2
+from stridelab.errors import NotFound
+from stridelab.recordings.recording import Window, WrenchTrack
+from stridelab.reproduction.chapter2 import fig_2_9_people
+from stridelab.reproduction.chapter2.fig_2_9_people import LIKE_THESIS, SAME_M, SPEEDS, FusedRun
+from stridelab.reproduction.claims import Claim
+from stridelab.reproduction.common import recorded_walks
+from stridelab.reproduction.common.recorded_walks import MIN_FLIGHTS, mass_of_runner_kg, read_trial
+
+RATE_HZ = 100.0
+OFFSETS_M = np.array([[0.016, 0.002, -0.010], [0.020, -0.002, -0.012], [0.012, 0.001, -0.008]])
+
+
+def fused_run(person: int, speed_m_s: int, offset_m: np.ndarray, drift_m: float = 0.0) -> FusedRun:
+    """Five seconds whose first and last 1.5 s are useless, with a jump of ``drift_m`` in the middle."""
+    t = np.arange(0.0, 5.0, 1.0 / RATE_HZ)
+    offset = np.tile(offset_m, (len(t), 1))
+    offset[t >= 2.5] += drift_m
+    offset[(t < 1.5) | (t > 3.5)] = 1.0
+    return FusedRun(str(person), speed_m_s, 70.0, t, offset, np.array([0.30, 0.34, 0.97]), 0.33)
+
+
+def claims_of(runs: list[FusedRun]) -> dict[str, Claim]:
+    by_speed = {speed: [one for one in runs if one.speed_m_s == speed] for speed in SPEEDS}
+    claims = (
+        *fig_2_9_people._size_claims(by_speed[LIKE_THESIS]),
+        *fig_2_9_people._constancy_claims(by_speed),
+        *fig_2_9_people._rule_claims(runs),
+    )
+    return {claim.key: claim for claim in claims}
+
+
+def test_offsets_are_those_of_settled_samples() -> None:
+    """Few centimetres ahead, millimetres sideways; the largest axis of the drift counts."""
+    runs = [fused_run(k, speed, at, 0.001) for k, at in enumerate(OFFSETS_M) for speed in SPEEDS]
+    claims = claims_of([*runs, fused_run(3, SPEEDS[0], OFFSETS_M[0]), fused_run(4, SPEEDS[-1], OFFSETS_M[0])])
+    assert claims["offset_along_m"].ours == pytest.approx(0.0165, abs=1e-4)
+    assert claims["offset_along_m"].verdict == "met"
+    assert claims["offset_left_m"].ours < 0.003
+    assert claims["offset_left_m"].verdict == "not_met"
+    assert claims["offset_up_m"].verdict == "undecided"
+    assert claims["drift_m"].ours == pytest.approx(0.001, abs=1e-4)
+    assert claims["drift_m"].verdict == "met"
+    assert claims["bias_left"].ours == pytest.approx(0.34)
+    assert claims["bias_left"].verdict == "met"
+    assert claims["vertical_left"].verdict == "thesis_in_error"
+    assert claims["bias_left_predicted"].ours == pytest.approx(0.01)
+    assert claims["bias_left_predicted"].outcome == "aim_reached"
+    assert {claims[key].n for key in ("offset_along_m", "change_along_m", "drift_m")} == {3}
+
+
+def test_an_offset_that_grows_with_the_speed_is_not_that_of_a_table() -> None:
+    """Signs do not cancel: a change of opposite directions in two people is a change."""
+    changed = [
+        fused_run(k, speed, at + (speed == SPEEDS[-1]) * np.array([(-1) ** k * 2.0 * SAME_M, 0.0, 0.0]))
+        for k, at in enumerate(OFFSETS_M)
+        for speed in SPEEDS
+    ]
+    claims = claims_of(changed)
+    assert claims["change_along_m"].ours == pytest.approx(2.0 * SAME_M)
+    assert claims["change_along_m"].verdict == "not_met"
+    assert claims["change_left_m"].verdict == "met"
+    drifting = claims_of([fused_run(k, s, at, 2.0 * SAME_M) for k, at in enumerate(OFFSETS_M) for s in SPEEDS])
+    assert drifting["drift_m"].verdict == "not_met"
+
+
+def run_on_plates(flights: int, mass_kg: float) -> WrenchTrack:
+    """Contacts of half a period whose mean force is the weight, cut amid a contact at both ends."""
+    t = np.arange(0.0, 0.35 * (flights + 0.8), 1e-3)
+    phase = (t / 0.35 + 0.2) % 1.0
+    up_n = np.where(phase < 0.5, 2.0 * mass_kg * GRAVITY_M_S2, 0.0)
+    force_n = np.column_stack([np.zeros((len(t), 2)), up_n])
+    whole = np.ones(len(t), dtype=bool)
+    return WrenchTrack(t, force_n, np.zeros_like(force_n), whole, (Window(0.0, float(t[-1])),))
+
+
+def test_the_mass_of_a_runner_is_that_of_whole_steps() -> None:
+    assert mass_of_runner_kg(run_on_plates(8, 65.0)) == pytest.approx(65.0, rel=5e-3)
+    assert mass_of_runner_kg(run_on_plates(MIN_FLIGHTS - 2, 65.0)) is None
+    hidden = run_on_plates(8, 65.0)
+    hidden.complete[len(hidden.complete) // 2] = False
+    assert mass_of_runner_kg(hidden) is None
+
+
+def test_a_trc_file_is_read_with_its_forces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a zip of both; without forces alone."""
+
+    def refuse(path: Path, name: str | None = None) -> None:
+        raise NotFound("read", f"{path.suffix} {name} {sorted(ZipFile(path).namelist()) if name else ''}")
+
+    monkeypatch.setattr(recorded_walks, "read_recording", refuse)
+    for name in ("static.trc", "Run_4.trc", "Run_4_grf.mot"):
+        (tmp_path / name).write_text("PathFileType")
+    with pytest.raises(NotFound, match=r"\.trc None"):
+        read_trial(tmp_path / "static.trc")
+    with pytest.raises(NotFound, match=r"\.zip Run_4\.trc \['Run_4\.trc', 'Run_4_grf\.mot'\]"):
+        read_trial(tmp_path / "Run_4.trc")
+
+
+def test_a_folder_without_runs_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(NotFound, match="no recording"):
+        fig_2_9_people.run(tmp_path, lambda _fraction, _message: None)
