@@ -10,7 +10,7 @@ from stridelab.centroidal.native.availability import NativeUnavailable, native_a
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.scene.contacts import placed_contacts
 from stridelab_web.scene.plan_frames import read_motion
-from support.browser.page import Service, Tab, drag, nodes, opened, until
+from support.browser.page import Service, Tab, drag, few_pictures, nodes, opened, until
 
 FOOT = "leg_right_6_link"
 PLANNED_WITHIN_MS = 240_000
@@ -46,14 +46,16 @@ def test_from_a_sample_over_a_dragged_foothold_to_the_robot_that_walks_on_it(tab
         (running,) = client.jobs(kind="plan-motion", scenario_id=copy.id).items
         assert running.state in ("queued", "running"), "the motion of the CoM is shown before the plan is computed"
         assert f"planning={running.id}" in page.url
-    page.wait_for_selector("[data-playing=body]", timeout=PLANNED_WITHIN_MS)
+    with few_pictures(page):
+        page.wait_for_selector("[data-playing=body]", timeout=PLANNED_WITHIN_MS)
     before = nodes(page, f"/robot/{FOOT}")[f"/robot/{FOOT}"]["position"]
     until(page, lambda: math.dist(nodes(page, f"/robot/{FOOT}")[f"/robot/{FOOT}"]["position"], before) > 1e-3)
     certificate = page.locator("[data-plan-certificate]")
-    expect(certificate).to_contain_text("Certified: all", timeout=PLANNED_WITHIN_MS)
-    page.wait_for_selector("[data-playing=replay]", timeout=PLANNED_WITHIN_MS)
-    assert page.evaluate(GHOST_MESHES, f"/ghost/{FOOT}") > 0
-    page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
+    with few_pictures(page):
+        expect(certificate).to_contain_text("Certified: all", timeout=PLANNED_WITHIN_MS)
+        page.wait_for_selector("[data-playing=replay]", timeout=PLANNED_WITHIN_MS)
+        assert page.evaluate(GHOST_MESHES, f"/ghost/{FOOT}") > 0
+        page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
     page.wait_for_selector("[data-player][data-ready]", timeout=90_000)
     job_id = page.url.partition("plan=")[2].partition("&")[0]
     planned = Scenario.model_validate_json(client.read_artifact(job_id, "scenario.json"))
