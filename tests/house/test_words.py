@@ -24,17 +24,11 @@ MOST_VAGUE_PER_1000_LINES = 3.0
 VAGUE_FOLDERS = frozenset(
     f"tests/{folder}"
     for folder in (
-        "bench",
         "browser",
-        "contacts",
         "estimation",
         "frontend",
-        "measures",
         "pipelines",
-        "recovery",
         "reproduction",
-        "studies",
-        "wholebody",
     )
 )
 """Folders of tests that still use these words more often; all others keep the limit."""

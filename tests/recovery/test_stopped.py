@@ -38,15 +38,15 @@ def client(service: Service) -> httpx.Client:
 
 
 def nursery_of(service: Service, parent: str) -> psutil.Process:
-    found: list[psutil.Process] = []
+    servers: list[psutil.Process] = []
 
     def there() -> bool:
         children = service.member(parent).children()
-        found[:] = [child for child in children if "stridelab.service.processes.fork_server" in child.cmdline()]
-        return bool(found)
+        servers[:] = [child for child in children if "stridelab.service.processes.fork_server" in child.cmdline()]
+        return bool(servers)
 
     wait_until(there, 60, f"a nursery of {parent}")
-    return found[0]
+    return servers[0]
 
 
 def job_is_done(http: httpx.Client, job_id: str) -> bool:
