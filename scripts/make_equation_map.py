@@ -9,6 +9,7 @@ import re
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -72,8 +73,13 @@ def cited_in(text: str, order: list[str]) -> Iterator[str]:
             yield last
 
 
-def docstrings(path: Path) -> Iterator[tuple[str, str]]:
+@cache
+def docstrings(path: Path) -> tuple[tuple[str, str], ...]:
     """Docstrings and other bare strings of a file, each with the name of the test function around it."""
+    return tuple(_named_strings(path))
+
+
+def _named_strings(path: Path) -> Iterator[tuple[str, str]]:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     tests = [n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name.startswith("test")]
     for node in ast.walk(tree):

@@ -39,18 +39,23 @@ def written(fields: dict[str, str]) -> str:
     return f"{text} [doi:{doi}](https://doi.org/{doi})" if doi else text
 
 
-def cited_by(root: Path, key: str) -> list[str]:
-    """Modules, data and pages that name a key."""
+def citing_places(root: Path) -> dict[str, list[str]]:
+    """Modules, data and pages that name each key."""
     places = [*(root / "backend" / "stridelab").rglob("*.py"), *(root / "models").rglob("*.toml")]
     places += (root / "docs").rglob("*.md")
-    named = [p for p in sorted(places) if re.search(rf"\b{key}\b", p.read_text(encoding="utf-8"))]
-    return [str(p.relative_to(root)).removeprefix("backend/stridelab/") for p in named]
+    any_key = re.compile(rf"\b(?:{'|'.join(map(re.escape, entries(root)))})\b")
+    cited: dict[str, list[str]] = {key: [] for key in entries(root)}
+    for path in sorted(places):
+        for key in dict.fromkeys(any_key.findall(path.read_text(encoding="utf-8"))):
+            cited[key].append(str(path.relative_to(root)).removeprefix("backend/stridelab/"))
+    return cited
 
 
 def bibliography_page(root: Path) -> str:
     """All entries by key."""
     lines = ["# Literature", "", "From `models/references.bib`. Results and cards of robots name these keys.", ""]
+    cited = citing_places(root)
     for key, fields in sorted(entries(root).items()):
-        where = ", ".join(f"`{place}`" for place in cited_by(root, key))
+        where = ", ".join(f"`{place}`" for place in cited[key])
         lines += [f"## {key}", "", written(fields), "", f"Cited by {where}.", ""]
     return "\n".join(lines)

@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 PACKAGES = {
@@ -59,15 +60,21 @@ def members(class_: ast.ClassDef) -> Iterator[str]:
             yield from ["```python", signature(node, method=True), "```", "", *docstring(node)]
 
 
+@cache
+def statements(path: Path) -> list[ast.stmt]:
+    """Statements of a file, which several packages may export from."""
+    return ast.parse(path.read_text(encoding="utf-8")).body
+
+
 def definitions(stub: Path) -> dict[str, tuple[Path, ast.stmt, str]]:
     """Names that a package exports by its stub: their module, their statement, and the docstring of a constant."""
     exported = {}
-    for line in ast.parse(stub.read_text(encoding="utf-8")).body:
+    for line in statements(stub):
         if isinstance(line, ast.ImportFrom) and line.level == 1 and line.module:
             base = stub.parent.joinpath(*line.module.split("."))
             path = base.with_suffix(".py") if base.with_suffix(".py").is_file() else base / "__init__.py"
             imported = {alias.name for alias in line.names}
-            body = ast.parse(path.read_text(encoding="utf-8")).body
+            body = statements(path)
             for node, after in zip(body, [*body[1:], None], strict=True):
                 names = {node.name} if isinstance(node, ast.ClassDef | ast.FunctionDef) else assigned(node)
                 for name in names & imported:

@@ -73,9 +73,9 @@ def watching(url: str, wanted: bool) -> Iterator[Page | None]:
     if not wanted:
         yield None
         return
-    found = next((path for name in ("chromium-headless-shell", "chromium") if (path := shutil.which(name))), None)
+    executable = next((path for name in ("chromium-headless-shell", "chromium") if (path := shutil.which(name))), None)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=found, args=list(FLAGS))
+        browser = playwright.chromium.launch(executable_path=executable, args=list(FLAGS))
         page = browser.new_page()
         page.add_init_script(SHOWN)
         page.goto(f"{url}/live")

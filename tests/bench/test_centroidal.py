@@ -100,9 +100,9 @@ def test_receding_replan(benchmark, scenario, start):
     before = horizon.solve_from(AT_S, State(there.com_m, there.com_v_m_s, there.l_nms))
     then = before.plan.reference_at(PERIOD_S)
     pushed = State(then.com_m, then.com_v_m_s + np.array([0.0, 0.05, 0.0]), then.l_nms)
-    found = benchmark.pedantic(lambda: horizon.solve_from(AT_S + PERIOD_S, pushed, before), rounds=10, warmup_rounds=1)
-    benchmark.extra_info["iterations"] = found.iterations
-    benchmark.extra_info["found"] = not found.carried_on
+    result = benchmark.pedantic(lambda: horizon.solve_from(AT_S + PERIOD_S, pushed, before), rounds=10, warmup_rounds=1)
+    benchmark.extra_info["iterations"] = result.iterations
+    benchmark.extra_info["found"] = not result.carried_on
 
 
 def test_diagnosis(benchmark):
@@ -111,6 +111,6 @@ def test_diagnosis(benchmark):
     phases = tuple(replace(phase, duration_s=0.06) for phase in problem.sequence.phases)
     hurried = replace(problem, sequence=replace(problem.sequence, phases=phases))
     plan = solve(hurried, "ipopt")
-    found = benchmark.pedantic(lambda: diagnose(hurried, plan), rounds=1)
+    result = benchmark.pedantic(lambda: diagnose(hurried, plan), rounds=1)
     benchmark.extra_info["converged"] = plan.converged
-    benchmark.extra_info["findings"] = len(found.findings)
+    benchmark.extra_info["findings"] = len(result.findings)

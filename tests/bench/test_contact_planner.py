@@ -31,25 +31,25 @@ def planner():
 @pytest.mark.parametrize("ground", ["level", "uneven"])
 def test_24_steps_over_14_surfaces(benchmark, planner, ground):
     """About 7 m; regions, pruning, the program and the judge."""
-    asked = stones(uneven=ground == "uneven")
-    plan = benchmark(lambda: planner.plan(asked))
+    request = stones(uneven=ground == "uneven")
+    plan = benchmark(lambda: planner.plan(request))
     assert plan.steps == 24
     benchmark.extra_info["steps"] = plan.steps
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_ten_random_terrains(benchmark, planner, kind):
-    """Ways that are found and ways that there are not, as they come."""
+    """Tasks with and without a solution, as they are drawn."""
     rng = np.random.default_rng(KINDS.index(kind))
-    asked = [random_task(rng, kind) for _ in range(10)]
-    found = benchmark.pedantic(lambda: [way_found(planner, each) for each in asked], rounds=3)
-    benchmark.extra_info["found"] = sum(found)
+    request = [random_task(rng, kind) for _ in range(10)]
+    successes = benchmark.pedantic(lambda: [has_solution(planner, each) for each in request], rounds=3)
+    benchmark.extra_info["found"] = sum(successes)
 
 
-def way_found(planner, asked):
+def has_solution(planner, request):
     """Whether there is a way."""
     try:
-        planner.plan(asked)
+        planner.plan(request)
     except NotEstimable:
         return False
     return True

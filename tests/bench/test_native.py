@@ -19,9 +19,9 @@ from stridelab.centroidal.solver import solve
 from support.robots.sequences import bundled
 
 EXPERIMENTS = ("long-stride", "six-stairs", "stairs-with-rail")
-found = native_availability()
-if isinstance(found, NativeUnavailable):
-    pytest.skip(f"no native solver: {found.reason}", allow_module_level=True)
+solver = native_availability()
+if isinstance(solver, NativeUnavailable):
+    pytest.skip(f"no native solver: {solver.reason}", allow_module_level=True)
 
 
 KINDS = {
@@ -36,10 +36,10 @@ KINDS = {
 @pytest.mark.parametrize("scenario", EXPERIMENTS)
 def test_native_solver_cold(benchmark, scenario, kind):
     """The solver alone."""
-    problem = found.module.problem(*native_input(bundled(scenario, **KINDS[kind])).module_arguments())
-    said = benchmark(lambda: problem.solve(300, 10.0, TOLERANCE, OPTIMALITY_GAP, False))
-    benchmark.extra_info["iterations"] = said["iterations"]
-    benchmark.extra_info["solve_cpu_ms"] = round(1e3 * said["cpu_s"], 2)
+    problem = solver.module.problem(*native_input(bundled(scenario, **KINDS[kind])).module_arguments())
+    result = benchmark(lambda: problem.solve(300, 10.0, TOLERANCE, OPTIMALITY_GAP, False))
+    benchmark.extra_info["iterations"] = result["iterations"]
+    benchmark.extra_info["solve_cpu_ms"] = round(1e3 * result["cpu_s"], 2)
 
 
 @pytest.mark.parametrize("scenario", EXPERIMENTS)

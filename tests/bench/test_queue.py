@@ -113,13 +113,13 @@ def test_progress_to_listener(benchmark: Any, desk: Desk, tmp_path: Path) -> Non
     desk.do(next_event(stream, "heard 1"))
     heard = 1
 
-    def until_told() -> None:
+    def until_notified() -> None:
         nonlocal heard
         heard += 1
         mark.touch()
         desk.do(next_event(stream, f"heard {heard}"))
 
-    benchmark.pedantic(until_told, setup=lambda: time.sleep(0.3), rounds=40)
+    benchmark.pedantic(until_notified, setup=lambda: time.sleep(0.3), rounds=40)
     desk.do(stream.aclose())
     desk.end(job_id)
     assert percentiles(benchmark, "progress to listener") < 30
@@ -136,14 +136,14 @@ def test_progress_to_http_event_stream(benchmark: Any, desk: Desk, tmp_path: Pat
         while next(events).progress.message != "heard 1":
             pass
 
-        def until_told() -> None:
+        def until_notified() -> None:
             nonlocal heard
             heard += 1
             mark.touch()
             while next(events).progress.message != f"heard {heard}":
                 pass
 
-        benchmark.pedantic(until_told, setup=lambda: time.sleep(0.3), rounds=40)
+        benchmark.pedantic(until_notified, setup=lambda: time.sleep(0.3), rounds=40)
         desk.end(job_id)
         assert [event.state for event in events][-1] == "cancelled"
     assert percentiles(benchmark, "progress to http event stream") < 30

@@ -30,8 +30,8 @@ def one_thread():
 
 def cloud_m(effector: str) -> np.ndarray:
     """20 000 samples: those of the package, each four times, two millimetres off."""
-    kept = load_cloud("talos", "uniform")[effector]
-    return np.tile(kept, (4, 1)) + np.random.default_rng(0).normal(0.0, 0.002, (4 * len(kept), 3))
+    points = load_cloud("talos", "uniform")[effector]
+    return np.tile(points, (4, 1)) + np.random.default_rng(0).normal(0.0, 0.002, (4 * len(points), 3))
 
 
 @pytest.mark.parametrize("measure", ["uniform", "conditioned"])

@@ -49,8 +49,8 @@ def test_read_geometry_fusion_report_numbers_of_2_s(benchmark, trial: Path, esti
         windows = measured_windows(recording, landmarks)
         geometric = SegmentModel().com(recording, landmarks, subject=recording.subject)
         mass_kg = recording.subject.mass_kg
-        found = estimate_latency(geometric, lambda late_s: wrench_track(recording, windows, latency_s=late_s), mass_kg)
-        wrench = wrench_track(recording, windows, latency_s=found.latency_s)
+        lag = estimate_latency(geometric, lambda late_s: wrench_track(recording, windows, latency_s=late_s), mass_kg)
+        wrench = wrench_track(recording, windows, latency_s=lag.latency_s)
         estimate = estimator.estimate(geometric, wrench, mass_kg)
         return (
             force_residual_n(estimate, wrench, mass_kg),

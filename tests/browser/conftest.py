@@ -48,7 +48,7 @@ FLAGS = (
 )
 TEN_PICTURES_A_SECOND = """
     const draw = window.requestAnimationFrame.bind(window);
-    window.requestAnimationFrame = (picture) => setTimeout(() => draw(picture), 90);
+    window.requestAnimationFrame = (picture) => setTimeout(() => draw(picture), window.top.pictureMs ?? 90);
     window.cancelAnimationFrame = clearTimeout;
 """
 """Or as many as there is processor for, without a graphics card, and nothing left for what is tested."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from support.browser.page import Service, Tab
+from support.browser.page import Service, Tab, few_pictures
 
 CLICKS_AT_MOST = 2
 PLANNED_WITHIN_MS = 420_000
@@ -54,7 +54,8 @@ def test_a_robot_that_climbs_stairs(page: Page, service: Service) -> None:
     mouse.click(card.get_by_role("button", name="Plan"))
     page.wait_for_url("**/view/?scenario=six-stairs&planning=*")
     expect(page.get_by_role("progressbar", name="Progress of the plan")).to_be_visible()
-    page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
+    with few_pictures(page):
+        page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
     expect_motion(page)
     assert mouse.clicks <= CLICKS_AT_MOST
     plan = service.client.jobs(kind="plan-motion", scenario_id="six-stairs").items[0]
@@ -79,7 +80,8 @@ def test_a_new_stair_with_a_rail_is_planned_and_watched(page: Page, service: Ser
     mouse.clicks += 1
     mouse.click(page.get_by_role("button", name="Plan the motion"))
     page.wait_for_url("**/view/?scenario=*&planning=*", timeout=PLANNED_WITHIN_MS)
-    page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
+    with few_pictures(page):
+        page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
     expect_motion(page)
     assert mouse.clicks <= 8
 

@@ -19,7 +19,7 @@ def value(x: np.ndarray, weight: float) -> float:
 
 
 class Counted:
-    """Its slopes, and how often they were asked for."""
+    """Its slopes, and how often they were evaluated."""
 
     def __init__(self) -> None:
         self.calls = 0
@@ -29,23 +29,23 @@ class Counted:
         return weight - 1.0 / x, np.diag(1.0 / x**2)
 
 
-def test_a_path_that_is_linear_in_the_inverse_weight_is_foretold_exactly() -> None:
+def test_a_path_that_is_linear_in_the_inverse_weight_is_predicted_exactly() -> None:
     """Per weight one look whether the point is centred, which it always is, and two for the tangent."""
     slopes = Counted()
-    found = follow_central_path(np.ones(3), value, slopes, WEIGHT_RATIO**5)
-    np.testing.assert_allclose(found, 1.0 / WEIGHT_RATIO**5, rtol=1e-9)
+    result = follow_central_path(np.ones(3), value, slopes, WEIGHT_RATIO**5)
+    np.testing.assert_allclose(result, 1.0 / WEIGHT_RATIO**5, rtol=1e-9)
     assert slopes.calls == 5 * 3 + 1
 
 
 def test_the_last_weight_is_reached_and_not_passed() -> None:
-    asked: list[float] = []
+    request: list[float] = []
 
     def slopes(x: np.ndarray, weight: float) -> tuple[np.ndarray, np.ndarray]:
-        asked.append(weight)
+        request.append(weight)
         return Counted()(x, weight)
 
     np.testing.assert_allclose(follow_central_path(np.full(2, 0.5), value, slopes, 100.0, 2.0), 0.01, rtol=1e-4)
-    assert [w for w in dict.fromkeys(asked) if w not in {4.0, 24.0, 144.0}] == [2.0, 12.0, 72.0, 100.0]
+    assert [w for w in dict.fromkeys(request) if w not in {4.0, 24.0, 144.0}] == [2.0, 12.0, 72.0, 100.0]
 
 
 @pytest.mark.parametrize("start", [1e-6, 0.3, 1.9, 500.0])
@@ -59,8 +59,8 @@ def test_a_start_off_the_path_is_led_to_it(start: float) -> None:
 def test_the_rounding_of_the_value_does_not_hide_its_descent_near_the_centre() -> None:
     """Every value is a little larger than the one before, by more than what is left to gain."""
     errors = count()
-    found = follow_central_path(np.array([1.2]), lambda x, w: value(x, w) + 0.1 * next(errors), Counted(), 1.0)
-    np.testing.assert_allclose(found, 1.0, rtol=1e-4)
+    result = follow_central_path(np.array([1.2]), lambda x, w: value(x, w) + 0.1 * next(errors), Counted(), 1.0)
+    np.testing.assert_allclose(result, 1.0, rtol=1e-4)
 
 
 def test_a_step_ahead_stays_off_the_edge() -> None:

@@ -42,7 +42,7 @@ def test_talos() -> None:
 
 
 @pytest.mark.parametrize("name", ["nao", "", "../robots/talos", "talos.toml"])
-def test_unknown_robots_are_told_the_known_ones(name: str) -> None:
+def test_the_refusal_of_an_unknown_robot_lists_the_known_ones(name: str) -> None:
     with pytest.raises(NotFound, match=r"there is g1, hrp2, talos") as caught:
         effector_shapes(name)
     assert caught.value.code == "robot-not-found"
@@ -79,5 +79,5 @@ def test_nothing_heavy_is_loaded() -> None:
         "s.effector_shapes('talos');"
         "print(sorted({'pinocchio', 'casadi', 'sklearn', 'mujoco'} & set(sys.modules)))"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"

@@ -121,9 +121,9 @@ def test_what_cannot_be_read(change: Callable[[Document], None], where: str, wor
         from_multicontact(made)
     assert caught.value.code == "contact-sequence-invalid"
     assert caught.value.faults[0].where == where
-    told = caught.value.faults[0].message
-    assert word in told
-    assert told[0].islower()  # the message of the whole puts the place before it
+    reported = caught.value.faults[0].message
+    assert word in reported
+    assert reported[0].islower()  # the message of the whole puts the place before it
 
 
 @pytest.mark.parametrize("made", [{}, {"contact_phases": []}, {"contact_phases": "none"}, {"contact_phases": [3]}])

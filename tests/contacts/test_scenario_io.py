@@ -59,9 +59,9 @@ def test_a_surface_with_friction_of_its_own_lends_it_to_its_contacts() -> None:
     scenario = BUNDLED["six-stairs"]()
     scenario["terrain"][2]["friction"] = 0.7
     sequence = sequence_of(scenario, SHAPES)
-    found = {c.surface: c.friction for phase in sequence.phases for c in phase.contacts.values()}
-    assert found["stair 2"] == 0.7
-    assert {friction for name, friction in found.items() if name != "stair 2"} == {0.3}
+    result = {c.surface: c.friction for phase in sequence.phases for c in phase.contacts.values()}
+    assert result["stair 2"] == 0.7
+    assert {friction for name, friction in result.items() if name != "stair 2"} == {0.3}
 
 
 def test_an_invalid_scenario_tells_all_its_faults() -> None:

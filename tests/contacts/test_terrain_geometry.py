@@ -51,8 +51,8 @@ def test_distance_to_a_face_is_that_to_its_nearest_point(
     truth = minimize(
         lambda xy: np.sum((face.center_m + face.frame[:, :2] @ xy - point) ** 2), np.zeros(2), bounds=bounds
     )
-    found = face.locate(point[np.newaxis]).distance_m[0]
-    assert found == pytest.approx(np.sqrt(truth.fun), abs=1e-5)
+    result = face.locate(point[np.newaxis]).distance_m[0]
+    assert result == pytest.approx(np.sqrt(truth.fun), abs=1e-5)
 
 
 def test_heights_and_edges_on_a_face() -> None:

@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from support.docs.book import BACKEND, each_of, numeric_modules
+from support.docs.book import BACKEND, each_of, numeric_modules, syntax_tree
 
 RAISES = re.compile(r"\b[Rr]aises?\b")
 ODD_CODE = re.compile(r"[\"(][a-z]+(?:-[a-z0-9]+)+[\",)]")
@@ -56,7 +56,7 @@ def own(node: ast.AST) -> Iterator[ast.AST]:
 @cache
 def error_classes() -> frozenset[str]:
     """Names of ``StridelabError`` and of every class below it, wherever in the backend it stands."""
-    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in BACKEND.rglob("*.py")]
+    trees = [syntax_tree(path) for path in BACKEND.rglob("*.py")]
     bases = {
         node.name: {base.id for base in node.bases if isinstance(base, ast.Name)}
         for tree in trees
@@ -119,15 +119,13 @@ def annotations(part: Part) -> Iterator[ast.AST | None]:
 
 @each_of(numeric_modules())
 def test_public_parts_say_what_they_are_and_what_they_raise(path: Path) -> None:
-    missing = {
-        part.name: unsaid(part, error_classes()) for part in parts(ast.parse(path.read_text(encoding="utf-8")).body)
-    }
+    missing = {part.name: unsaid(part, error_classes()) for part in parts(syntax_tree(path).body)}
     assert {name: lacking for name, lacking in missing.items() if lacking} == {}
 
 
 @each_of(numeric_modules())
 def test_arrays_of_public_parts_have_their_shape_in_the_type(path: Path) -> None:
-    public_parts = parts(ast.parse(path.read_text(encoding="utf-8")).body)
+    public_parts = parts(syntax_tree(path).body)
     assert [part.name for part in public_parts if any(map(shapeless, annotations(part)))] == []
 
 
@@ -135,7 +133,7 @@ def test_codes_in_docstrings_are_written_in_one_way() -> None:
     texts = [
         (path.relative_to(BACKEND), part.name, behind_raises(part.docstring))
         for path in sorted(BACKEND.rglob("*.py"))
-        for part in parts(ast.parse(path.read_text(encoding="utf-8")).body)
+        for part in parts(syntax_tree(path).body)
     ]
     assert [(path, name) for path, name, docstring in texts if ODD_CODE.search(docstring)] == []
     assert ODD_CODE.search('``NotFound`` ("no-such-thing") where')

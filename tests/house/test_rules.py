@@ -6,7 +6,7 @@ import subprocess
 from collections import Counter
 from pathlib import Path
 
-from support.docs.book import ROOT, each_of, numeric_modules
+from support.docs.book import ROOT, each_of, numeric_modules, syntax_tree
 
 
 def tracked() -> list[Path]:
@@ -42,7 +42,7 @@ def test_no_folder_of_the_product_holds_more_than_24_modules_or_templates() -> N
 
 def test_numeric_code_does_not_print() -> None:
     for path in numeric_modules():
-        calls = [n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)]
+        calls = [n for n in ast.walk(syntax_tree(path)) if isinstance(n, ast.Call)]
         assert not [c for c in calls if isinstance(c.func, ast.Name) and c.func.id == "print"], path
 
 

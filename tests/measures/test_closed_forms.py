@@ -198,8 +198,8 @@ def test_ranges_of_the_angular_momentum_are_scaled_by_speed_and_stature() -> Non
     measures = angular_momentum_ranges(plain_walk(momentum_per_kg=momentum), plain_steps())
     for axis, amplitude in zip("xyz", (0.02, 0.05, 0.01), strict=True):
         expected = 2 * amplitude / (SPEED_M_S * 1.8)
-        found = values(measures, f"angular_momentum_range_{axis}")
-        assert found == pytest.approx([expected] * (STEPS_IN_WALK - 2), rel=1e-3)
+        result = values(measures, f"angular_momentum_range_{axis}")
+        assert result == pytest.approx([expected] * (STEPS_IN_WALK - 2), rel=1e-3)
     assert angular_momentum_ranges(plain_walk(momentum_per_kg=momentum, stature_m=None), plain_steps()) == []
 
 
@@ -294,9 +294,9 @@ def test_stated_errors_are_scaled_by_the_force_that_is_measured() -> None:
     others = [replace(given, sd=None), replace(given, step=None), replace(given, name="foot_placement_residual")]
     for velocity_sd, k in ((0.002, 0), (0.05, 1)):
         covariance = np.broadcast_to(np.diag([1e-6, velocity_sd**2]), (len(plain_walk().time_s), 3, 2, 2))
-        found = calibrate_errors(plain_walk(covariance=covariance), plain_steps(), [given, *others])
-        assert found[0].sd == pytest.approx(0.01 * FACTORS["walking_speed"][k])
-        assert found[1:] == others
+        result = calibrate_errors(plain_walk(covariance=covariance), plain_steps(), [given, *others])
+        assert result[0].sd == pytest.approx(0.01 * FACTORS["walking_speed"][k])
+        assert result[1:] == others
 
 
 def test_a_mean_has_the_scatter_of_the_steps_and_the_common_error() -> None:

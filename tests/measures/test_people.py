@@ -55,14 +55,14 @@ def measures_of() -> dict[str, MeasuredRecording]:
 
 @pytest.fixture(scope="module")
 def walks(measures_of: dict[str, MeasuredRecording]) -> list[Walk]:
-    found = []
+    result = []
     for path in (*ADULTS, *CHILDREN):
         latency_s = measures_of[path.stem].prepared.latency.applied_s
         recording = read_recording(path)
         landmarks = dict(identify(list(recording.markers_m)).landmarks)
         contacts = find_contacts(recording, landmarks, latency_s=latency_s)
-        found.append(Walk(path.parent.name, recording, landmarks, latency_s, contacts))
-    return found
+        result.append(Walk(path.parent.name, recording, landmarks, latency_s, contacts))
+    return result
 
 
 def whole_on_plates(walk: Walk) -> list[Contact]:
@@ -128,9 +128,9 @@ def test_stated_errors_hold_the_times_that_plates_measure(walks: list[Walk]) -> 
                 error = (pair[0].end_s - pair[1].start_s) - (first.end_s - second.start_s)
                 held.append(("double", abs(error) <= 1.96 * timing_sd([(-1.0, strike)], [(1.0, lift_off)])))
     for kind in ("step", "double"):
-        found = [inside for name, inside in held if name == kind]
-        assert len(found) >= 15
-        assert np.mean(found) >= 0.9
+        result = [inside for name, inside in held if name == kind]
+        assert len(result) >= 15
+        assert np.mean(result) >= 0.9
 
 
 RANGES = {
@@ -158,9 +158,9 @@ def mean_of(one: MeasuredRecording, name: str) -> float:
 @pytest.fixture(scope="module")
 def adults(measures_of: dict[str, MeasuredRecording]) -> list[MeasuredRecording]:
     """Eleven adults at their own speed."""
-    found = [one for name, one in measures_of.items() if "_C4_" in name]
-    assert len(found) == 11
-    return found
+    result = [one for name, one in measures_of.items() if "_C4_" in name]
+    assert len(result) == 11
+    return result
 
 
 @pytest.mark.parametrize("name", RANGES)
@@ -197,13 +197,13 @@ def test_vertical_excursions_of_adults_follow_the_speed(adults: list[MeasuredRec
 
 def test_lateral_excursions_of_adults_are_those_of_a_pendulum(adults: list[MeasuredRecording]) -> None:
     """An inverted pendulum that steps from side to side by w every T sways by ``w (1 - 1 / cosh(omega T / 2))``."""
-    found, expected = [], []
+    result, expected = [], []
     for one in adults:
         half = 0.5 * one.xcom.rate_1_s * mean_of(one, "step_time")
         expected.append(mean_of(one, "step_width") * (1.0 - 1.0 / np.cosh(half)))
-        found.append(mean_of(one, "com_lateral_excursion"))
-    assert np.corrcoef(found, expected)[0, 1] > 0.8
-    assert np.abs(np.subtract(found, expected)).max() < 0.02
+        result.append(mean_of(one, "com_lateral_excursion"))
+    assert np.corrcoef(result, expected)[0, 1] > 0.8
+    assert np.abs(np.subtract(result, expected)).max() < 0.02
 
 
 def test_excursions_of_adults_are_those_of_their_markers(adults: list[MeasuredRecording]) -> None:

@@ -12,6 +12,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if Path(__file__).parent in item.path.parents:
             item.add_marker(pytest.mark.recovery)
+            item.add_marker(pytest.mark.timeout(1200))  # their own limits grow with the load of the machine
 
 
 @pytest.fixture(scope="module")

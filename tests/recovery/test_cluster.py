@@ -19,7 +19,7 @@ from stridelab.service.storage.database import parse_url
 from support.faults.network import relay
 from support.service.database import TestDatabases
 from support.service.external_services import ADDRESS, BUCKET, OPTIONS, Collector, Span, collector, span_attributes
-from support.service.processes import assert_sound, environment, free_port, wait_until
+from support.service.processes import assert_sound, environment, free_port, is_over, wait_until
 
 
 @dataclass
@@ -47,12 +47,12 @@ class Cluster:
             self.store.wait()
 
     def finished(self, job_id: str, timeout_s: float = 90.0) -> dict[str, Any]:
-        until = time.monotonic() + timeout_s
+        began = time.monotonic()
         while True:
             job: dict[str, Any] = self.http.get(f"/jobs/{job_id}").raise_for_status().json()
             if job["state"] not in ("queued", "running"):
                 return job
-            assert time.monotonic() < until, job
+            assert not is_over(began, timeout_s), job
             time.sleep(0.1)
 
     def submit(self, kind: str, body: dict[str, Any]) -> str:
@@ -143,8 +143,8 @@ def test_both_workers_share_the_work_and_files_go_through_the_store(cluster: Clu
         files = cluster.http.get(f"/jobs/{job_id}/result").raise_for_status().json()["artifacts"]
         assert {file["name"] for file in files} >= {"com.csv", "com.parquet"}
         for file in files:
-            found = cluster.http.get(f"/jobs/{job_id}/artifacts/{file['name']}").raise_for_status()
-            assert len(found.content) == file["bytes"]
+            downloaded = cluster.http.get(f"/jobs/{job_id}/artifacts/{file['name']}").raise_for_status()
+            assert len(downloaded.content) == file["bytes"]
     assert_sound(cluster.database_url, cluster.objects, ids)
     for name in ("a", "b", "web"):
         assert not list((cluster.folder / name).rglob("*.parquet")), "files lie in the store alone"
@@ -180,13 +180,13 @@ def test_a_request_and_its_job_on_another_machine_are_one_trace(cluster: Cluster
     assert span_attributes(request).keys() == {"request_id", "http.response.status_code"}
 
 
-def test_a_store_that_is_away_is_waited_for_and_told(cluster: Cluster, recording: str) -> None:
+def test_a_store_that_is_away_is_waited_for_and_reported(cluster: Cluster, recording: str) -> None:
     before = cluster.finished(cluster.submit("estimate-com", {"recording_id": recording, "latency": 0.02}))
     cluster.end_store()
     job_id = cluster.submit("estimate-com", {"recording_id": recording, "latency": 0.03})
-    told = cluster.http.get(f"/jobs/{before['id']}/artifacts/com.csv", timeout=60.0)
-    assert told.status_code == 503
-    assert told.json()["code"] == "storage-unavailable"
+    refusal = cluster.http.get(f"/jobs/{before['id']}/artifacts/com.csv", timeout=60.0)
+    assert refusal.status_code == 503
+    assert refusal.json()["code"] == "storage-unavailable"
     assert cluster.http.get(f"/jobs/{job_id}").json()["state"] in ("queued", "running")
     cluster.start_store()
     job = cluster.finished(job_id)

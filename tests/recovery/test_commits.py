@@ -19,7 +19,7 @@ def test_lost_and_late_commits_lose_nothing(postgres: TestDatabases, tmp_path: P
     by_name: dict[tuple[str, str, str, str], int] = {
         (each.kind, each.transaction, each.fault, each.signal): n for n, each in enumerate(SCHEDULES)
     }
-    said: list[str] = []
-    failed = run_all([by_name[each] for each in CHOSEN], postgres, tmp_path, at_once=len(CHOSEN), say=said.append)
-    assert not failed, "\n".join(said)
-    assert len(said) == len(CHOSEN)
+    reports: list[str] = []
+    failed = run_all([by_name[each] for each in CHOSEN], postgres, tmp_path, at_once=len(CHOSEN), say=reports.append)
+    assert not failed, "\n".join(reports)
+    assert len(reports) == len(CHOSEN)

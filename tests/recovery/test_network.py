@@ -83,8 +83,8 @@ def test_cut_off_worker_loses_its_job_to_another_and_publishes_nothing(
         time.sleep(3.0)
         assert jobs.get(job_id) == record
         assert_sound(database_url, tmp_path / "blobs", [job_id])
-        kept = [str(path.relative_to(tmp_path / "blobs")) for path in (tmp_path / "blobs").rglob("*.csv")]
-        assert kept == [f"results/{job_id}/2/numbers.csv"]
+        stored = [str(path.relative_to(tmp_path / "blobs")) for path in (tmp_path / "blobs").rglob("*.csv")]
+        assert stored == [f"results/{job_id}/2/numbers.csv"]
         # and it works again: two long jobs at a time, which the near worker alone cannot
         both = [jobs.submit("long-work", work_s=3.0, diary=str(diary), name=f"k{n}") for n in (1, 2)]
         wait_until(lambda: {jobs.get(one).state for one in both} == {"running"}, 45, "both at work")

@@ -22,7 +22,7 @@ def test_growth_follows_the_trend_and_not_a_single_value() -> None:
 
 
 @pytest.mark.parametrize(
-    ("leak", "told"),
+    ("leak", "fault"),
     [
         (lambda n, sample: sample.memory_mb.update(worker=100.0 + 3.0 * n), "memory_mb of the worker"),
         (lambda n, sample: sample.files.update(worker=20 + 2 * n), "files of the worker"),
@@ -33,7 +33,7 @@ def test_growth_follows_the_trend_and_not_a_single_value() -> None:
         (lambda n, sample: setattr(sample, "blobs", 900 * n), "files for 110 jobs"),
     ],
 )
-def test_each_leak_is_told(leak: object, told: str) -> None:
+def test_each_leak_is_reported(leak: object, fault: str) -> None:
     def made(n: int) -> Sample:
         sample = Sample(10 * n, {"worker": 100.0}, {"worker": 20}, {"worker": 1, "job_event": 0}, 8)
         if callable(leak):
@@ -42,4 +42,4 @@ def test_each_leak_is_told(leak: object, told: str) -> None:
 
     soak = Soak(None, (), LIGHT, 0.0, 1.0, samples=[made(n) for n in range(12)])  # type: ignore[arg-type]  # not run
     assert len(soak.faults()) == 1
-    assert told in soak.faults()[0]
+    assert fault in soak.faults()[0]

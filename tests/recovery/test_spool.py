@@ -59,13 +59,13 @@ def half_an_upload(port: int) -> Iterator[None]:
 
 def arrived(data: Path) -> set[Path]:
     """Files of which more than 1000 bytes have arrived. Folders may vanish while they are listed."""
-    found = set()
+    uploads = set()
     for folder, _, names in os.walk(data / "spool"):
         file = Path(folder, "trial")
         with suppress(FileNotFoundError):
             if "trial" in names and file.stat().st_size > 1000:
-                found.add(file)
-    return found
+                uploads.add(file)
+    return uploads
 
 
 def test_the_next_start_removes_uploads_of_a_killed_web_server_and_no_others(database_url: str, tmp_path: Path) -> None:

@@ -38,15 +38,15 @@ def client(service: Service) -> httpx.Client:
 
 
 def nursery_of(service: Service, parent: str) -> psutil.Process:
-    found: list[psutil.Process] = []
+    servers: list[psutil.Process] = []
 
     def there() -> bool:
         children = service.member(parent).children()
-        found[:] = [child for child in children if "stridelab.service.processes.fork_server" in child.cmdline()]
-        return bool(found)
+        servers[:] = [child for child in children if "stridelab.service.processes.fork_server" in child.cmdline()]
+        return bool(servers)
 
     wait_until(there, 60, f"a nursery of {parent}")
-    return found[0]
+    return servers[0]
 
 
 def job_is_done(http: httpx.Client, job_id: str) -> bool:
@@ -72,6 +72,7 @@ def test_a_stopped_process_is_replaced_and_jobs_go_on(service: Service, name: st
         os.kill(victim.pid, signal.SIGSTOP)
         wait_until(lambda: replaced(victim), WITHIN_S, f"another {name}")
         wait_until(service.healthy, max(WITHIN_S - (time.monotonic() - began), 0.1), "a healthy service")
+        assert time.monotonic() - began < WITHIN_S
         if name in MEMBERS:
             another = service.member(MEMBERS[name], timeout_s=WITHIN_S)
             assert another.pid != victim.pid

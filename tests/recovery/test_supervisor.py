@@ -58,22 +58,22 @@ def test_taken_port_is_one_clear_line(tmp_path: Path) -> None:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = str(taken.getsockname()[1])
-        said = refused(STRIDELAB_PORT=port, STRIDELAB_DATA_DIR=str(tmp_path / "data"))
-    assert said.startswith(f"port-taken: Port {port}")
-    assert "STRIDELAB_PORT" in said
-    assert len(said.strip().splitlines()) == 1
+        line = refused(STRIDELAB_PORT=port, STRIDELAB_DATA_DIR=str(tmp_path / "data"))
+    assert line.startswith(f"port-taken: Port {port}")
+    assert "STRIDELAB_PORT" in line
+    assert len(line.strip().splitlines()) == 1
     assert not (tmp_path / "data").exists()
 
 
 def test_open_address_needs_a_token(tmp_path: Path) -> None:
-    said = refused(STRIDELAB_HOST="0.0.0.0", STRIDELAB_DATA_DIR=str(tmp_path / "data"))
-    assert said.startswith("token-needed")
-    assert "STRIDELAB_API_TOKEN" in said
+    line = refused(STRIDELAB_HOST="0.0.0.0", STRIDELAB_DATA_DIR=str(tmp_path / "data"))
+    assert line.startswith("token-needed")
+    assert "STRIDELAB_API_TOKEN" in line
     assert not (tmp_path / "data").exists()
 
 
 def test_binaries_that_cannot_run_are_named(tmp_path: Path) -> None:
-    said = refused(STRIDELAB_PG_BIN=str(tmp_path), STRIDELAB_DATA_DIR=str(tmp_path / "data"))
-    assert "STRIDELAB_DATABASE_URL" in said
-    assert "STRIDELAB_PG_BIN" in said
+    line = refused(STRIDELAB_PG_BIN=str(tmp_path), STRIDELAB_DATA_DIR=str(tmp_path / "data"))
+    assert "STRIDELAB_DATABASE_URL" in line
+    assert "STRIDELAB_PG_BIN" in line
     assert [path.name for path in (tmp_path / "data").iterdir()] == ["supervisor.lock"]

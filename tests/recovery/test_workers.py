@@ -27,8 +27,8 @@ def test_zombie_publishes_nothing_and_a_survivor_takes_over(database_url: str, t
         assert (record.state, record.attempt) == ("succeeded", 2)
         assert jobs.get(job_id) == record
         assert jobs.states(job_id).count("succeeded") == 1
-        kept = [str(p.relative_to(tmp_path / "blobs")) for p in (tmp_path / "blobs").rglob("*") if p.is_file()]
-        assert kept == [f"results/{job_id}/2/numbers.csv"]
+        stored = [str(p.relative_to(tmp_path / "blobs")) for p in (tmp_path / "blobs").rglob("*") if p.is_file()]
+        assert stored == [f"results/{job_id}/2/numbers.csv"]
 
         # the awakened worker is sound: it finishes what the other one is killed with
         taken = jobs.submit("long-work", work_s=4.0, diary=str(diary), name="k")
@@ -60,7 +60,9 @@ def test_job_that_kills_its_workers_fails_in_the_end(database_url: str, tmp_path
         assert_sound(database_url, tmp_path / "a" / "blobs", [job_id])
 
 
-def test_cancel_asked_of_a_dead_worker_is_kept_and_its_files_go(database_url: str, tmp_path: Path) -> None:
+def test_a_cancellation_that_a_dead_worker_missed_is_done_and_its_files_are_removed(
+    database_url: str, tmp_path: Path
+) -> None:
     jobs = Jobs(database_url)
     with worker(database_url, tmp_path / "a") as victim:
         job_id = jobs.submit("spin")

@@ -1,4 +1,4 @@
-"""Random variations of the three experiments: drawn as promised, solved, and every ending told apart."""
+"""Random variations of the three experiments: drawn as promised, solved, and every ending distinguished."""
 
 from dataclasses import replace
 
@@ -63,9 +63,9 @@ def test_contacts_move_within_their_surfaces_and_stay_while_they_touch(variation
                 assert np.cross(shift, [variation.stride * 0.3, 0.0, variation.height_m]) == pytest.approx(0, abs=1e-7)
             else:
                 assert shift[2] == 0.0
-            kept = before.get(a["effector"])
-            if kept is not None and kept[0] == wanted:
-                assert place == kept[1]
+            stored = before.get(a["effector"])
+            if stored is not None and stored[0] == wanted:
+                assert place == stored[1]
             now[a["effector"]] = (wanted, place)
         before = now
     sequence = unvalidated_sequence(moved, effector_shapes(variation.walker.robot))
@@ -90,9 +90,9 @@ def test_the_contacts_are_those_that_the_judge_reads() -> None:
 
 def test_variations_converge_and_the_summary_counts_them() -> None:
     heard: list[Outcome] = []
-    found = solve_variations([SHORT, random_variations(3)[0]], heard.append)
-    assert tuple(heard) == found
-    counts = outcome_summary(found)
+    result = solve_variations([SHORT, random_variations(3)[0]], heard.append)
+    assert tuple(heard) == result
+    counts = outcome_summary(result)
     assert counts["variations"] == counts["converged"] == 2
     assert counts["right"] == 1.0
     assert counts["dynamics_gap_most"] < 1e-8
@@ -101,7 +101,7 @@ def test_variations_converge_and_the_summary_counts_them() -> None:
     assert 0 < counts["iterations_median"] <= counts["iterations_most"]
 
 
-def test_what_has_no_solution_is_told_from_what_the_solver_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_problems_without_a_solution_differ_from_those_that_the_solver_missed(monkeypatch: pytest.MonkeyPatch) -> None:
     def far(variation: Variation) -> CentroidalProblem:
         problem = problem_of(variation)
         return replace(problem, com_end_m=problem.com_end_m + np.array([200.0, 0.0, 0.0]))
@@ -124,5 +124,5 @@ def test_the_judges_reasons_are_counted_without_their_numbers() -> None:
     assert reasons[0] == reasons[1] != ()
     assert not any(character.isdigit() for character in "".join(reasons[0]))
     assert reasons[2] == ()
-    found = [Outcome(variation, "stuck", why) for variation, why in zip((*short_treads, SHORT), reasons, strict=True)]
-    assert count_faults(found) == dict.fromkeys(reasons[0], 2)
+    result = [Outcome(variation, "stuck", why) for variation, why in zip((*short_treads, SHORT), reasons, strict=True)]
+    assert count_faults(result) == dict.fromkeys(reasons[0], 2)

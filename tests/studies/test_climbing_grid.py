@@ -96,9 +96,9 @@ def test_one_stair_is_climbed_in_a_process_of_its_own(talos: Robot) -> None:
     assert result.replay_error_m < 0.03
     low_m, high_m = result.com_height_m or (0.0, 0.0)
     assert 0.75 < low_m < high_m < 0.95
-    found = result.check_named("com_error_max")
-    assert found is not None
-    assert found.passed
+    outcome = result.check_named("com_error_max")
+    assert outcome is not None
+    assert outcome.passed
     # the processes compute what this one does, to the rounding of two address spaces
     again = run_case(talos, feet_at(0.8, 0.1), ONE_STAIR)
     assert [check.name for check in again.checks] == [check.name for check in result.checks]

@@ -1,4 +1,4 @@
-"""The script around the grid: what is kept is not computed again, and the table says what is in it."""
+"""The script around the grid: stored results are not computed again, and the table agrees with them."""
 
 import runpy
 from pathlib import Path
@@ -29,7 +29,7 @@ def report() -> GridReport:
     return GridReport("uniform", tuple(results))
 
 
-def test_what_is_kept_is_read_back_and_not_computed_again(
+def test_stored_results_are_read_back_and_not_computed_again(
     script: dict[str, Any], report: GridReport, tmp_path: Path
 ) -> None:
     (tmp_path / "uniform.json").write_bytes(script["REPORTS"].dump_json(report))

@@ -62,21 +62,21 @@ def test_twice_mirrored_is_as_before() -> None:
 @needs_native
 def test_cold_starts_end_as_the_oracle_says() -> None:
     kinds = {"drawn": random_problems(6), "hasty": islice(shortened_problems(24), 0, 24, 4), "moved": moved_problems(1)}
-    found = [
+    result = [
         compare_with_oracle(kind, name, problem, motion_exists) for kind, of in kinds.items() for name, problem in of
     ]
-    assert [c for c in found if not c.agrees_with_oracle and c.kind != "hasty"] == []
-    assert [c for c in found if c.exists == "unknown"] == []
-    assert all(of["wrong"] == 0 for of in summary_by_kind(found).values())
+    assert [c for c in result if not c.agrees_with_oracle and c.kind != "hasty"] == []
+    assert [c for c in result if c.exists == "unknown"] == []
+    assert all(of["wrong"] == 0 for of in summary_by_kind(result).values())
 
 
 @needs_native
 def test_what_is_infeasible_is_proved() -> None:
-    found = compare_with_oracle(
+    result = compare_with_oracle(
         "hasty", "20 times as fast", shorten_durations(bundled("long-stride"), 20.0), motion_exists
     )
-    assert (found.exists, found.proved, found.converged) == ("infeasible", True, False)
-    assert found.agrees_with_oracle
+    assert (result.exists, result.proved, result.converged) == ("infeasible", True, False)
+    assert result.agrees_with_oracle
 
 
 @needs_native

@@ -19,12 +19,12 @@ def sets():
 def test_sections_of_smaller_cones_lie_in_those_of_larger_ones(sets) -> None:
     """Smaller alphas lie in larger ones; all of ours in the pyramids; areas are those of the ellipses."""
     for contacts in sets.values():
-        found = fig_4_7.cone_sections(contacts)
-        areas = [area_m2(found[f"alpha {alpha:g}"]) for alpha in (1.0, 0.5, 0.3, 0.2)]
+        result = fig_4_7.cone_sections(contacts)
+        areas = [area_m2(result[f"alpha {alpha:g}"]) for alpha in (1.0, 0.5, 0.3, 0.2)]
         assert areas == sorted(areas, reverse=True)
-        assert area_m2(found["alpha 0.3"]) < area_m2(found["largest"]) < area_m2(found["4 rays"]) * 1.1
-        assert fig_4_7._share_inside(found["largest"], found["circular"]) == 1.0
-        assert fig_4_7._share_inside(found["4 rays"], found["circular"]) > 0.5
+        assert area_m2(result["alpha 0.3"]) < area_m2(result["largest"]) < area_m2(result["4 rays"]) * 1.1
+        assert fig_4_7._share_inside(result["largest"], result["circular"]) == 1.0
+        assert fig_4_7._share_inside(result["4 rays"], result["circular"]) > 0.5
 
 
 def test_a_sole_on_the_floor_accelerates_as_far_as_its_edge(sets) -> None:
@@ -49,25 +49,25 @@ def test_the_table_of_alphas(sets) -> None:
 @pytest.mark.parametrize(("robot", "alphas"), [("hrp2", (0.319, 0.280, 0.296)), ("talos", (0.316, 0.283, 0.278))])
 def test_which_alpha_is_safe_on_the_stair(robot: str, alphas: tuple[float, ...]) -> None:
     """As docs/theory/wrench-cones.md says: a fifth is, 0.3 for two feet only."""
-    found = [LinearCone.from_contacts(c, 4).alpha_max(thesis_cone(c)) for c in stair_sets(robot).values()]
-    assert found == pytest.approx(list(alphas), abs=0.001)
+    result = [LinearCone.from_contacts(c, 4).alpha_max(thesis_cone(c)) for c in stair_sets(robot).values()]
+    assert result == pytest.approx(list(alphas), abs=0.001)
 
 
 def test_promises_on_random_sets() -> None:
-    found = check_summary(check_cones(12, 6, seed=1))
-    assert found["sets"] == 12
-    assert found["facets_violated"] == found["points_outside"] == 0
-    assert found["largest_change"] < 1e-6
-    assert found["median_kept_over_thesis"] > 2.0
-    assert found["least_alpha_max"] < 0.2
+    result = check_summary(check_cones(12, 6, seed=1))
+    assert result["sets"] == 12
+    assert result["facets_violated"] == result["points_outside"] == 0
+    assert result["largest_change"] < 1e-6
+    assert result["median_kept_over_thesis"] > 2.0
+    assert result["least_alpha_max"] < 0.2
 
 
 def test_figure_4_7_is_an_item_with_claims_that_are_checked() -> None:
-    told: list[float] = []
-    found = reproduce_item("fig-4.7", None, lambda fraction, _: told.append(fraction))
-    assert told[-1] == 1.0
-    verdicts = {claim.key: claim.verdict for claim in found.claims}
+    reported: list[float] = []
+    result = reproduce_item("fig-4.7", None, lambda fraction, _: reported.append(fraction))
+    assert reported[-1] == 1.0
+    verdicts = {claim.key: claim.verdict for claim in result.claims}
     assert verdicts["alpha_03"] == "met"
     assert verdicts["largest_inside"] == verdicts["largest_area"] == "beaten"
-    assert found.drawing.startswith("<svg")
+    assert result.drawing.startswith("<svg")
     assert "fig-4.6" in ITEMS

@@ -44,10 +44,10 @@ def test_durations_are_those_of_the_study() -> None:
     assert human.step_time_s == pytest.approx(0.55)
 
 
-def test_configuration_noise_of_the_thesis_moves_the_com_as_the_prototype_found(thesis: list[StudyTrial]) -> None:
+def test_configuration_noise_of_the_thesis_moves_the_com_as_in_the_prototype(thesis: list[StudyTrial]) -> None:
     """0.05 pi on every joint: 13.7, 12.6, 5.3 mm; 0.01 rad: 0.9 mm. The base has none of it."""
-    found = 1e3 * np.mean([trial.noise_sd_m for trial in thesis], axis=0)
-    np.testing.assert_allclose(found, [13.7, 12.6, 5.3], rtol=0.1)
+    result = 1e3 * np.mean([trial.noise_sd_m for trial in thesis], axis=0)
+    np.testing.assert_allclose(result, [13.7, 12.6, 5.3], rtol=0.1)
     slight = 1e3 * np.mean([trial.noise_sd_m for trial in trials("human", "marker-like", 4)], axis=0)
     assert slight[0] == pytest.approx(0.9, abs=0.1)
 
@@ -159,9 +159,9 @@ def test_walk_seed_varies_the_walk(robot_walk: RobotWalk) -> None:
 def test_an_excerpt_starts_again_at_zero_and_keeps_what_was_measured(thesis: list[StudyTrial]) -> None:
     whole = thesis[0]
     part = whole.excerpt_between(3.0, 5.0, force_s=(0.5, 1.5))
-    kept = slice(600, 1000)
-    np.testing.assert_array_equal(part.geometric.com_m, whole.geometric.com_m[kept])
-    np.testing.assert_array_equal(part.truth.momentum_nms, whole.truth.momentum_nms[kept])
+    stored = slice(600, 1000)
+    np.testing.assert_array_equal(part.geometric.com_m, whole.geometric.com_m[stored])
+    np.testing.assert_array_equal(part.truth.momentum_nms, whole.truth.momentum_nms[stored])
     assert part.truth.time_s[0] == part.geometric.time_s[0] == part.wrench.time_s[0] == 0.0
     assert part.wrench.complete.sum() == 201
     (window,) = part.wrench.windows

@@ -1,4 +1,4 @@
-"""What the page on executed scenarios is made of: every case is a valid scenario, boundaries are found."""
+"""What the page on executed scenarios is made of: every case is a valid scenario, boundaries are located."""
 
 from dataclasses import replace
 
@@ -32,8 +32,8 @@ def test_an_execution_is_certified_by_all_of_its_checks() -> None:
 
 
 def test_the_boundary_is_bisected() -> None:
-    found = survival_boundary(lambda kg: kg < 7.3, 16.0)
-    assert found < 7.3 <= found + 16.0 / 2**BISECTIONS
+    result = survival_boundary(lambda kg: kg < 7.3, 16.0)
+    assert result < 7.3 <= result + 16.0 / 2**BISECTIONS
     assert survival_boundary(lambda _: False, 16.0) == 0.0
 
 

@@ -54,11 +54,11 @@ def test_the_proxy_separates_feasible_from_infeasible(pairs: LabelledPairs) -> N
     """A small run of the table in the documentation, and no stand-in for it: on so few contact sets an area is known
     to 0.015, and after a short search some of the feasible pairs still pass for infeasible.
     """
-    found = {row.score: row for row in roc_areas("talos", pairs, load_feasibility("talos"))}
-    assert found["product, corrected"].area > 0.9
-    assert found["product, conditioned"].area > 0.87
-    assert found["product, corrected"].area > found["boxes, conditioned"].area
-    assert 0.0 < found["product, corrected"].area_sd < 0.03
+    result = {row.score: row for row in roc_areas("talos", pairs, load_feasibility("talos"))}
+    assert result["product, corrected"].area > 0.9
+    assert result["product, conditioned"].area > 0.87
+    assert result["product, corrected"].area > result["boxes, conditioned"].area
+    assert 0.0 < result["product, corrected"].area_sd < 0.03
 
 
 def test_depth_in_a_box(pairs: LabelledPairs) -> None:

@@ -9,9 +9,9 @@ from stridelab.centroidal.receding_horizon import RecedingHorizon, State
 from stridelab.centroidal.solver import solve
 from support.robots.sequences import foot, phase, push_boundary, rest_to_rest, sequence
 
-found = native_availability()
-if isinstance(found, NativeUnavailable):
-    pytest.skip(f"no native solver: {found.reason}", allow_module_level=True)
+result = native_availability()
+if isinstance(result, NativeUnavailable):
+    pytest.skip(f"no native solver: {result.reason}", allow_module_level=True)
 
 
 def test_a_shorter_time_to_recover_leaves_less_and_the_mirror_as_much() -> None:
@@ -22,7 +22,7 @@ def test_a_shorter_time_to_recover_leaves_less_and_the_mirror_as_much() -> None:
     assert 0.0 < late.held_m_s < early.held_m_s
     left, right = (push_boundary(problem, plan, 0.5, np.array([0.0, y, 0.0])) for y in (1.0, -1.0))
     for boundary in (left, right):
-        assert 0.6 < boundary.held_m_s < boundary.lost_m_s  # the last ones found are luck: a thousand times the cost
+        assert 0.6 < boundary.held_m_s < boundary.lost_m_s  # the last ones are luck: a thousand times the cost
     there, horizon = plan.reference_at(0.5), RecedingHorizon(problem=problem, horizon_s=2.0)
     for push_m_s in (0.2, 0.4, 0.6):
         states = [

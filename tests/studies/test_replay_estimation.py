@@ -43,13 +43,13 @@ def test_kinematics_know_the_model_and_not_the_simulator(robot: Robot) -> None:
 def test_the_filter_is_steadier_than_its_geometry(robot: Robot) -> None:
     com = pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)
     estimator = FilteredCom(robot, 0.002)
-    found = [estimator(standing(robot, k / 250.0)) for k in range(1500)][750:]
-    off = np.array([seen.com_m for seen in found]) - com
+    result = [estimator(standing(robot, k / 250.0)) for k in range(1500)][750:]
+    off = np.array([seen.com_m for seen in result]) - com
     assert np.sqrt(np.mean(off**2)) < 0.001
-    assert np.std([seen.com_v_m_s for seen in found]) < 0.02
+    assert np.std([seen.com_v_m_s for seen in result]) < 0.02
 
 
-def test_a_load_that_the_model_does_not_know_is_found_by_the_axis(robot: Robot) -> None:
+def test_a_load_that_the_model_does_not_know_is_detected_by_the_axis(robot: Robot) -> None:
     estimator = FilteredCom(robot, 0.0)
     seen = [estimator(standing(robot, k / 250.0, axis_off_m=0.01)) for k in range(2500)][-1]
     com = pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)
@@ -68,6 +68,6 @@ def test_every_replay_begins_with_new_estimators(robot: Robot) -> None:
     first, second = replay_estimators(robot, LOW_NOISE), replay_estimators(robot, LOW_NOISE)
     assert set(first) == {"the simulator's CoM with noise", "kinematics alone", "kinematics and forces, filtered"}
     for name, observe in first.items():
-        told = [observe(one).com_m for one in seen]
-        assert np.array_equal(told, [second[name](one).com_m for one in seen])
-        assert (np.ptp(told, axis=0).max() > 0.0) == (name != "the simulator's CoM with noise")
+        reported = [observe(one).com_m for one in seen]
+        assert np.array_equal(reported, [second[name](one).com_m for one in seen])
+        assert (np.ptp(reported, axis=0).max() > 0.0) == (name != "the simulator's CoM with noise")

@@ -1,4 +1,4 @@
-"""Random stairs: drawn from the boxes that are said, each a valid scenario, a refusal searched for a way out."""
+"""Random stairs: drawn from the stated boxes, each a valid scenario, a refusal searched for a way out."""
 
 from dataclasses import replace
 
@@ -24,20 +24,20 @@ DONE = Attempt(None, "", (Check("a", 1.0, "m", 2.0),), True, 0.003)
 
 
 def test_variations_are_drawn_from_their_boxes_and_the_same_every_time() -> None:
-    found = random_variations()
-    assert found == random_variations()
-    assert found[:5] == random_variations(5)
-    assert len(set(found)) == len(found) == stairs.NUMBER
+    result = random_variations()
+    assert result == random_variations()
+    assert result[:5] == random_variations(5)
+    assert len(set(result)) == len(result) == stairs.NUMBER
     for name, (low, high) in {
         "height_m": stairs.HEIGHT_M,
         "depth_m": stairs.DEPTH_M,
         "toe_gap_m": stairs.TOE_GAP_M,
         "pace": stairs.PACE,
     }.items():
-        values = [getattr(variation, name) for variation in found]
+        values = [getattr(variation, name) for variation in result]
         assert low <= min(values) < low + 0.2 * (high - low)
         assert high >= max(values) > high - 0.2 * (high - low)
-    rails = [variation.rail for variation in found if variation.rail is not None]
+    rails = [variation.rail for variation in result if variation.rail is not None]
     assert len(rails) == stairs.NUMBER // 2
     for rail in rails:
         for value, (low, high) in zip((rail.ahead_m, rail.height_m, rail.y_m), stairs.RAIL_M, strict=True):
@@ -57,8 +57,8 @@ def test_others_keep_the_stairs_and_the_rail_and_change_pace_or_place() -> None:
     assert variation not in listed
     assert len(set(listed)) == len(listed) >= 20
     for other in listed:
-        kept = replace(other, pace=variation.pace, shift_m=0.0, half_width_m=variation.half_width_m, reach_m=0.0)
-        assert kept == variation
+        stored = replace(other, pace=variation.pace, shift_m=0.0, half_width_m=variation.half_width_m, reach_m=0.0)
+        assert stored == variation
     moved = replace(variation, reach_m=0.08)
     rails = [
         next(surface for surface in v.as_scenario["terrain"] if surface["kind"] == "rail") for v in (variation, moved)
@@ -80,15 +80,15 @@ def test_a_pace_stretches_all_durations() -> None:
 def test_the_search_ends_with_the_first_that_is_carried_out() -> None:
     variation = random_variations(1)[0]
     third = list(alternatives_to(variation))[2]
-    found = search_alternatives(0, variation, REFUSED, lambda other: DONE if other == third else REFUSED)
-    assert (found.tried, found.instead, found.failure_confirmed) == (3, third, False)
+    result = search_alternatives(0, variation, REFUSED, lambda other: DONE if other == third else REFUSED)
+    assert (result.tried, result.instead, result.failure_confirmed) == (3, third, False)
 
 
 def test_a_refusal_is_confirmed_by_a_search_that_finds_nothing() -> None:
     variation = random_variations(1)[0]
-    found = search_alternatives(0, variation, REFUSED, lambda _: REFUSED)
-    assert found.failure_confirmed
-    assert found.tried == len(list(alternatives_to(variation)))
+    result = search_alternatives(0, variation, REFUSED, lambda _: REFUSED)
+    assert result.failure_confirmed
+    assert result.tried == len(list(alternatives_to(variation)))
     assert not SearchResult(0, REFUSED).failure_confirmed, "nothing was tried"
 
 

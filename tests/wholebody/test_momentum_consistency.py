@@ -68,22 +68,22 @@ def test_it_matters_where_the_momentum_comes_near_the_limit_of_the_certificate(
     assert mismatch > AGREEMENT_NMS
     monkeypatch.setattr(momentum_consistency, "needs_replanning", lambda _: False)
     monkeypatch.setattr(momentum_consistency, "momentum_limit_nms", lambda _: mismatch / limit_share)
-    found = agree(talos, problem, plan, lambda _: plan, lambda *_: motion)
-    assert len(found.passes) == passes
+    result = agree(talos, problem, plan, lambda _: plan, lambda *_: motion)
+    assert len(result.passes) == passes
 
 
 def test_quick_steps_agree_after_a_second_plan(
     talos: Robot, proxies: Mapping[str, Proxy], problem: CentroidalProblem, two_steps: Walked
 ) -> None:
     sequence, plan, motion = two_steps
-    found = agree(talos, problem, plan, solve, WholeBodyController().run)
-    first, *later = [one.mismatch_max_nms for one in found.passes]
+    result = agree(talos, problem, plan, solve, WholeBodyController().run)
+    first, *later = [one.mismatch_max_nms for one in result.passes]
     assert first == np.linalg.norm(motion.l_nms - motion.l_reference_nms, axis=1).max()
     assert later
     assert min(later) < 0.4 * first
-    apart = np.linalg.norm(found.motion.l_nms - found.motion.l_reference_nms, axis=1).max()
+    apart = np.linalg.norm(result.motion.l_nms - result.motion.l_reference_nms, axis=1).max()
     assert apart == min(first, *later)
-    checks = {check.name: check for check in certify(talos, sequence, found.plan, proxies, found.motion).checks}
+    checks = {check.name: check for check in certify(talos, sequence, result.plan, proxies, result.motion).checks}
     assert checks["angular_momentum_mismatch_max"].value == pytest.approx(apart, abs=1e-9)
     assert checks["com_error_max"].passed
     assert checks["solver_failures"].passed
@@ -102,22 +102,22 @@ def test_quick_steps_agree_with_splines(
 ) -> None:
     """No worse than with constants, and every check passes."""
     smooth = replace(problem, shape="cubic")
-    found = agree(talos, smooth, solve(smooth), solve, WholeBodyController().run)
-    first, *later = [one.mismatch_max_nms for one in found.passes]
+    result = agree(talos, smooth, solve(smooth), solve, WholeBodyController().run)
+    first, *later = [one.mismatch_max_nms for one in result.passes]
     assert min(later) < 0.3 * first
     assert min(later) < AGREEMENT_NMS
-    assert [c for c in certify(talos, two_steps[0], found.plan, proxies, found.motion).checks if not c.passed] == []
+    assert [c for c in certify(talos, two_steps[0], result.plan, proxies, result.motion).checks if not c.passed] == []
 
 
-def test_one_pass_where_one_is_asked_for(talos: Robot, problem: CentroidalProblem, two_steps: Walked) -> None:
+def test_one_pass_on_request(talos: Robot, problem: CentroidalProblem, two_steps: Walked) -> None:
     _, plan, motion = two_steps
-    told: list[float] = []
+    reported: list[float] = []
 
     def tell(fraction: float, _message: str) -> None:
-        told.append(fraction)
+        reported.append(fraction)
 
-    found = agree(talos, problem, plan, solve, WholeBodyController().run, tell, passes=1)
-    assert len(found.passes) == 1
-    assert found.plan is plan
-    assert np.array_equal(found.motion.q, motion.q)
-    assert told == sorted(told)
+    result = agree(talos, problem, plan, solve, WholeBodyController().run, tell, passes=1)
+    assert len(result.passes) == 1
+    assert result.plan is plan
+    assert np.array_equal(result.motion.q, motion.q)
+    assert reported == sorted(reported)

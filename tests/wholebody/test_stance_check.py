@@ -1,4 +1,4 @@
-"""Stances that the whole body can and cannot take, and what is said of them."""
+"""Stances that the whole body can and cannot take, and the messages about them."""
 
 from collections.abc import Mapping
 
@@ -45,26 +45,26 @@ def held(robot: Robot, q: np.ndarray, contacts: Mapping[str, Placement]) -> floa
 
 def test_a_usual_stance_is_reachable_and_its_posture_proves_it(check: StanceCheck) -> None:
     contacts = feet((0.15, APART_M / 2)) | {"right_hand": Placement.from_wxyz([0.3, -0.4, 0.75])}
-    found = standing(check, contacts)
-    assert (found.reachable, found.reason, found.limits, found.contact) == (True, "", (), None)
+    result = standing(check, contacts)
+    assert (result.reachable, result.reason, result.limits, result.contact) == (True, "", (), None)
     robot = check.robot
-    assert held(robot, found.q, contacts) < 1e-4
-    assert np.all(found.q[7:] > robot.model.lowerPositionLimit[7:])
-    assert np.all(found.q[7:] < robot.model.upperPositionLimit[7:])
-    assert not SelfCollision.for_robot(robot).any_collision(found.q)
-    com_m = pin.centerOfMass(robot.model, robot.model.createData(), found.q)
+    assert held(robot, result.q, contacts) < 1e-4
+    assert np.all(result.q[7:] > robot.model.lowerPositionLimit[7:])
+    assert np.all(result.q[7:] < robot.model.upperPositionLimit[7:])
+    assert not SelfCollision.for_robot(robot).any_collision(result.q)
+    com_m = pin.centerOfMass(robot.model, robot.model.createData(), result.q)
     assert np.abs(com_m - check.usual_com_m(contacts))[:2].max() < 0.1 + 1e-4
 
 
 def test_a_foot_a_metre_aside_is_out_of_reach(check: StanceCheck) -> None:
-    found = standing(check, feet((0.0, 1.03 - APART_M / 2)))
-    assert not found.reachable
-    assert "foot" in found.reason
-    assert found.contact in {"left_foot", "right_foot"}
-    legs = [joint for joint in found.limits if check.robot.group.get(joint) == "leg"]
+    result = standing(check, feet((0.0, 1.03 - APART_M / 2)))
+    assert not result.reachable
+    assert "foot" in result.reason
+    assert result.contact in {"left_foot", "right_foot"}
+    legs = [joint for joint in result.limits if check.robot.group.get(joint) == "leg"]
     assert legs, "a joint of the legs is what ran out"
     ends = np.minimum(
-        found.q[7:] - check.robot.model.lowerPositionLimit[7:], check.robot.model.upperPositionLimit[7:] - found.q[7:]
+        result.q[7:] - check.robot.model.lowerPositionLimit[7:], check.robot.model.upperPositionLimit[7:] - result.q[7:]
     )
     for joint in legs:
         at = check.robot.joint_names.index(joint)
@@ -73,18 +73,18 @@ def test_a_foot_a_metre_aside_is_out_of_reach(check: StanceCheck) -> None:
 
 
 def test_a_hand_a_metre_and_a_half_away_is_out_of_reach(check: StanceCheck) -> None:
-    found = standing(check, feet((0.0, APART_M / 2)) | {"right_hand": Placement.from_wxyz([1.5, -0.3, 1.0])})
-    assert not found.reachable
-    assert found.contact == "right_hand"
-    assert "right hand" in found.reason
+    result = standing(check, feet((0.0, APART_M / 2)) | {"right_hand": Placement.from_wxyz([1.5, -0.3, 1.0])})
+    assert not result.reachable
+    assert result.contact == "right_hand"
+    assert "right hand" in result.reason
 
 
 def test_feet_inside_each_other_collide(check: StanceCheck) -> None:
-    found = standing(check, feet((0.0, -APART_M / 2 + 0.03)))
-    assert not found.reachable
-    assert "without touching itself" in found.reason
-    assert len(found.limits) == 2
-    assert found.contact is None
+    result = standing(check, feet((0.0, -APART_M / 2 + 0.03)))
+    assert not result.reachable
+    assert "without touching itself" in result.reason
+    assert len(result.limits) == 2
+    assert result.contact is None
 
 
 def test_legs_that_cross_at_first_are_pushed_apart() -> None:
@@ -95,9 +95,9 @@ def test_legs_that_cross_at_first_are_pushed_apart() -> None:
     plain = stand_in_com_region(check.robot, contacts, ComRegion.over_polygon(np.zeros((0, 2))), com_m)
     assert plain.converged
     assert SelfCollision.for_robot(check.robot).any_collision(plain.q)
-    found = check.check_stance(Stance(contacts, com_m))
-    assert (found.reachable, found.strained) == (True, True)
-    assert held(check.robot, found.q, contacts) < 1e-4
+    result = check.check_stance(Stance(contacts, com_m))
+    assert (result.reachable, result.strained) == (True, True)
+    assert held(check.robot, result.q, contacts) < 1e-4
 
 
 def test_the_com_stays_above_the_region(check: StanceCheck) -> None:
@@ -105,9 +105,9 @@ def test_the_com_stays_above_the_region(check: StanceCheck) -> None:
     contacts = {"left_foot": Placement.from_wxyz([0.0, 0.1, 0.0])}
     sole = np.array([[-0.05, 0.07], [0.05, 0.07], [0.05, 0.13], [-0.05, 0.13]])
     com_m = check.usual_com_m(contacts)
-    found = check.check_stance(Stance(contacts, com_m, sole))
-    assert found.reachable
-    x, y, _ = pin.centerOfMass(check.robot.model, check.robot.model.createData(), found.q)
+    result = check.check_stance(Stance(contacts, com_m, sole))
+    assert result.reachable
+    x, y, _ = pin.centerOfMass(check.robot.model, check.robot.model.createData(), result.q)
     assert -0.0501 < x < 0.0501
     assert 0.0699 < y < 0.1301
     away = check.check_stance(Stance(contacts, com_m, sole + np.array([0.0, 0.9])))
@@ -115,7 +115,7 @@ def test_the_com_stays_above_the_region(check: StanceCheck) -> None:
 
 
 def test_a_verdict_is_a_function_of_the_stance(check: StanceCheck) -> None:
-    """Whatever was asked before: a fresh check gives the same posture to the last digit."""
+    """Whatever was checked before: a fresh check gives the same posture to the last digit."""
     contacts = feet((0.2, APART_M / 2))
     first = standing(check, contacts)
     standing(check, feet((0.0, 1.03 - APART_M / 2)))

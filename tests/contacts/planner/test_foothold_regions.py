@@ -25,7 +25,9 @@ def box(x_m: float, y_m: float, low_m: float, high_m: float, yaw_rad: float = 0.
     return Box("box", Placement.from_wxyz([x_m, y_m, (low_m + high_m) / 2], turn), np.array([0.2, 0.1, high_m - low_m]))
 
 
-def found(yaw_rad: float, gap_m: float, *others: Box, friction: float = 0.3, floor: Box = FLOOR) -> list[Region]:
+def floor_regions(
+    yaw_rad: float, gap_m: float, *others: Box, friction: float = 0.3, floor: Box = FLOOR
+) -> list[Region]:
     return foothold_regions(Terrain.from_surfaces([floor, *others]), friction, SOLE, yaw_rad, gap_m)
 
 
@@ -45,7 +47,7 @@ def test_a_sole_fits_exactly_where_the_regions_say(yaw_rad: float) -> None:
     """On the floor, beside two obstacles; what ends below 1 cm or begins above 10 cm is none."""
     walls = (box(0.3, 0.1, 0.0, 0.3, 0.4), box(-0.1, 0.35, 0.09, 0.5))
     ignored = (box(0.3, -0.1, 0.0, 0.009), box(0.0, 0.0, 0.101, 0.4))
-    room = [region for region in found(yaw_rad, 0.0, *walls, *ignored) if region.surface == "floor"]
+    room = [region for region in floor_regions(yaw_rad, 0.0, *walls, *ignored) if region.surface == "floor"]
     turn = ScipyRotation.from_euler("z", yaw_rad).as_matrix()[:2, :2]
     sole = CORNERS * [0.10, 0.05] @ turn.T
     rng = np.random.default_rng(3)
@@ -63,16 +65,16 @@ def test_a_sole_fits_exactly_where_the_regions_say(yaw_rad: float) -> None:
         np.testing.assert_allclose(region.corners_m[:, 2], 0.0, atol=1e-12)
 
 
-def test_the_gap_is_kept_from_every_edge_where_there_is_room() -> None:
+def test_the_gap_to_every_edge_is_observed_where_there_is_room() -> None:
     """0.5 m and 0.4 m less the sole less the gap; a strip 0.16 m wide leaves 0.03 m, of which a tenth remains."""
-    (region,) = found(0.0, 0.05)
+    (region,) = floor_regions(0.0, 0.05)
     np.testing.assert_allclose(region.corners_m.min(axis=0), [0.2 - 0.35, 0.1 - 0.30, 0.0], atol=1e-12)
     np.testing.assert_allclose(region.corners_m.max(axis=0), [0.2 + 0.35, 0.1 + 0.30, 0.0], atol=1e-12)
     narrow = Box("strip", Placement.from_wxyz([0.0, 0.0, 0.0]), np.array([1.0, 0.16, 0.1]))
-    (strip,) = found(0.0, 0.05, floor=narrow)
+    (strip,) = floor_regions(0.0, 0.05, floor=narrow)
     np.testing.assert_allclose(strip.corners_m.max(axis=0), [0.4 - 0.027, 0.003, 0.05], atol=1e-9)
-    assert found(0.0, 0.05, floor=Box("beam", Placement.identity(), np.array([1.0, 0.09, 0.1]))) == []
-    assert len(found(0.0, 0.05, floor=Box("just", Placement.identity(), np.array([0.2, 0.1, 0.1])))) == 1
+    assert floor_regions(0.0, 0.05, floor=Box("beam", Placement.identity(), np.array([1.0, 0.09, 0.1]))) == []
+    assert len(floor_regions(0.0, 0.05, floor=Box("just", Placement.identity(), np.array([0.2, 0.1, 0.1])))) == 1
 
 
 @pytest.mark.parametrize(("friction", "own", "stands"), [(0.3, None, False), (0.4, None, True), (0.3, 0.4, True)])
@@ -80,7 +82,7 @@ def test_a_face_steeper_than_its_friction_carries_nothing(friction: float, own: 
     """20 degrees, tan 0.364; the sole's frame lies in the face, its x as far ahead as that allows."""
     turn = ScipyRotation.from_euler("y", -20.0, degrees=True)
     ramp = Box("ramp", Placement.from_wxyz([0.0, 0.0, 0.0], turn.as_quat(scalar_first=True).tolist()), np.ones(3), own)
-    room = found(0.0, 0.0, floor=ramp, friction=friction)
+    room = floor_regions(0.0, 0.0, floor=ramp, friction=friction)
     assert len(room) == stands
     for region in room:
         np.testing.assert_allclose(region.rotation, turn.as_matrix(), atol=1e-12)
@@ -102,11 +104,11 @@ def test_a_hand_keeps_from_the_ends_of_a_rail_and_points_ahead(gap_m: float, hal
     assert ends == [True, False, True, False]
 
 
-def test_of_many_obstacles_the_largest_pieces_are_kept() -> None:
-    """A field of posts on a large floor leaves more pieces than are kept, and no piece lies in another."""
+def test_of_many_obstacles_the_largest_pieces_remain() -> None:
+    """A field of posts on a large floor leaves more pieces than the planner uses, and no piece lies in another."""
     floor = Box("floor", Placement.from_wxyz([0.0, 0.0, -0.05]), np.array([3.0, 3.0, 0.1]))
     posts = [box(x, y, 0.0, 0.5, x) for x, y in np.random.default_rng(0).uniform(-1.3, 1.3, (4, 2))]
-    room = [region for region in found(0.0, 0.0, *posts, floor=floor) if region.surface == "floor"]
+    room = [region for region in floor_regions(0.0, 0.0, *posts, floor=floor) if region.surface == "floor"]
     assert len(room) == PIECES_MAX
     areas = [ConvexHull(region.corners_m[:, :2]).volume for region in room]
     assert areas == sorted(areas, reverse=True)

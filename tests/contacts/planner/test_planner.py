@@ -20,9 +20,9 @@ SHAPES = effector_shapes("talos")
 PLANNER = ContactPlanner(SHAPES, planner_limits("talos"))
 
 
-def planned(asked: dict[str, Any], planner: ContactPlanner = PLANNER) -> ContactPlan | NotEstimable:
+def planned(request: dict[str, Any], planner: ContactPlanner = PLANNER) -> ContactPlan | NotEstimable:
     try:
-        return planner.plan(asked)
+        return planner.plan(request)
     except NotEstimable as refusal:
         return refusal
 
@@ -33,41 +33,41 @@ def of_scenario(scenario: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("build", [flat_walk, six_stairs, stairs_with_rail], ids=lambda build: build.__name__)
-def test_bundled_ways_are_found(build: Callable[[], dict[str, Any]]) -> None:
-    asked = of_scenario(build())
-    plan = PLANNER.plan(asked)
+def test_bundled_courses_are_planned(build: Callable[[], dict[str, Any]]) -> None:
+    request = of_scenario(build())
+    plan = PLANNER.plan(request)
     assert validate_scenario(plan.scenario, SHAPES).faults == ()
     for phase, end in ((0, "start"), (-1, "goal")):
-        found = {c["effector"]: c["position_m"] for c in plan.scenario["phases"][phase]["contacts"]}
-        for contact in asked[end]["contacts"]:
-            np.testing.assert_allclose(found[contact["effector"]], contact["position_m"], atol=1e-6)
+        result = {c["effector"]: c["position_m"] for c in plan.scenario["phases"][phase]["contacts"]}
+        for contact in request[end]["contacts"]:
+            np.testing.assert_allclose(result[contact["effector"]], contact["position_m"], atol=1e-6)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_random_terrains(kind: str) -> None:
     """25 of each kind: every plan passes the judge, every refusal says where."""
     rng = np.random.default_rng(KINDS.index(kind))
-    found = 0
+    result = 0
     for _ in range(25):
-        asked = random_task(rng, kind, most=4)
-        answer = planned(asked)
+        request = random_task(rng, kind, most=4)
+        answer = planned(request)
         if isinstance(answer, ContactPlan):
-            found += 1
+            result += 1
             assert validate_scenario(answer.scenario, SHAPES).faults == ()
         else:
             assert answer.code == "contacts-unreachable"
             assert answer.faults
-    assert found >= 5
+    assert result >= 5
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_an_exhaustive_search_agrees(seed: int) -> None:
     """Same answer and same objective as trying every region for every step, for every number of steps in turn."""
     rng = np.random.default_rng(100 + seed)
-    asked = random_task(rng, ("gaps", "stairs up", "stairs down")[seed % 3], most=2)
+    request = random_task(rng, ("gaps", "stairs up", "stairs down")[seed % 3], most=2)
     planner = ContactPlanner(SHAPES, PLANNER.limits, extra_steps=1)
-    answer = planned(asked, planner)
-    ends, rooms, least = planner.prepare_task(asked)
+    answer = planned(request, planner)
+    ends, rooms, least = planner.prepare_task(request)
     feet_in_turn = ("right_foot", "left_foot")
     tried = [
         best_objective(ends, planner.limits, rooms, steps, first)
@@ -102,11 +102,11 @@ def test_a_stair_too_high_is_named() -> None:
 
 def island() -> dict[str, Any]:
     """A platform 0.52 m ahead and 0.32 m aside of where a foot may stand: within the box of a step, not its ball."""
-    asked = task([box("start", (-0.4, 0.4), 0.0), box("island", (0.62, 1.62), 0.0)], 1.1, 0.0)
-    asked["terrain"][1]["center_m"][1] = 0.7 + 0.6
-    for contact in asked["goal"]["contacts"]:
+    request = task([box("start", (-0.4, 0.4), 0.0), box("island", (0.62, 1.62), 0.0)], 1.1, 0.0)
+    request["terrain"][1]["center_m"][1] = 0.7 + 0.6
+    for contact in request["goal"]["contacts"]:
         contact["position_m"][1] += 0.7 + 0.6
-    return asked
+    return request
 
 
 def test_a_step_that_misses_its_limits_is_named() -> None:
@@ -194,13 +194,13 @@ def test_standing_still_is_a_plan() -> None:
 
 def test_a_turn_takes_steps() -> None:
     """A quarter to the left on the spot: no step turns by more than 12 degrees."""
-    asked = task([box("ground", (-2.0, 2.0), 0.0, width_m=4.0)], 0.0, 0.0)
+    request = task([box("ground", (-2.0, 2.0), 0.0, width_m=4.0)], 0.0, 0.0)
     half = np.sqrt(0.5)
-    asked["goal"]["contacts"] = [
+    request["goal"]["contacts"] = [
         {"effector": name, "position_m": [-y, 0.0, 0.0], "orientation_wxyz": [half, 0.0, 0.0, half]}
         for name, y in (("left_foot", 0.09), ("right_foot", -0.09))
     ]
-    plan = PLANNER.plan(asked)
+    plan = PLANNER.plan(request)
     assert plan.steps >= 8
     assert validate_scenario(plan.scenario, SHAPES).faults == ()
 
@@ -236,7 +236,7 @@ def test_ends_that_cannot_be_are_named(change: dict[str, Any], where: str) -> No
     assert where in {fault.where for fault in refusal.value.faults}
 
 
-def test_a_foot_that_cannot_be_read_is_not_said_to_be_missing() -> None:
+def test_a_foot_that_cannot_be_read_is_not_reported_as_missing() -> None:
     wrong = feet(0.5, 0.0)
     wrong[0]["position_m"] = [0.5, 0.09]
     with pytest.raises(InvalidInput) as refusal:

@@ -43,9 +43,9 @@ def plank(name: str, low_m: float, high_m: float, z_m: float = 0.0) -> Region:
 
 
 def scheduled(ends: StartAndGoal, steps: int, *planks: Region, first: str = "right_foot") -> Schedule:
-    found = build_schedule(ends, LIMITS, lambda _effector, _yaw: planks, steps, first)
-    assert found is not None
-    return found
+    result = build_schedule(ends, LIMITS, lambda _effector, _yaw: planks, steps, first)
+    assert result is not None
+    return result
 
 
 def names(plan: Schedule | None) -> list[list[str]]:
@@ -67,8 +67,8 @@ def test_hands_move_before_every_second_step_and_at_the_end() -> None:
     goal = {name: turned(30.0, *at.position_m.tolist()) for name, at in standing(0.6).items()}
     ends = StartAndGoal.from_stances(standing(0.0), {**goal, "right_hand": hold}, LIMITS.feet)
     plan = scheduled(ends, 3, plank("ground", -1.0, 2.0))
-    told = [(node.effector, node.step, round(np.degrees(node.yaw_rad)), node.free) for node in plan.nodes]
-    assert told == [
+    reported = [(node.effector, node.step, round(np.degrees(node.yaw_rad)), node.free) for node in plan.nodes]
+    assert reported == [
         ("left_foot", 0, 0, False),
         ("right_foot", 0, 0, False),
         ("right_hand", 0, 0, False),

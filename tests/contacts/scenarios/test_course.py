@@ -44,48 +44,48 @@ def top(box: dict[str, Any], x_m: float) -> float:
 
 def test_stairs_begin_in_front_of_the_toes_and_end_in_a_platform() -> None:
     """TALOS' sole reaches 0.10 m ahead; the first riser is 0.05 m farther, the others 0.3 m apart."""
-    found = surfaces([Flight(4, 0.15, 0.30)])
+    result = surfaces([Flight(4, 0.15, 0.30)])
     for k in range(4):
-        box = found[f"1 stair {k + 1}"]
+        box = result[f"1 stair {k + 1}"]
         assert box["center_m"][0] - box["size_m"][0] / 2 == pytest.approx(0.15 + 0.30 * k)
         assert top(box, 0.0) == pytest.approx(0.15 * (k + 1))
-    end = found["end"]
+    end = result["end"]
     assert end["center_m"][0] - end["size_m"][0] / 2 == pytest.approx(0.15 + 4 * 0.30)
     assert top(end, 0.0) == pytest.approx(0.60)
 
 
 def test_a_ramp_joins_both_of_its_ends() -> None:
-    found = surfaces([Ramp(1.5, math.radians(10.0))])
+    result = surfaces([Ramp(1.5, math.radians(10.0))])
     rise = 1.5 * math.tan(math.radians(10.0))
-    assert top(found["1 ramp slab"], 0.15) == pytest.approx(0.0, abs=1e-5)
-    assert top(found["1 ramp slab"], 1.65) == pytest.approx(rise, abs=1e-5)
-    assert top(found["end"], 0.0) == pytest.approx(rise, abs=1e-6)
+    assert top(result["1 ramp slab"], 0.15) == pytest.approx(0.0, abs=1e-5)
+    assert top(result["1 ramp slab"], 1.65) == pytest.approx(rise, abs=1e-5)
+    assert top(result["end"], 0.0) == pytest.approx(rise, abs=1e-6)
 
 
 def test_stones_lean_by_the_angle_to_four_sides() -> None:
-    found = surfaces([Stones(4, 0.27, 0.2)])
+    result = surfaces([Stones(4, 0.27, 0.2)])
     normals = []
     for k in range(1, 5):
-        turn = Rotation.from_quat(np.roll(found[f"1 stone {k}"]["orientation_wxyz"], -1))
+        turn = Rotation.from_quat(np.roll(result[f"1 stone {k}"]["orientation_wxyz"], -1))
         normals.append(turn.apply([0.0, 0.0, 1.0]))
         assert np.arccos(normals[-1][2]) == pytest.approx(0.2)
-        y = found[f"1 stone {k}"]["center_m"][1]
+        y = result[f"1 stone {k}"]["center_m"][1]
         assert y < 0 if k % 2 else y > 0, "the right foot steps first"
     np.testing.assert_allclose(np.sum(normals, axis=0)[:2], 0.0, atol=1e-8)
 
 
 def test_handrails_follow_the_slope_of_the_stairs() -> None:
     """Parallel to the line through the noses, ahead of it as the hand is ahead of the feet."""
-    found = surfaces([Flight(4, 0.15, 0.30)], handrails=("left", "right"))
-    rails = [found[f"right rail {k}"] for k in (1, 2, 3)]
+    result = surfaces([Flight(4, 0.15, 0.30)], handrails=("left", "right"))
+    rails = [result[f"right rail {k}"] for k in (1, 2, 3)]
     slopes = [(r["to_m"][2] - r["from_m"][2]) / (r["to_m"][0] - r["from_m"][0]) for r in rails]
     assert slopes == pytest.approx([0.0, 0.5, 0.0], abs=1e-5)
     for before, after in itertools.pairwise(rails):
         assert before["to_m"] == after["from_m"]
     for k in (1, 2, 3):
-        mirrored = found[f"left rail {k}"]
+        mirrored = result[f"left rail {k}"]
         for end in ("from_m", "to_m"):
-            assert mirrored[end][1] == -found[f"right rail {k}"][end][1]
+            assert mirrored[end][1] == -result[f"right rail {k}"][end][1]
 
 
 @pytest.mark.parametrize("robot", ["talos", "hrp2", "g1"])

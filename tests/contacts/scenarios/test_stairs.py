@@ -133,7 +133,7 @@ def test_soles_clear_the_treads_on_their_way(name: str) -> None:
                         assert depth_in_box_m(box, sole).max() < -0.01
 
 
-def test_talos_is_not_asked_to_climb_a_stair_of_one_and_a_half_metres() -> None:
+def test_talos_is_refused_a_stair_of_one_and_a_half_metres() -> None:
     obstructed, fault = validate_scenario(six_stairs(Stairs(1, 1.5)), effector_shapes("talos")).faults
     assert fault.where == "phases[2].contacts[right_foot]"
     assert "too far from left_foot" in fault.message

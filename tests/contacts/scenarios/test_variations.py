@@ -16,8 +16,8 @@ SCENARIOS = models_dir() / "scenarios"
 
 
 def bundled(name: str) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((SCENARIOS / f"{name}.json").read_text())
-    return found
+    result: dict[str, Any] = json.loads((SCENARIOS / f"{name}.json").read_text())
+    return result
 
 
 def turned(scenario: dict[str, Any], yaw_rad: float) -> dict[str, Any]:
@@ -55,16 +55,16 @@ def test_what_it_has_already_changes_nothing() -> None:
 
 
 def test_lower_stairs_carry_the_feet_that_stood_on_the_higher_ones() -> None:
-    found = validate_scenario(vary_scenario(bundled("six-stairs"), {"height": 0.06}), effector_shapes("talos"))
-    assert found.valid, found.faults
-    heights = [margin.height_m for margin in found.margins if margin.height_m is not None]
+    result = validate_scenario(vary_scenario(bundled("six-stairs"), {"height": 0.06}), effector_shapes("talos"))
+    assert result.valid, result.faults
+    heights = [margin.height_m for margin in result.margins if margin.height_m is not None]
     assert np.abs(heights).max() < 1e-9
 
 
 def test_steps_that_leave_the_robots_reach_are_refused_by_name() -> None:
-    found = validate_scenario(vary_scenario(bundled("long-stride"), {"stride": 4.0}), effector_shapes("talos"))
-    assert not found.valid
-    assert any(fault.where.startswith("phases[") for fault in found.faults)
+    result = validate_scenario(vary_scenario(bundled("long-stride"), {"stride": 4.0}), effector_shapes("talos"))
+    assert not result.valid
+    assert any(fault.where.startswith("phases[") for fault in result.faults)
 
 
 def test_a_turned_scenario_is_stretched_along_its_own_way() -> None:
@@ -80,13 +80,13 @@ def test_a_turned_scenario_is_stretched_along_its_own_way() -> None:
 @pytest.mark.parametrize("length", [1.0, 4.0])
 def test_boxes_may_say_their_turn_as_a_quaternion_of_any_length(length: float) -> None:
     """Leaning by less than a milliradian to either side, which counts as upright."""
-    aslant, said = turned(bundled("six-stairs"), 0.6), turned(bundled("six-stairs"), 0.6)
-    for surface in said["terrain"]:
+    aslant, message = turned(bundled("six-stairs"), 0.6), turned(bundled("six-stairs"), 0.6)
+    for surface in message["terrain"]:
         surface["orientation_wxyz"] = (length * np.array([np.cos(0.3), 0.0004, 0.0, np.sin(0.3)])).tolist()
         surface["yaw_rad"] = None
     for one, other in zip(
         vary_scenario(aslant, {"stride": 0.33})["terrain"],
-        vary_scenario(said, {"stride": 0.33})["terrain"],
+        vary_scenario(message, {"stride": 0.33})["terrain"],
         strict=True,
     ):
         np.testing.assert_allclose(other["size_m"], one["size_m"], atol=1e-12)

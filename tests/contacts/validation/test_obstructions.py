@@ -35,16 +35,16 @@ def test_feet_to_both_sides_of_a_post_leave_no_way_for_the_trunk(height_m: float
     post = {"name": "post", "kind": "box", "center_m": [0.2, 0.0, height_m / 2], "size_m": [0.03, 0.02, height_m]}
     walk = flat_walk()
     walk["terrain"].append(post)
-    found = validate_scenario(walk, effector_shapes("talos")).faults
-    assert [fault.message for fault in found] == ["the trunk would pass through 'post'"] * is_refused
+    result = validate_scenario(walk, effector_shapes("talos")).faults
+    assert [fault.message for fault in result] == ["the trunk would pass through 'post'"] * is_refused
 
 
 def test_a_bar_at_the_height_of_the_trunk_is_refused() -> None:
     bar = {"name": "bar", "kind": "rail", "from_m": [0.2, -2.0, 0.7], "to_m": [0.2, 2.0, 0.7], "radius_m": 0.2}
     walk = flat_walk()
     walk["terrain"].append(bar)
-    found = validate_scenario(walk, effector_shapes("talos")).faults
-    assert [fault.message for fault in found] == ["the trunk would pass through 'bar'"]
+    result = validate_scenario(walk, effector_shapes("talos")).faults
+    assert [fault.message for fault in result] == ["the trunk would pass through 'bar'"]
 
 
 def test_a_low_obstacle_is_stepped_over() -> None:

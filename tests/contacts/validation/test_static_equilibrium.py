@@ -131,8 +131,8 @@ def test_the_bundled_climbs_against_a_linear_programme() -> None:
             for key, shape in SHAPES.items()
         }
         stances = contacts_on_surfaces(parse_scenario(scenario, boxes), boxes)
-        found = static_equilibria(stances, check_reach(stances).slacks)
-        for stance, rest in zip(stances, found, strict=True):
+        result = static_equilibria(stances, check_reach(stances).slacks)
+        for stance, rest in zip(stances, result, strict=True):
             corners = np.array(rest.region_m)
             edge = np.roll(corners, -1, axis=0) - corners
             normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1) / np.linalg.norm(edge, axis=1, keepdims=True)

@@ -31,7 +31,7 @@ def test_a_contact_is_the_same_within_a_millimetre_and_half_a_degree(
     assert (not list(jump_faults(({"left_foot": one}, {"left_foot": other})))) == same
 
 
-def test_soles_on_one_place_are_told_once_for_every_pair_of_places() -> None:
+def test_soles_on_one_place_are_reported_once_for_every_pair_of_places() -> None:
     left, on_it, beside, again = (
         touch(name, x, y)
         for name, x, y in (
@@ -74,9 +74,9 @@ def test_a_swing_that_clips_the_side_of_a_wall_is_in_it_by_so_much(edge_y_m: flo
     turn = [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]
     wall = Box("wall", Placement.from_wxyz([0.3, edge_y_m + 0.5, 0.5], turn), np.array([1.0, 0.12, 1.0]))
     start, end = touch("left_foot", 0.0, 0.0), touch("left_foot", 0.6, 0.0)
-    found = list(swing_collisions(({"left_foot": start}, {}, {"left_foot": end}), Terrain.from_surfaces([wall])))
-    assert [(phase, name, box) for phase, name, box, _ in found] == [(1, "left_foot", "wall")] * (depth_m is not None)
-    assert [depth for *_, depth in found] == pytest.approx([] if depth_m is None else [depth_m], abs=1e-3)
+    result = list(swing_collisions(({"left_foot": start}, {}, {"left_foot": end}), Terrain.from_surfaces([wall])))
+    assert [(phase, name, box) for phase, name, box, _ in result] == [(1, "left_foot", "wall")] * (depth_m is not None)
+    assert [depth for *_, depth in result] == pytest.approx([] if depth_m is None else [depth_m], abs=1e-3)
 
 
 def test_a_task_hands_its_surroundings_on() -> None:

@@ -77,8 +77,8 @@ def test_the_same_effector_twice() -> None:
 )
 def test_surfaces(change: Made, where: str, word: str) -> None:
     report = judged(six_stairs(), lambda s: s["terrain"][1].update(change))
-    found = dict(faults(report))
-    assert word in found[where]
+    result = dict(faults(report))
+    assert word in result[where]
 
 
 @pytest.mark.parametrize(("change", "word"), [("from_m", "no length"), ("radius_m", "above 0")])
@@ -139,16 +139,16 @@ def test_feet_that_change_places_in_one_instant() -> None:
     def change(s: Made) -> None:
         del s["phases"][2]
 
-    found = dict(faults(judged(flat_walk(), change)))
-    assert "left_foot lift off at the moment" in found["phases[2].contacts[right_foot]"]
+    result = dict(faults(judged(flat_walk(), change)))
+    assert "left_foot lift off at the moment" in result["phases[2].contacts[right_foot]"]
 
 
 def test_a_foot_that_slides() -> None:
     def change(s: Made) -> None:
         del s["phases"][1]
 
-    found = dict(faults(judged(flat_walk(), change)))
-    assert found["phases[1].contacts[right_foot]"].startswith("slides 0.25 m")
+    result = dict(faults(judged(flat_walk(), change)))
+    assert result["phases[1].contacts[right_foot]"].startswith("slides 0.25 m")
 
 
 def test_a_foot_that_turns_on_the_spot() -> None:
@@ -177,10 +177,10 @@ def test_a_hand_may_come_later() -> None:
 
 @pytest.mark.parametrize("friction", [0.0, -0.3, math.nan, 2.1])
 def test_a_surface_without_friction_names_who_stands_on_it_first(friction: float) -> None:
-    found = dict(faults(judged(six_stairs(), lambda s: s["terrain"][2].update(friction=friction))))
-    assert list(found) == ["terrain[2]", "phases[6].contacts[right_foot]"]
-    assert "friction" in found["terrain[2]"]
-    assert "'stair 2'" in found["phases[6].contacts[right_foot]"]
+    result = dict(faults(judged(six_stairs(), lambda s: s["terrain"][2].update(friction=friction))))
+    assert list(result) == ["terrain[2]", "phases[6].contacts[right_foot]"]
+    assert "friction" in result["terrain[2]"]
+    assert "'stair 2'" in result["phases[6].contacts[right_foot]"]
 
 
 @pytest.mark.parametrize("friction", [0.0, -0.3, math.nan])
@@ -194,12 +194,12 @@ def test_a_scenario_without_friction_names_who_stands_on_it_first(friction: floa
 
 
 def test_a_stair_of_150_metres_is_a_mistake_of_units() -> None:
-    found = dict(faults(validate_scenario(six_stairs(Stairs(1, 150.0)), SHAPES)))
-    assert list(found)[:2] == ["terrain[1]", "phases[2].contacts[right_foot]"]
-    assert all("lengths are in metres" in message for message in found.values())
+    result = dict(faults(validate_scenario(six_stairs(Stairs(1, 150.0)), SHAPES)))
+    assert list(result)[:2] == ["terrain[1]", "phases[2].contacts[right_foot]"]
+    assert all("lengths are in metres" in message for message in result.values())
 
 
-def test_a_stair_of_fifteen_metres_is_asked_for_its_units() -> None:
+def test_a_stair_of_fifteen_metres_is_refused_with_its_units() -> None:
     (fault,) = validate_scenario(six_stairs(Stairs(1, 15.0)), SHAPES).faults
     assert fault.where == "phases[2].contacts[right_foot]"
     assert "are all lengths in metres?" in fault.message
@@ -207,8 +207,8 @@ def test_a_stair_of_fifteen_metres_is_asked_for_its_units() -> None:
 
 @pytest.mark.parametrize("height_m", [0.0, -0.5, 3.1, math.nan, "low"], ids=str)
 def test_a_start_at_no_height(height_m: Any) -> None:
-    found = faults(judged(flat_walk(), lambda s: s.update(start_com_height_m=height_m)))
-    assert [where for where, _ in found] == ["start_com_height_m"]
+    result = faults(judged(flat_walk(), lambda s: s.update(start_com_height_m=height_m)))
+    assert [where for where, _ in result] == ["start_com_height_m"]
 
 
 def test_five_hundred_phases() -> None:
@@ -339,7 +339,7 @@ def test_no_dragged_contact_makes_the_judge_fall_over(
 
 @pytest.mark.parametrize("name", ["six-stairs", "stairs-with-rail", "stepping-stones"])
 def test_the_outline_is_the_judges_sequence(name: str) -> None:
-    """What is left out for whoever waits is what refuses nothing here."""
+    """The checks that an editor leaves out are those that refuse nothing here."""
     scenario = json.loads((models_dir() / "scenarios" / f"{name}.json").read_text())
     shapes = effector_shapes(scenario["robot"])
     faults, sequence = validate_quickly(scenario, shapes)

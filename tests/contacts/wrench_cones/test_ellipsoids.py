@@ -12,8 +12,8 @@ from stridelab.contacts.wrench_cones.ellipsoids import smallest_around
 def test_it_is_the_smallest_by_johns_condition(dimension: int, centred: bool) -> None:
     """(4.19a), (4.19c): weights of points on the boundary make the unit matrix, about the centre where that is free."""
     points = np.random.default_rng(dimension).normal(size=(40, dimension)) + 0.3
-    found = smallest_around(points, centred=centred)
-    u = np.linalg.solve(found.axes, (points - found.center).T).T
+    result = smallest_around(points, centred=centred)
+    u = np.linalg.solve(result.axes, (points - result.center).T).T
     assert np.linalg.norm(u, axis=1).max() == pytest.approx(1.0, abs=1e-6)
     near = u[np.linalg.norm(u, axis=1) > 1.0 - 1e-4]
     outer = np.einsum("ni,nj->nij", near, near).reshape(len(near), -1)

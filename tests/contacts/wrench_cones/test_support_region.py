@@ -36,13 +36,13 @@ AT_WALL = PointContacts.from_placements([(Placement.from_wxyz((0.0, 0.1, 0.0)), 
 def farthest_m(contacts: PointContacts, rays: np.ndarray, direction: np.ndarray, h: np.ndarray, z: float) -> float:
     """Largest ``direction (x, y)`` over nonnegative sums of rays, by HiGHS."""
     axes = np.cross(np.eye(3), h)
-    found = linprog(
+    result = linprog(
         np.concatenate([np.zeros(len(rays)), -direction]),
         A_eq=np.hstack([rays.T, -np.vstack([np.zeros((3, 2)), axes[:2].T])]),
         b_eq=np.concatenate([h, z * axes[2]]),
         bounds=[(0, None)] * len(rays) + [(None, None)] * 2,
     )
-    return -float(found.fun)
+    return -float(result.fun)
 
 
 @pytest.mark.parametrize("acceleration", [(0.0, 0.0, 0.0), (0.8, -0.5, 0.3)])
@@ -58,8 +58,8 @@ def test_supports_along_directions(contacts: PointContacts, acceleration: tuple[
 
 def test_level_contacts_hold_in_their_hull() -> None:
     hull = ConvexHull(FLAT.position_m[:, :2])
-    found = support_region(FLAT)
-    for polygon in (found.inside_m, found.around_m):
+    result = support_region(FLAT)
+    for polygon in (result.inside_m, result.around_m):
         assert area_m2(polygon) == pytest.approx(hull.volume, rel=1e-6)
 
 
@@ -79,10 +79,10 @@ def test_a_hand_widens_the_region() -> None:
 
 def test_circular_cones_lie_between_the_bounds() -> None:
     """Just inside the inner polygon the margin with circular cones is positive, just outside the outer one negative."""
-    found = support_region(ON_RAIL)
-    middle = found.inside_m.mean(axis=0)
-    assert 0.0 < area_m2(found.inside_m) < area_m2(found.around_m) < 1.2 * area_m2(found.inside_m)
-    for polygon, factor, sign in ((found.inside_m, 0.999, 1.0), (found.around_m, 1.001, -1.0)):
+    result = support_region(ON_RAIL)
+    middle = result.inside_m.mean(axis=0)
+    assert 0.0 < area_m2(result.inside_m) < area_m2(result.around_m) < 1.2 * area_m2(result.inside_m)
+    for polygon, factor, sign in ((result.inside_m, 0.999, 1.0), (result.around_m, 1.001, -1.0)):
         for x, y in middle + factor * (polygon - middle):
             assert sign * conic_margin(ON_RAIL, np.array([0.0, 0.0, 1.0, y, -x, 0.0])).margin_n > 0.0
 
@@ -90,8 +90,8 @@ def test_circular_cones_lie_between_the_bounds() -> None:
 def test_more_rays_tighten_the_bounds() -> None:
     gaps = []
     for n_rays in (4, 8, 16):
-        found = support_region(ON_RAIL, n_rays)
-        gaps.append(area_m2(found.around_m) / area_m2(found.inside_m) - 1.0)
+        result = support_region(ON_RAIL, n_rays)
+        gaps.append(area_m2(result.around_m) / area_m2(result.inside_m) - 1.0)
     assert gaps[0] > gaps[1] > gaps[2]
 
 
@@ -122,8 +122,8 @@ def test_random_sets_are_outlined_counter_clockwise() -> None:
 
 
 def bounds(contacts: PointContacts) -> tuple[float, float]:
-    found = support_region(contacts, 12)
-    return area_m2(found.inside_m), area_m2(found.around_m)
+    result = support_region(contacts, 12)
+    return area_m2(result.inside_m), area_m2(result.around_m)
 
 
 def test_a_certified_hull_is_the_region_of_circular_cones() -> None:

@@ -39,7 +39,7 @@ def by_cutting_planes(contacts: PointContacts, wrench: np.ndarray) -> float:
         for row, (i, a) in zip(rows, angles, strict=True):
             row[3 * i : 3 * i + 3] = contacts.rotation[i] @ [np.cos(a), np.sin(a), -contacts.friction[i]]
             row[-1] = 1.0
-        found = linprog(
+        result = linprog(
             np.append(np.zeros(3 * n), -1.0),
             A_ub=rows,
             b_ub=np.zeros(len(rows)),
@@ -48,8 +48,8 @@ def by_cutting_planes(contacts: PointContacts, wrench: np.ndarray) -> float:
             bounds=[(None, None)] * (3 * n + 1),
             options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
         )
-        t = float(found.x[-1])
-        local = np.einsum("nka,nk->na", contacts.rotation, found.x[:-1].reshape(n, 3))
+        t = float(result.x[-1])
+        local = np.einsum("nka,nk->na", contacts.rotation, result.x[:-1].reshape(n, 3))
         beyond = np.hypot(local[:, 0], local[:, 1]) + t - contacts.friction * local[:, 2]
         if beyond.max() < 1e-11:
             break
@@ -81,9 +81,9 @@ def by_clarabel(contacts: PointContacts, wrench: np.ndarray) -> float | None:
     cones = [clarabel.ZeroConeT(6), *[clarabel.SecondOrderConeT(3)] * n]
     nothing = sparse.csc_matrix((3 * n + 1, 3 * n + 1))
     objective = np.append(np.zeros(3 * n), -1.0)
-    found = clarabel.DefaultSolver(nothing, objective, sparse.csc_matrix(rows), right, cones, settings).solve()
-    solved = found.status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
-    return float(found.x[-1]) * size if solved else None
+    result = clarabel.DefaultSolver(nothing, objective, sparse.csc_matrix(rows), right, cones, settings).solve()
+    solved = result.status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
+    return float(result.x[-1]) * size if solved else None
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,14 @@ import random
 import re
 import time
 from collections.abc import Iterator
+from http.cookiejar import DefaultCookiePolicy
 from pathlib import Path
 from typing import Any
 
 import httpx
 import hypothesis
 import pytest
+import requests
 import schemathesis
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis.errors import FlakyStrategyDefinition
@@ -124,6 +126,15 @@ def stocked(service: Served) -> Iterator[Served]:
         yield service
 
 
+@pytest.fixture(scope="module")
+def session(stocked: Served) -> Iterator[requests.Session]:
+    """One connection for thousands of calls, which share nothing else: no cookies, and nothing of the environment."""
+    with requests.Session() as made:
+        made.trust_env = False
+        made.cookies.set_policy(DefaultCookiePolicy(allowed_domains=[]))
+        yield made
+
+
 @pytest.mark.parametrize(
     ("method", "path", "name", "value"), list(examples()), ids=lambda x: x if isinstance(x, str) else ""
 )
@@ -141,6 +152,22 @@ def test_every_example_runs(stocked: Served, method: str, path: str, name: str, 
 
 
 schema = schemathesis.openapi.from_dict(DESCRIPTION)
+INSIDE_A_SCENARIO = re.compile(r"/properties/(?:scenario/anyOf/0/properties/)?(?:phases|terrain)/.+/")
+"""Where a call that is derived from the description breaks a part of a scenario, not a scenario as a whole."""
+OF_WHOLE_SCENARIOS = {
+    ("post", "/api/v1/scenarios"),
+    ("post", "/api/v1/jobs/plan-motion"),
+    ("post", "/api/v1/jobs/plan-contacts"),  # it has a terrain of its own
+}
+"""One call with a scenario as its body, one with a scenario in its body, and one with its parts get each fault inside; the
+others read it by the same model, and get the faults around it."""
+
+
+def has_known_fault(case: schemathesis.Case) -> bool:
+    """Whether a derived call repeats a fault inside of a scenario."""
+    location = getattr(case.meta.phase.data, "location", None) if case.meta else None
+    elsewhere = (case.operation.method, case.operation.path) not in OF_WHOLE_SCENARIOS
+    return elsewhere and INSIDE_A_SCENARIO.match(location or "") is not None
 
 
 # Left out: the pages' own addresses, and the stream, which ends with its job only. Not checked: that whatever fits the
@@ -153,10 +180,14 @@ schema = schemathesis.openapi.from_dict(DESCRIPTION)
     phases=[Phase.explicit, Phase.generate],
     suppress_health_check=list(HealthCheck),
 )
-def test_the_service_conforms_to_its_description(case: schemathesis.Case, stocked: Served) -> None:
+def test_the_service_conforms_to_its_description(
+    case: schemathesis.Case, stocked: Served, session: requests.Session
+) -> None:
+    if has_known_fault(case):
+        return
     if "wait" in (case.query or {}):
         case.query.pop("wait")
-    answer = case.call(base_url=stocked.base_url, timeout=30)
+    answer = case.call(base_url=stocked.base_url, timeout=30, session=session)
     case.validate_response(answer, excluded_checks=[positive_data_acceptance])
     assert answer.status_code < 500
     assert answer.headers["x-content-type-options"] == ["nosniff"]
@@ -183,8 +214,10 @@ ODD = ("", "-", "0", "x" * 3000, "%00", "%ff%fe", "..", "%2e%2e%2f", "<b>", "'",
     phases=[Phase.generate],
     suppress_health_check=list(HealthCheck),
 )
-def test_other_calls_in_each_run_find_no_failure(case: schemathesis.Case, stocked: Served) -> None:
-    assert_no_failure(case, stocked)
+def test_other_calls_in_each_run_find_no_failure(
+    case: schemathesis.Case, stocked: Served, session: requests.Session
+) -> None:
+    assert_no_failure(case, stocked, session)
 
 
 # Addresses beside the interface's: the login's form, and the metrics.
@@ -196,14 +229,16 @@ def test_other_calls_in_each_run_find_no_failure(case: schemathesis.Case, stocke
     phases=[Phase.explicit],
     suppress_health_check=list(HealthCheck),
 )
-def test_derived_calls_beside_the_interface_find_no_failure(case: schemathesis.Case, stocked: Served) -> None:
-    assert_no_failure(case, stocked)
+def test_derived_calls_beside_the_interface_find_no_failure(
+    case: schemathesis.Case, stocked: Served, session: requests.Session
+) -> None:
+    assert_no_failure(case, stocked, session)
 
 
-def assert_no_failure(case: schemathesis.Case, stocked: Served) -> None:
+def assert_no_failure(case: schemathesis.Case, stocked: Served, session: requests.Session) -> None:
     if "wait" in (case.query or {}):
         case.query.pop("wait")
-    answer = case.call(base_url=stocked.base_url, timeout=30, allow_redirects=False)
+    answer = case.call(base_url=stocked.base_url, timeout=30, allow_redirects=False, session=session)
     assert answer.status_code < 500, f"STRIDELAB_TEST_SEED={SEED} {case.as_curl_command()}"
 
 

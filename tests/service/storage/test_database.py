@@ -8,6 +8,7 @@ from sqlalchemy import text
 from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.errors import InvalidInput, Unavailable
+from stridelab.service.jobs.queue import DATABASE_UNAVAILABLE
 from stridelab.service.settings import Settings
 from stridelab.service.storage import database
 from stridelab.service.storage.database import database_url, make_engine, parse_url
@@ -77,7 +78,7 @@ def test_password_comes_from_its_file(tmp_path) -> None:
     assert database_url(Settings(database_url=None)) is None
 
 
-def test_who_is_frozen_in_a_transaction_holds_a_lock_for_a_while_only(
+def test_a_process_that_is_frozen_in_a_transaction_holds_its_lock_for_a_limited_time(
     database_url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(database, "IDLE_MS", 500)
@@ -89,6 +90,8 @@ def test_who_is_frozen_in_a_transaction_holds_a_lock_for_a_while_only(
             await holds.execute(take)
             async with asyncio.timeout(20.0), other.begin() as waits:
                 await waits.execute(take)
+            with pytest.raises(DATABASE_UNAVAILABLE):  # so that a worker that wakes up repeats its transaction
+                await holds.execute(take)
             await holds.invalidate()
         await frozen.dispose()
         await other.dispose()

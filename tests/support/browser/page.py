@@ -13,8 +13,9 @@ What static/js/viewer/frame_decoder.js does, with numpy.
 
 import asyncio
 import json
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -174,6 +175,17 @@ def until(page: Page, holds: Callable[[], bool]) -> None:
             return
         page.wait_for_timeout(100)
     raise AssertionError("the page does not come to the state that was asked for")
+
+
+@contextmanager
+def few_pictures(page: Page) -> Iterator[None]:
+    """One picture of a scene per second while the test waits for a computation, not ten.
+
+    Without a graphics card ten pictures take half a core from what is being waited for.
+    """
+    page.evaluate("() => { window.pictureMs = 1000; }")
+    yield
+    page.evaluate("() => { delete window.pictureMs; }")
 
 
 def nodes(page: Page, *names: str) -> dict[str, Any]:

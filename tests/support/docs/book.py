@@ -11,6 +11,7 @@ The rooms of the backend and the floors that they stand on, for the tests of the
 The compose files as docker compose reads them: merged, with the defaults of their variables.
 """
 
+import ast
 import re
 import shlex
 from collections.abc import Callable, Iterable, Iterator
@@ -50,6 +51,12 @@ class Block:
 def tokens(page: Path) -> tuple[Token, ...]:
     """The page as CommonMark sees it."""
     return tuple(READER.parse(page.read_text(encoding="utf-8")))
+
+
+@cache
+def syntax_tree(path: Path) -> ast.Module:
+    """The syntax tree of a Python file, parsed once for all tests of the house."""
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def _all(page: Path) -> Iterator[Token]:

@@ -137,9 +137,14 @@ USAGE_ERROR: Any = typer.BadParameter.__mro__[1]
 ADDRESS = re.compile(r"^(?:\$\w+|https?://(?:127\.0\.0\.1|localhost|lab)(?::\d+)?/api/v1)(?=/)")
 
 
+@cache
+def _program() -> Any:
+    return get_command(app)
+
+
 def resolved(arguments: tuple[str, ...]) -> tuple[Any, str, list[str]]:
     """The sub-command that arguments name, its name, and what is left of them; None where there is no such command."""
-    command, rest, name = get_command(app), list(arguments), "stridelab"
+    command, rest, name = _program(), list(arguments), "stridelab"
     while (inner := getattr(command, "commands", None)) and rest and not (rest[0].startswith("-") or rest[0].isupper()):
         name, command = f"{name} {rest[0]}", inner.get(rest.pop(0))
     return command, name, rest

@@ -68,9 +68,9 @@ def test_every_shape_of_a_robot_is_held_against_every_surface() -> None:
     """Many shapes and many surfaces: the geometry grows in memory while its shapes are read."""
     robot = load_robot("hrp2")
     sequence = sequence_of(six_stairs() | {"robot": "hrp2"}, effector_shapes("hrp2"))
-    found = clearance._Scene.build_scene(robot, sequence)
+    result = clearance._Scene.build_scene(robot, sequence)
     links = [robot.model.frames[part.parentFrame].name for part in robot.collision.geometryObjects]
     surfaces = [surface.name for surface in sequence.terrain.surfaces]
-    assert [(found.parts[pair.column], pair.surface) for pair in found.pairs] == [
+    assert [(result.parts[pair.column], pair.surface) for pair in result.pairs] == [
         (link, surface) for surface in surfaces for link in links
     ]

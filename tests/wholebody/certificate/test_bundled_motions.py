@@ -42,7 +42,7 @@ class Carried:
     certificate: Certificate
 
     def value(self, check: str) -> float:
-        return next(found.value for found in self.certificate.checks if found.name == check)
+        return next(result.value for result in self.certificate.checks if result.name == check)
 
 
 @cache
@@ -63,9 +63,9 @@ def test_a_bundled_motion_passes_every_check(robot: str, name: str) -> None:
 @pytest.mark.parametrize(("robot", "name"), CARRIED_OUT)
 def test_torques_and_forces_move_the_body_as_it_moves(robot: str, name: str) -> None:
     """``M a + h = S' tau + sum J_p' f`` to 1e-8 at every sample."""
-    found = carried_out(robot, name)
-    motion = found.motion
-    model, frames = with_contact_frames(found.robot)
+    result = carried_out(robot, name)
+    motion = result.motion
+    model, frames = with_contact_frames(result.robot)
     data = model.createData()
     worst = 0.0
     for i in range(len(motion.time_s)):
@@ -79,16 +79,16 @@ def test_torques_and_forces_move_the_body_as_it_moves(robot: str, name: str) -> 
                 gap -= (J[:3] - pin.skew(here.rotation @ p) @ J[3:]).T @ f
         worst = max(worst, float(np.abs(gap).max()))
     assert worst < 1e-8
-    assert found.value("dynamics_residual") < 1e-8
-    assert found.value("torque_residual") < 1e-8
+    assert result.value("dynamics_residual") < 1e-8
+    assert result.value("torque_residual") < 1e-8
 
 
 @pytest.mark.parametrize(("robot", "name"), WITH_A_HAND)
 def test_a_hand_bears_something_that_its_arm_can(robot: str, name: str) -> None:
-    found = carried_out(robot, name)
-    borne = np.linalg.norm(found.motion.forces_n["right_hand"].sum(axis=1), axis=1)
+    result = carried_out(robot, name)
+    borne = np.linalg.norm(result.motion.forces_n["right_hand"].sum(axis=1), axis=1)
     assert borne.max() > 3.0
-    assert 0.0 < found.value("hand_load_share_max") < 1.0
+    assert 0.0 < result.value("hand_load_share_max") < 1.0
 
 
 def test_a_hand_on_a_wall_does_not_push_the_robot_over() -> None:
@@ -131,9 +131,9 @@ def test_contact_rectangles_are_nested(robot_name: str) -> None:
 def test_continuous_plans_load_and_unload_soles_gradually() -> None:
     """The largest change of a sole's force from one sample to the next, as a share of the weight."""
 
-    def jump(found: Carried) -> float:
-        forces = np.array([f.sum(axis=1) for f in found.motion.forces_n.values()])
-        return float(np.linalg.norm(np.diff(forces, axis=1), axis=2).max() / (9.81 * found.robot.mass_kg))
+    def jump(result: Carried) -> float:
+        forces = np.array([f.sum(axis=1) for f in result.motion.forces_n.values()])
+        return float(np.linalg.norm(np.diff(forces, axis=1), axis=2).max() / (9.81 * result.robot.mass_kg))
 
     stepped, ramped = (carried_out("talos", "long-stride", shape) for shape in ("constant", "cubic"))
     assert ramped.certificate.passed

@@ -45,10 +45,10 @@ def test_its_values_are_those_of_the_motion(good: Certificate, talos: Robot, two
     _, _, motion = two_steps
     ratio = np.abs(motion.tau_nm) / talos.model.effortLimit[6:]
     legs = np.array([talos.group[joint] != "arm" for joint in talos.joint_names])
-    found = check(good, "torque_ratio_max_legs_torso")
-    assert found.value == pytest.approx(ratio[:, legs].max())
+    result = check(good, "torque_ratio_max_legs_torso")
+    assert result.value == pytest.approx(ratio[:, legs].max())
     i, j = divmod(int(np.argmax(np.where(legs, ratio, 0.0))), ratio.shape[1])
-    assert (found.effector, found.time_s) == (talos.joint_names[j], pytest.approx(motion.time_s[i]))
+    assert (result.effector, result.time_s) == (talos.joint_names[j], pytest.approx(motion.time_s[i]))
     com_error = np.linalg.norm(motion.com_m - motion.com_reference_m, axis=1).max()
     assert check(good, "com_error_max").value == pytest.approx(com_error, rel=1e-6)
     assert check(good, "self_collision_pairs").value == 0.0
@@ -166,10 +166,10 @@ SPOILT: dict[str, tuple[Spoil, str]] = {
 def test_a_spoilt_motion_fails_the_check_of_what_was_spoilt(name: str, talos: Robot, two_steps: TwoSteps) -> None:
     sequence, plan, motion = two_steps
     spoil, effector = SPOILT[name]
-    found = check(certify(talos, sequence, plan, {}, spoil(motion, talos)), name)
-    assert not found.passed
-    assert found.phase is not None
-    assert effector in (found.effector or "")
+    result = check(certify(talos, sequence, plan, {}, spoil(motion, talos)), name)
+    assert not result.passed
+    assert result.phase is not None
+    assert effector in (result.effector or "")
 
 
 @pytest.mark.parametrize(("share", "passes"), [(0.019, False), (0.021, True)])
@@ -179,11 +179,11 @@ def test_a_joint_keeps_two_percent_of_its_range(share: float, passes: bool, talo
     lower, upper = talos.model.lowerPositionLimit[elbow], talos.model.upperPositionLimit[elbow]
     q = motion.q.copy()
     q[50, elbow] = upper - share * (upper - lower)
-    found = check(certify(talos, sequence, plan, {}, replace(motion, q=q)), "joint_limit_margin")
-    assert found.passed is passes
-    assert (found.effector, found.time_s) == ("arm_left_4_joint", pytest.approx(motion.time_s[50]))
-    assert found.value == pytest.approx(share * (upper - lower))
-    assert found.limit == pytest.approx(0.02 * (upper - lower))
+    result = check(certify(talos, sequence, plan, {}, replace(motion, q=q)), "joint_limit_margin")
+    assert result.passed is passes
+    assert (result.effector, result.time_s) == ("arm_left_4_joint", pytest.approx(motion.time_s[50]))
+    assert result.value == pytest.approx(share * (upper - lower))
+    assert result.limit == pytest.approx(0.02 * (upper - lower))
 
 
 @pytest.mark.parametrize(("ratio", "passes"), [(0.949, True), (0.951, False)])
@@ -196,9 +196,9 @@ def test_speeds_and_torques_keep_a_twentieth(ratio: float, passes: bool, talos: 
     tau[42, elbow] = ratio * talos.model.effortLimit[6 + elbow]
     certificate = certify(talos, sequence, plan, {}, replace(motion, v=v, tau_nm=tau))
     for name in ("velocity_ratio_max", "torque_ratio_max_legs_torso", "torque_ratio_max_arms"):
-        found = check(certificate, name)
-        assert found.value == pytest.approx(ratio)
-        assert found.passed is passes
+        result = check(certificate, name)
+        assert result.value == pytest.approx(ratio)
+        assert result.passed is passes
 
 
 def test_every_check_can_fail(good: Certificate) -> None:
@@ -207,9 +207,9 @@ def test_every_check_can_fail(good: Certificate) -> None:
 
 def test_a_force_on_a_foot_in_the_air_is_noticed(talos: Robot, two_steps: TwoSteps) -> None:
     sequence, plan, motion = two_steps
-    found = check(certify(talos, sequence, plan, {}, force_in_the_air(motion, talos)), "friction_cone_margin")
-    assert found.value == pytest.approx(-1.0)
-    assert found.effector == "right_foot"
+    result = check(certify(talos, sequence, plan, {}, force_in_the_air(motion, talos)), "friction_cone_margin")
+    assert result.value == pytest.approx(-1.0)
+    assert result.effector == "right_foot"
 
 
 def test_nan_passes_nothing(talos: Robot, two_steps: TwoSteps) -> None:
@@ -227,9 +227,11 @@ def test_a_com_where_no_posture_had_it_is_noticed(
     sequence, plan, motion = two_steps
     p = proxies["left_foot"].mixture
     far = Proxy(Mixture(p.weights, p.means_m + 0.9, p.covariances_m2))
-    found = check(certify(talos, sequence, plan, {**proxies, "left_foot": far}, motion), "reachability_log_density_min")
-    assert not found.passed
-    assert found.effector == "left_foot"
+    result = check(
+        certify(talos, sequence, plan, {**proxies, "left_foot": far}, motion), "reachability_log_density_min"
+    )
+    assert not result.passed
+    assert result.effector == "left_foot"
     assert check(good, "reachability_log_density_min").value > check(good, "reachability_log_density_min").limit
 
 
@@ -245,10 +247,10 @@ def test_a_com_where_no_posture_had_it_is_noticed(
 def test_terrain_in_the_way_is_noticed(talos: Robot, two_steps: TwoSteps, surface: Box | Rail, link: str) -> None:
     sequence, plan, motion = two_steps
     crowded = replace(sequence, terrain=Terrain.from_surfaces([*sequence.terrain.surfaces, surface]))
-    found = check(certify(talos, crowded, plan, {}, motion), "terrain_distance_min")
-    assert not found.passed
-    assert found.effector is not None
-    assert found.effector.startswith(link)
+    result = check(certify(talos, crowded, plan, {}, motion), "terrain_distance_min")
+    assert not result.passed
+    assert result.effector is not None
+    assert result.effector.startswith(link)
 
 
 def test_a_foot_across_two_boxes_of_one_height_touches_neither(talos: Robot, two_steps: TwoSteps) -> None:

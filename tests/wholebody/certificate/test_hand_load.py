@@ -48,15 +48,15 @@ def test_the_force_divided_by_its_share_brings_a_joint_to_its_limit(
     talos: Robot, direction: tuple[float, float, float]
 ) -> None:
     force = 20.0 * np.array(direction)
-    found = share(talos, holding(talos, force))
+    result = share(talos, holding(talos, force))
     arm = [talos.group[joint] == "arm" and "right" in joint for joint in talos.joint_names]
     for factor, ratio in ((1.0, 1.0), (0.9, None), (1.1, None)):
-        limit = holding(talos, factor * force / found)
+        limit = holding(talos, factor * force / result)
         most = np.max(np.abs(limit.tau_nm[0][arm]) / talos.model.effortLimit[6:][arm])
         assert most == pytest.approx(ratio, abs=1e-9) if ratio else (most < 1.0) == (factor < 1.0)
 
 
-def test_a_hand_that_bears_nothing_is_not_asked(talos: Robot) -> None:
+def test_a_hand_that_bears_nothing_is_not_checked(talos: Robot) -> None:
     motion = holding(talos, np.zeros(3))
     worst = WorstValues(motion.time_s, np.zeros(2, dtype=int))
     (check,) = hand_loads(talos, motion.sequence, motion, slice(None), worst)

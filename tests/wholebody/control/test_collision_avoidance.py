@@ -75,7 +75,7 @@ def test_rows_are_the_rate_of_the_distances(talos: Robot, seed: int, moving: str
         assert np.abs(rates - rate).min() < 5e-3
 
 
-def test_shins_are_kept_off_what_stands_before_them(talos: Robot) -> None:
+def test_shins_avoid_what_stands_before_them(talos: Robot) -> None:
     body, _, _ = at_random(talos, 0)
     by = AvoidanceSettings(apart_m=0.2, acts_m=0.4, near_m=0.5, every=1)
     without, with_wall = (

@@ -95,14 +95,16 @@ def test_a_second_run_gives_the_same_motion(talos: Robot) -> None:
     assert np.array_equal(one.tau_nm, two.tau_nm)
 
 
-def test_progress_is_told(talos: Robot) -> None:
+def test_progress_is_reported(talos: Robot) -> None:
     plan = sway(talos, duration_s=0.4, amplitude_m=0.01, period_s=0.4)
-    told: list[tuple[float, str]] = []
-    WholeBodyController().run(talos, plan.sequence, plan, lambda fraction, message: told.append((fraction, message)))
-    fractions = [fraction for fraction, _ in told]
+    reported: list[tuple[float, str]] = []
+    WholeBodyController().run(
+        talos, plan.sequence, plan, lambda fraction, message: reported.append((fraction, message))
+    )
+    fractions = [fraction for fraction, _ in reported]
     assert fractions == sorted(fractions)
     assert 0.0 <= fractions[0] <= fractions[-1] <= 1.0
-    assert "0.4 s" in told[0][1]
+    assert "0.4 s" in reported[0][1]
 
 
 def test_a_hand_that_has_not_touched_anything_yet_is_led_to_its_first_contact(talos: Robot) -> None:
@@ -115,10 +117,10 @@ def test_a_hand_that_has_not_touched_anything_yet_is_led_to_its_first_contact(ta
     forces = {**plan.forces_n, "right_hand": np.zeros((len(plan.com_a_m_s2), 1, 3))}
     motion = WholeBodyController().run(talos, sequence, replace(plan, sequence=sequence, forces_n=forces))
     assert motion.failures == ()
-    found = recompute_dynamics(talos, sequence, motion).contact_points_m["right_hand"][:, 0]
+    result = recompute_dynamics(talos, sequence, motion).contact_points_m["right_hand"][:, 0]
     touching = motion.time_s >= 1.2
-    assert np.linalg.norm(found[0] - place.position_m) > 0.1
-    assert np.linalg.norm(found[touching] - place.position_m, axis=1).max() < 1e-3
+    assert np.linalg.norm(result[0] - place.position_m) > 0.1
+    assert np.linalg.norm(result[touching] - place.position_m, axis=1).max() < 1e-3
 
 
 def test_without_contacts_the_body_falls(talos: Robot) -> None:
@@ -131,9 +133,9 @@ def test_without_contacts_the_body_falls(talos: Robot) -> None:
     equality, levels, bounds = programme.build_rows(
         SampleTargets(0.0, plan.reference_at(0.0), (np.eye(3), still, still))
     )
-    found = solve_hierarchy(equality, levels, bounds)
-    assert found.failure is None
-    c_a = (body.A_g[:3] @ found.z + body.A_g_drift[:3]) / talos.mass_kg
+    result = solve_hierarchy(equality, levels, bounds)
+    assert result.failure is None
+    c_a = (body.A_g[:3] @ result.z + body.A_g_drift[:3]) / talos.mass_kg
     assert np.allclose(c_a, g, atol=1e-6)
 
 
@@ -198,8 +200,8 @@ def fail_at(monkeypatch: Patch, fails: Callable[[int], bool]) -> None:
     count = itertools.count()
 
     def flaky(equality: Rows, levels: Sequence[Rows], bounds: Inequalities) -> HierarchyResult:
-        found = solve_hierarchy(equality, levels, bounds)
-        return found._replace(failure=HierarchyFailure(2, "made to fail")) if fails(next(count)) else found
+        result = solve_hierarchy(equality, levels, bounds)
+        return result._replace(failure=HierarchyFailure(2, "made to fail")) if fails(next(count)) else result
 
     monkeypatch.setattr("stridelab.wholebody.control.controller.solve_hierarchy", flaky)
 

@@ -33,7 +33,7 @@ def reference(equality: Rows, levels: list[Rows], bounds: Inequalities) -> list[
         constraints = [{"type": "eq", "fun": lambda x, A=A_, b=b_: A @ x - b} for A_, b_ in held]
         constraints.append({"type": "ineq", "fun": lambda x: np.concatenate(
             [bounds.upper - bounds.G @ x, bounds.G @ x - bounds.lower])})  # fmt: skip
-        found = minimize(
+        result = minimize(
             lambda x, A=A, b=b: 0.5 * np.sum((A @ x - b) ** 2),
             z,
             jac=lambda x, A=A, b=b: A.T @ (A @ x - b),
@@ -41,7 +41,7 @@ def reference(equality: Rows, levels: list[Rows], bounds: Inequalities) -> list[
             method="SLSQP",
             options={"maxiter": 500, "ftol": 1e-14},
         )
-        z = found.x
+        z = result.x
         best.append(float(np.linalg.norm(A @ z - b)))
         held.append((A, A @ z))
     return best
@@ -51,13 +51,13 @@ def reference(equality: Rows, levels: list[Rows], bounds: Inequalities) -> list[
 @pytest.mark.parametrize("seed", range(12))
 def test_every_level_is_as_good_as_the_levels_above_allow(seed: int, tight: float) -> None:
     equality, levels, bounds = problem(seed, tight)
-    found = solve_hierarchy(equality, levels, bounds)
-    assert found.failure is None
-    assert np.allclose(equality.A @ found.z, equality.b, atol=1e-9)
-    assert np.all(bounds.G @ found.z <= bounds.upper + 1e-6)
-    assert np.all(bounds.G @ found.z >= bounds.lower - 1e-6)
+    result = solve_hierarchy(equality, levels, bounds)
+    assert result.failure is None
+    assert np.allclose(equality.A @ result.z, equality.b, atol=1e-9)
+    assert np.all(bounds.G @ result.z <= bounds.upper + 1e-6)
+    assert np.all(bounds.G @ result.z >= bounds.lower - 1e-6)
     for level, best in zip(levels, reference(equality, levels, bounds), strict=True):
-        assert residual(level, found.z) == pytest.approx(best, abs=2e-5)
+        assert residual(level, result.z) == pytest.approx(best, abs=2e-5)
 
 
 @pytest.mark.parametrize("tight", [0.4, 50.0])
@@ -97,13 +97,13 @@ def test_the_shortcut_gives_what_the_cascade_gives() -> None:
 def test_equalities_that_contradict_each_other_fail_on_level_0() -> None:
     equality, levels, bounds = problem(1, 1.0)
     torn = Rows(np.vstack([equality.A, equality.A[:1]]), np.append(equality.b, equality.b[0] + 1.0))
-    found = solve_hierarchy(torn, levels, bounds)
-    assert found.failure is not None
-    assert found.failure.level == 0
-    assert "contradict" in found.failure.reason
+    result = solve_hierarchy(torn, levels, bounds)
+    assert result.failure is not None
+    assert result.failure.level == 0
+    assert "contradict" in result.failure.reason
 
 
-def test_equalities_said_twice_are_no_contradiction() -> None:
+def test_repeated_equalities_are_no_contradiction() -> None:
     equality, levels, bounds = problem(1, 1.0)
     twice = Rows(np.vstack([equality.A, equality.A]), np.concatenate([equality.b, equality.b]))
     assert np.allclose(solve_hierarchy(twice, levels, bounds).z, solve_hierarchy(equality, levels, bounds).z, atol=1e-6)
@@ -116,9 +116,9 @@ def test_inequalities_that_cannot_hold_fail_on_level_1_and_are_named() -> None:
         np.append(bounds.lower, equality.b[0] + 2.0),
         np.append(bounds.upper, np.inf),
     )
-    found = solve_hierarchy(equality, levels, against)
-    assert found.failure is not None
-    assert found.failure.level == 1
+    result = solve_hierarchy(equality, levels, against)
+    assert result.failure is not None
+    assert result.failure.level == 1
     missed = minimum_violations(equality, against, np.arange(16) == 15)
     assert missed is not None
     assert missed[-1] == pytest.approx(2.0, rel=1e-3)

@@ -20,12 +20,12 @@ ALL = 10_000
 def walk(robot: Robot, seed: int, n: int, step_rad: float) -> list[np.ndarray]:
     """Configurations one after the other, each joint and the base a little farther in a direction that turns."""
     rng = np.random.default_rng(seed)
-    q, v, found = robot.q_reference, np.zeros(robot.model.nv), []
+    q, v, result = robot.q_reference, np.zeros(robot.model.nv), []
     for _ in range(n):
         v = 0.9 * v + step_rad * rng.normal(size=robot.model.nv)
         q = pin.integrate(robot.model, q, v)
-        found.append(q)
-    return found
+        result.append(q)
+    return result
 
 
 def placed(robot: Robot, pairs: CollisionPairs, body: RigidBody, q: np.ndarray) -> None:
@@ -55,7 +55,7 @@ def test_no_distance_changes_by_more_than_levers_allow(name: str, seed: int) -> 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_near_is_missed(talos: Robot, seed: int) -> None:
-    """Every pair that is watched and near is found, as if all were computed at every sample."""
+    """Every watched pair that is near is detected, as if all were computed at every sample."""
     acts_m, near_m = 0.05, 0.3
     lazy, body = CollisionPairs(talos, WALL, acts_m, 1.0), RigidBody(talos)
     seen = 0
@@ -66,10 +66,10 @@ def test_nothing_near_is_missed(talos: Robot, seed: int) -> None:
         if i % 20 == 0:
             lazy.update_watched(near_m)
         eager.update_watched(np.inf)
-        found, truth = lazy.nearest_pairs(acts_m, ALL), eager.nearest_pairs(acts_m, ALL)
-        assert found.pair.tolist() == truth.pair.tolist()
-        assert np.allclose(found.distance_m, truth.distance_m, atol=1e-6)
-        seen += len(found.pair)
+        result, truth = lazy.nearest_pairs(acts_m, ALL), eager.nearest_pairs(acts_m, ALL)
+        assert result.pair.tolist() == truth.pair.tolist()
+        assert np.allclose(result.distance_m, truth.distance_m, atol=1e-6)
+        seen += len(result.pair)
     assert seen > 20
 
 

@@ -86,8 +86,8 @@ def test_orientation_follows_its_reference_as_a_spring_would(state: State, name:
     before, after = (state.after(a, t).frame_state(name).rotation for t in (-H, H))
     ahead, back = pin.log3(after @ here.rotation.T), pin.log3(before @ here.rotation.T)
     assert np.allclose((ahead - back) / (2 * H), here.velocity[3:], atol=1e-4)
-    asked = w_rate + GAIN.kp * pin.log3(R @ here.rotation.T) + GAIN.kd * (w - here.velocity[3:])
-    assert np.allclose((ahead + back) / H**2, asked, atol=1e-3)
+    requested = w_rate + GAIN.kp * pin.log3(R @ here.rotation.T) + GAIN.kd * (w - here.velocity[3:])
+    assert np.allclose((ahead + back) / H**2, requested, atol=1e-3)
 
 
 @pytest.mark.parametrize(("name", "surface"), [("left_foot", True), ("right_hand", False)])

@@ -24,17 +24,17 @@ def test_steps_save_a_robot_that_falls_without_them(
     without = pushed(talos, swaying[1], 0.6, 0.0, PhysicsReplay(recovery=None))
     assert without.fell
     assert without.left_plan is None
-    found = pushed(talos, swaying[1], 0.6, 0.0, PhysicsReplay())
-    assert not found.fell
-    assert found.left_plan is not None
-    assert found.left_plan.rested
-    assert found.left_plan.steps >= 1
-    assert 1.0 < found.left_plan.time_s < 1.2
-    assert not found.completed
-    (left,) = [remark for remark in found.remarks if remark.code == "replay-left-plan"]
+    result = pushed(talos, swaying[1], 0.6, 0.0, PhysicsReplay())
+    assert not result.fell
+    assert result.left_plan is not None
+    assert result.left_plan.rested
+    assert result.left_plan.steps >= 1
+    assert 1.0 < result.left_plan.time_s < 1.2
+    assert not result.completed
+    (left,) = [remark for remark in result.remarks if remark.code == "replay-left-plan"]
     assert "stands at rest" in left.message
-    assert np.linalg.norm(found.v[-1][:3]) < 0.1, "it ends at rest"
-    assert found.com_m[-1, 2] > 0.75, "and upright"
+    assert np.linalg.norm(result.v[-1][:3]) < 0.1, "it ends at rest"
+    assert result.com_m[-1, 2] > 0.75, "and upright"
 
 
 @pytest.mark.parametrize(("speed_m_s", "angle_rad"), [(0.5, 0.8), (0.6, 3.14)])
@@ -42,20 +42,20 @@ def test_few_steps_suffice(
     talos: Robot, swaying: tuple[CentroidalPlan, WholeBodyMotion], speed_m_s: float, angle_rad: float
 ) -> None:
     """A capture point inside the hull of both soles needs no step, so that the robot does not step on the spot."""
-    found = pushed(talos, swaying[1], speed_m_s, angle_rad, PhysicsReplay())
-    assert found.left_plan is not None
-    assert found.left_plan.rested
-    assert 1 <= found.left_plan.steps <= 4
-    assert found.time_s[-1] < 5.0
+    result = pushed(talos, swaying[1], speed_m_s, angle_rad, PhysicsReplay())
+    assert result.left_plan is not None
+    assert result.left_plan.rested
+    assert 1 <= result.left_plan.steps <= 4
+    assert result.time_s[-1] < 5.0
 
 
 def test_a_push_that_no_step_can_undo_ends_in_a_fall(
     talos: Robot, swaying: tuple[CentroidalPlan, WholeBodyMotion]
 ) -> None:
-    found = pushed(talos, swaying[1], 3.0, 0.0, PhysicsReplay())
-    assert found.fell
-    assert found.left_plan is not None
-    assert not found.left_plan.rested
+    result = pushed(talos, swaying[1], 3.0, 0.0, PhysicsReplay())
+    assert result.fell
+    assert result.left_plan is not None
+    assert not result.left_plan.rested
 
 
 def test_the_plan_is_not_left_without_need(talos: Robot, swaying: tuple[CentroidalPlan, WholeBodyMotion]) -> None:

@@ -1,4 +1,4 @@
-"""A re-aimed swing: it lands where and when it is told, over what it has to clear, within its acceleration."""
+"""A re-aimed swing: it lands at the given place and time, over what it has to clear, within its acceleration."""
 
 import numpy as np
 import pytest

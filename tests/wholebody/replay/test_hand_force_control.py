@@ -55,11 +55,11 @@ ANGLED = np.array([-0.2, 0.0, -0.1, -1.3])
 
 @pytest.fixture(scope="module")
 def posed(talos: Robot) -> LimbKinematics:
-    found = LimbKinematics(talos, ("right_hand",))
+    result = LimbKinematics(talos, ("right_hand",))
     q = talos.q_reference.copy()
-    q[7 + found.limb["right_hand"][:4]] = ANGLED
-    found.set_configuration(q)
-    return found
+    q[7 + result.limb["right_hand"][:4]] = ANGLED
+    result.set_configuration(q)
+    return result
 
 
 def sensed(posed: LimbKinematics, base_off_m: Vector3, hand_off_m: Vector3, force_n: Vector3) -> SensedState:
@@ -74,7 +74,7 @@ def sensed(posed: LimbKinematics, base_off_m: Vector3, hand_off_m: Vector3, forc
 def after(
     posed: LimbKinematics, seen: SensedState, planned_n: Vector3 | None, seconds: float = 1.0
 ) -> tuple[Vector3, np.ndarray]:
-    """By how much the hand is told to be elsewhere, and its torques, after a while; planned to be in the air: None."""
+    """By how much the command of the hand is offset, and its torques, after a while; planned to be in the air: None."""
     return after_all(posed, ((seen, seconds),), planned_n)
 
 
@@ -119,7 +119,7 @@ LANDED_M, SLID_M = np.array([0.012, -0.008, 0.0]), np.array([0.020, 0.030, 0.0])
 def test_a_hand_that_slides_or_lets_go_for_a_moment_is_drawn_back_to_where_it_landed(
     posed: LimbKinematics, off_s: float
 ) -> None:
-    """It is neither told to be where it has slid, nor lifted."""
+    """Its command neither follows where it has slid, nor lifts it."""
     landed, slid = (sensed(posed, np.zeros(3), off_m, PRESSED_N) for off_m in (LANDED_M, SLID_M))
     let_go = sensed(posed, np.zeros(3), SLID_M, np.zeros(3))
     moved_m, _ = after_all(posed, ((landed, 0.5), (slid, 0.1), (let_go, off_s)), PRESSED_N)
@@ -153,7 +153,7 @@ def test_a_planned_force_that_rises_takes_the_place_of_the_added_one_at_once(pos
 
 
 def test_a_hand_that_lets_go_for_a_moment_presses_on_nothing_at_once(posed: LimbKinematics) -> None:
-    """Its force goes as fast as torques may change, 8 N in 0.04 s, while its place is still kept."""
+    """Its force goes as fast as torques may change, 8 N in 0.04 s, while its place is still controlled."""
     planned_n = np.array([0.0, 0.0, 8.0])
     landed = sensed(posed, np.zeros(3), LANDED_M, PRESSED_N)
     let_go = sensed(posed, np.zeros(3), LANDED_M, np.zeros(3))

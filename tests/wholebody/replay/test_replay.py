@@ -85,9 +85,9 @@ def test_the_simulated_robot_is_the_robot(robot: Robot) -> None:
         assert simulation.mass_kg == pytest.approx(robot.mass_kg, abs=1e-6)
         assert np.allclose(simulation.com_state()[0], pin.centerOfMass(robot.model, data, q), atol=1e-6)
         for name in (*FEET, "right_hand"):
-            expected, found = sole(robot, name, q), simulation.contact_placement(name)
-            assert np.allclose(found.position_m, expected.position_m, atol=1e-6)
-            assert np.allclose(found.rotation, expected.rotation, atol=1e-6)
+            expected, result = sole(robot, name, q), simulation.contact_placement(name)
+            assert np.allclose(result.position_m, expected.position_m, atol=1e-6)
+            assert np.allclose(result.rotation, expected.rotation, atol=1e-6)
         again, v = simulation.coordinates()
         assert np.allclose(again, q, atol=1e-12)
         assert not v.any()
@@ -111,29 +111,29 @@ def test_without_contact_the_robot_falls_as_everything_does(robot: Robot) -> Non
 
 
 def test_standing_still_stands_still_and_carries_the_weight(robot: Robot) -> None:
-    found = played(robot, standing_still(robot, 1.5))
-    assert found.completed
-    assert found.fall_time_s is None
-    assert found.com_error_max_m < 0.005
-    assert found.foot_slip_max_m < 0.002
-    assert found.landing_error_max_m < 0.002
-    assert found.hand_force_mean_n is None
+    result = played(robot, standing_still(robot, 1.5))
+    assert result.completed
+    assert result.fall_time_s is None
+    assert result.com_error_max_m < 0.005
+    assert result.foot_slip_max_m < 0.002
+    assert result.landing_error_max_m < 0.002
+    assert result.hand_force_mean_n is None
     weight = robot.mass_kg * GRAVITY_M_S2
-    carried = sum(force[-1] for force in found.forces_n.values())
+    carried = sum(force[-1] for force in result.forces_n.values())
     assert carried[2] == pytest.approx(weight, rel=0.01)
-    assert found.time_s[-1] == pytest.approx(1.5 + 1.0), "the last posture is held for a second"
-    assert found.q.shape == (len(found.time_s), robot.model.nq)
+    assert result.time_s[-1] == pytest.approx(1.5 + 1.0), "the last posture is held for a second"
+    assert result.q.shape == (len(result.time_s), robot.model.nq)
 
 
 def test_a_robot_without_torques_falls_and_the_replay_says_when(robot: Robot) -> None:
     motion = standing_still(robot, 3.0)
     limp = PhysicsReplay(stiffness=0.0, damping=0.0, stabiliser=None)
-    found = played(robot, replace(motion, tau_nm=np.zeros_like(motion.tau_nm)), limp)
-    assert not found.completed
-    assert found.fall_time_s is not None
-    assert 0.1 < found.fall_time_s < 1.5
-    assert found.com_error_max_m >= 0.25
-    assert len(found.time_s) < len(motion.time_s)
+    result = played(robot, replace(motion, tau_nm=np.zeros_like(motion.tau_nm)), limp)
+    assert not result.completed
+    assert result.fall_time_s is not None
+    assert 0.1 < result.fall_time_s < 1.5
+    assert result.com_error_max_m >= 0.25
+    assert len(result.time_s) < len(motion.time_s)
 
 
 def test_feet_slip_on_a_slope_steeper_than_the_friction_cone(robot: Robot) -> None:
@@ -159,7 +159,7 @@ def test_feet_slip_on_a_slope_steeper_than_the_friction_cone(robot: Robot) -> No
     assert slips[0.5] < 0.01
 
 
-def test_the_stabiliser_acts_on_what_it_is_told_of_the_state(robot: Robot) -> None:
+def test_the_stabiliser_acts_on_the_estimated_state(robot: Robot) -> None:
     def blind(seen: SensedState) -> SensedState:
         """A state estimate that is wrong by 4 cm to the left."""
         return replace(seen, com_m=seen.com_m + np.array([0.0, 0.04, 0.0]))
@@ -168,10 +168,10 @@ def test_the_stabiliser_acts_on_what_it_is_told_of_the_state(robot: Robot) -> No
     physics = PhysicsReplay()
     true = physics.run(robot, motion.sequence, motion, quiet)
     wrong = physics.run(robot, motion.sequence, motion, quiet, observe=blind)
-    assert wrong.com_m[-1, 1] < true.com_m[-1, 1] - 0.002, "who is told to be too far left leans right"
+    assert wrong.com_m[-1, 1] < true.com_m[-1, 1] - 0.002, "a robot that estimates itself too far left leans right"
 
 
-def test_ankle_torques_move_the_centre_of_pressure_where_they_are_told(robot: Robot) -> None:
+def test_ankle_torques_move_the_centre_of_pressure_where_the_command_says(robot: Robot) -> None:
     """A sole pressed with f at d ahead is in balance under the ankle torques that the stabiliser adds for d."""
     ankles = ankles_of(robot)
     assert set(ankles) == set(FEET)
@@ -207,7 +207,7 @@ def test_the_pressure_stays_inside_the_sole_wherever_it_was_planned() -> None:
 
 
 def test_what_two_soles_cannot_do_is_done_by_shifting_load() -> None:
-    """Pressure and load together move the common centre of pressure by what was asked for."""
+    """Pressure and load together move the common centre of pressure by the requested distance."""
     capture, both = CapturePointFeedback(), soles(400.0, 500.0)
     for y in (0.02, 0.075, -0.08):
         shifts, gained = capture.distribute_shift(np.array([0.0, y]), both, HALF_M)
@@ -226,13 +226,13 @@ def test_a_push_and_a_load_are_survived_and_noticed(robot: Robot) -> None:
         Disturbances(trunk_mass_kg=5.0),
         Disturbances(delay_s=0.008, sensor_noise=SensorNoise(), torque_noise=0.05),
     ):
-        found = PhysicsReplay().run(robot, motion.sequence, motion, quiet, disturbances=disturbed)
-        assert found.completed
-        assert found.com_error_max_m > calm.com_error_max_m + 1e-5, disturbed
+        result = PhysicsReplay().run(robot, motion.sequence, motion, quiet, disturbances=disturbed)
+        assert result.completed
+        assert result.com_error_max_m > calm.com_error_max_m + 1e-5, disturbed
 
 
 @pytest.mark.parametrize("delay_ms", [0, 1, 4, 5, 7, 8, 48, 50])
-def test_sensors_are_exactly_as_late_as_they_are_said_to_be(robot: Robot, delay_ms: int) -> None:
+def test_sensors_are_exactly_as_late_as_the_option_says(robot: Robot, delay_ms: int) -> None:
     """What is seen of a body that falls freely is where it was ``delay_ms`` before."""
     q = robot.q_reference.copy()
     q[2] += 2.0
@@ -349,10 +349,10 @@ def test_a_foot_that_lands_on_higher_ground_is_lived_with(
     ahead = Placement.from_wxyz([place[0] + 0.1, 0.0, -0.001])
     tread = Box("tread", ahead, np.array([0.36, 1.0, 0.02]))  # 9 mm high, from just before the first toes
     onto = replace(sequence, terrain=Terrain.from_surfaces([*sequence.terrain.surfaces, tread]))
-    found = PhysicsReplay().run(robot, onto, motion, quiet)
-    assert found.completed
-    assert found.com_error_max_m < 0.02
-    assert 0.007 < found.landing_error_max_m < 0.03
+    result = PhysicsReplay().run(robot, onto, motion, quiet)
+    assert result.completed
+    assert result.com_error_max_m < 0.02
+    assert 0.007 < result.landing_error_max_m < 0.03
 
 
 @pytest.mark.parametrize(

@@ -155,19 +155,19 @@ def test_a_gripper_motor_that_touches_the_thigh_is_neither_certified_nor_complet
     check = next(check for check in certificate.checks if check.name == "self_collision_pairs")
     assert not check.passed
     assert check.effector == "leg_right_3_link and gripper_right_motor_single_link"
-    found = PhysicsReplay().run(talos, plan.sequence, touching, lambda *_: None)
-    assert not found.completed
-    assert {one.first for one in found.collided} | {one.second for one in found.collided} == {
+    outcome = PhysicsReplay().run(talos, plan.sequence, touching, lambda *_: None)
+    assert not outcome.completed
+    assert {one.first for one in outcome.collided} | {one.second for one in outcome.collided} == {
         "leg_right_3_link", "gripper_right_motor_single_link"
     }  # fmt: skip
     assert PhysicsReplay().run(talos, plan.sequence, motion, lambda *_: None).completed
 
 
 def test_a_beam_is_walked_with_the_swinging_leg_around_the_standing_one() -> None:
-    found = carried_out("beam")
-    assert found.failed() == set()
-    assert found.replay.completed
-    assert found.replay.collided == ()
+    outcome = carried_out("beam")
+    assert outcome.failed() == set()
+    assert outcome.replay.completed
+    assert outcome.replay.collided == ()
 
 
 def test_legs_that_cross_on_a_beam_meet_and_the_robot_falls(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -177,33 +177,33 @@ def test_legs_that_cross_on_a_beam_meet_and_the_robot_falls(monkeypatch: pytest.
     """
     monkeypatch.setattr(sequence_swings, "passing_shift_m", lambda *_: np.zeros(3))
     careless = WholeBodyController(settings=replace(WholeBodyController().settings, avoid=None))
-    found = carried_out("beam", careless)
-    check = next(check for check in found.certificate.checks if check.name == "self_collision_pairs")
+    outcome = carried_out("beam", careless)
+    check = next(check for check in outcome.certificate.checks if check.name == "self_collision_pairs")
     assert check.value > 10
-    assert found.replay.fell
-    assert not found.replay.completed
-    assert {"replay-fell", "replay-collided"} <= found.codes()
-    first = found.replay.collided[0]
+    assert outcome.replay.fell
+    assert not outcome.replay.completed
+    assert {"replay-fell", "replay-collided"} <= outcome.codes()
+    first = outcome.replay.collided[0]
     assert first.first.startswith(("LLEG", "RLEG"))
     assert first.second.startswith(("LLEG", "RLEG"))
     assert first.first[0] != first.second[0]
-    assert found.replay.fall_time_s is not None
-    assert first.time_s < found.replay.fall_time_s
-    assert f"after {found.replay.fall_time_s:.1f} s" in found.message("replay-fell")
+    assert outcome.replay.fall_time_s is not None
+    assert first.time_s < outcome.replay.fall_time_s
+    assert f"after {outcome.replay.fall_time_s:.1f} s" in outcome.message("replay-fell")
 
 
 def test_hands_that_hook_a_table_are_neither_certified_nor_completed() -> None:
     """Both passed: the robot stays on its feet, with 30 mm of slip and 9 times the torque."""
-    found = carried_out("table")
-    assert found.failed() & {"arm_terrain_distance_min", "terrain_distance_min"}
-    replay = found.replay
+    outcome = carried_out("table")
+    assert outcome.failed() & {"arm_terrain_distance_min", "terrain_distance_min"}
+    replay = outcome.replay
     assert not replay.fell
     assert not replay.completed
-    assert {"replay-collided", "replay-slipped", "replay-torque", "replay-hand-off"} <= found.codes()
+    assert {"replay-collided", "replay-slipped", "replay-torque", "replay-hand-off"} <= outcome.codes()
     assert ("left_hand", "table") in {(one.first, one.second) for one in replay.collided}
     assert replay.slip_max_m > 0.02
-    assert f"{1e3 * replay.slip_max_m:.0f} mm" in found.message("replay-slipped")
-    assert f"{replay.torque_ratio_max:.1f} times" in found.message("replay-torque")
+    assert f"{1e3 * replay.slip_max_m:.0f} mm" in outcome.message("replay-slipped")
+    assert f"{replay.torque_ratio_max:.1f} times" in outcome.message("replay-torque")
     assert replay.collisions == len(replay.collided) > 0
     assert min(replay.hand_in_place_shares.values()) < 0.95
 
@@ -251,9 +251,9 @@ def test_each_condition_that_is_missed_is_a_remark_of_its_own(
 
 def test_many_collisions_are_counted_and_some_named() -> None:
     many = tuple(Collision("a", f"b{k}", 0.1 * k, 1.0) for k in range(6))
-    (found,) = missed_conditions(**(GOOD | {"collided": many}))  # type: ignore[arg-type]
-    assert found.message.startswith("6 pairs touch")
-    assert found.message.endswith("b3 from 0.30 s, 1 N at most; and 2 more.")
+    (outcome,) = missed_conditions(**(GOOD | {"collided": many}))  # type: ignore[arg-type]
+    assert outcome.message.startswith("6 pairs touch")
+    assert outcome.message.endswith("b3 from 0.30 s, 1 N at most; and 2 more.")
 
 
 def test_an_effector_is_near_its_own_surfaces_in_the_first_and_last_eighth_of_a_swing() -> None:

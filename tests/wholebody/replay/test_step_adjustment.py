@@ -53,7 +53,7 @@ def test_what_can_be_undone_obeys_its_equation(
 def paced(
     robot: Robot, motion: WholeBodyMotion, at: int, aside_m: float, times: int = 1, stepping: Stepping | None = None
 ) -> AdaptiveClock:
-    """A clock that was told ``times`` of a capture point ``aside_m`` left of the planned one."""
+    """A clock that received ``times`` a capture point ``aside_m`` left of the planned one."""
     can = capturable(robot, motion)
     pace = AdaptiveClock(stepping or Stepping(), can, motion.rate_hz)
     pace.sample = float(at)
@@ -125,13 +125,13 @@ def test_who_is_not_pushed_does_not_notice(
     talos: Robot, two_steps: tuple[ContactSequence, CentroidalPlan, WholeBodyMotion]
 ) -> None:
     sequence, _, motion = two_steps
-    found = [
+    result = [
         PhysicsReplay(stabiliser=Stabiliser(stepping=stepping)).run(
             talos, sequence, motion, lambda _fraction, _message: None
         )
         for stepping in (Stepping(), NEVER)
     ]
-    assert np.array_equal(found[0].q, found[1].q)
+    assert np.array_equal(result[0].q, result[1].q)
 
 
 def test_a_push_just_before_a_foot_lifts_is_survived_by_waiting_and_not_without(
@@ -140,11 +140,11 @@ def test_a_push_just_before_a_foot_lifts_is_survived_by_waiting_and_not_without(
     sequence, _, motion = two_steps
     lifts_s = float(motion.time_s[int(np.argmin(capturable(talos, motion).in_contact["right_foot"]))])
     pushed = Disturbances(pushes=(Push(lifts_s - 0.12, (0.0, -25.0, 0.0)),))
-    found = [
+    result = [
         PhysicsReplay(stabiliser=Stabiliser(stepping=stepping), recovery=None).run(
             talos, sequence, motion, lambda _fraction, _message: None, disturbances=pushed
         )
         for stepping in (Stepping(), NEVER)
     ]
-    assert [one.completed for one in found] == [True, False]
-    assert found[0].time_s[-1] > motion.time_s[-1] + 1.0, "it took longer than planned"
+    assert [one.completed for one in result] == [True, False]
+    assert result[0].time_s[-1] > motion.time_s[-1] + 1.0, "it took longer than planned"

@@ -4,8 +4,8 @@ import select
 from typing import Any, Final
 
 from sqlalchemy import event
-from sqlalchemy.engine import URL, make_url
-from sqlalchemy.exc import ArgumentError, InvalidatePoolError
+from sqlalchemy.engine import URL, ExceptionContext, make_url
+from sqlalchemy.exc import ArgumentError, InternalError, InvalidatePoolError, OperationalError
 from sqlalchemy.ext.asyncio import AsyncEngine, create_async_engine
 
 from stridelab.errors import InvalidInput
@@ -65,12 +65,24 @@ def make_engine(url: str, *, pool_size: int = 8, planner: str = "") -> AsyncEngi
         connect_args={**CONNECTION_OPTIONS, "application_name": "stridelab", "options": options},
     )
     event.listen(engine.sync_engine, "checkout", _refuse_closed_connection)
+    event.listen(engine.sync_engine, "handle_error", _as_lost_connection, retval=True)
     return engine
 
 
 def autocommit_engine(engine: AsyncEngine) -> AsyncEngine:
     """The engine in autocommit mode: every statement is a transaction of its own and takes one round trip."""
     return engine.execution_options(isolation_level="AUTOCOMMIT")
+
+
+def _as_lost_connection(context: ExceptionContext) -> OperationalError | None:
+    """The error for a session that the server ended after ``IDLE_MS``, as for any other lost connection.
+
+    psycopg has an ``InternalError`` for it, which a worker that was frozen took for a fault of its own: it let the job
+    fail.
+    """
+    if not (context.is_disconnect and isinstance(context.sqlalchemy_exception, InternalError)):
+        return None
+    return OperationalError(context.statement, context.parameters, context.original_exception)
 
 
 def _refuse_closed_connection(connection: Any, _record: object, _proxy: object) -> None:
