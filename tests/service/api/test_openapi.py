@@ -159,7 +159,7 @@ OF_WHOLE_SCENARIOS = {
     ("post", "/api/v1/jobs/plan-motion"),
     ("post", "/api/v1/jobs/plan-contacts"),  # it has a terrain of its own
 }
-"""One call with a scenario as its body, one with a scenario in its body, and one with its parts get each fault inside; the
+"""A call with a scenario as its body, one with it in the body, and one with its parts get each fault inside; the
 others read it by the same model, and get the faults around it."""
 
 
