@@ -121,6 +121,7 @@ _TABLES = {
     "coverage": "Coverage of the band",
     "partial-force": "One second of force in two",
     "flight": "Free fall in running",
+    "occupancy": "Velocity and rate of momentum beside the densities",
 }
 _VERDICTS = {
     "met": "as the thesis says",

@@ -19,7 +19,7 @@ def test_a_person_is_kept_with_recordings(tab: Tab, lab: Lab) -> None:
     (person,) = lab.fake.subjects.stored.values()
     assert (person.name, person.height_m, person.sex) == ("P07", 1.71, None)
 
-    page.get_by_label("Age").fill("31")
+    page.get_by_role("spinbutton", name="Age").fill("31")
     with page.expect_navigation():
         page.get_by_role("button", name="Save").click()
     assert lab.fake.subjects.stored[person.subject_id].age_years == 31

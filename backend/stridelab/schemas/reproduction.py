@@ -38,8 +38,9 @@ ReproductionItem = Literal[
     "coverage",
     "partial-force",
     "flight",
+    "occupancy",
 ]
-"""A figure of the thesis, the numbers in the text of a chapter, or a table on the simulated walks."""
+"""A figure of the thesis, the numbers in the text of a chapter, or a table on simulated walks or motions."""
 Verdict = Literal["met", "beaten", "not_met", "thesis_in_error", "undecided"]
 """``met``: agrees with the thesis; ``beaten``: better than the thesis; ``not_met``: neither; ``undecided``: the claim
 holds in a part of our interval only; of a claim with ``aim``,
@@ -67,7 +68,19 @@ ITEMS_WITH_DRAWS: Final = frozenset(
 )
 """Items whose number of random draws can be chosen."""
 ITEMS_WITH_SAMPLE: Final = frozenset(
-    ["fig-3.3", "fig-3.4", "fig-3.5", "fig-3.10", "fig-4.2", "fig-4.4", "fig-4.5", "fig-4.6", "numbers-3", "numbers-4"]
+    [
+        "fig-3.3",
+        "fig-3.4",
+        "fig-3.5",
+        "fig-3.10",
+        "fig-4.2",
+        "fig-4.4",
+        "fig-4.5",
+        "fig-4.6",
+        "numbers-3",
+        "numbers-4",
+        "occupancy",
+    ]
 )
 """Items that draw one random sample of fixed size."""
 
