@@ -1,4 +1,4 @@
-"""Weights of (4.20a) from motions: those with which motions were generated are found, on people left out as well."""
+"""Weights of (4.20a) from motions: those with which motions were generated are recovered, also on people left out."""
 
 from dataclasses import replace
 
@@ -111,9 +111,9 @@ def test_people_who_minimise_one_term_alone_are_not_taken_for_others() -> None:
     _, errors = errors_of_people(people(TermWeights(1.0, 10.0)), CANDIDATES, quiet)
     held_out = held_out_errors(errors)[1] + 1e-6
     for term, missed in (("momentum_rate", True), ("likelihood", False), ("force", False)):
-        kept = without_term(CANDIDATES, term)
-        assert {getattr(CANDIDATES[j], term) for j in kept} <= {0.0, FAINT}
-        ratio, (low, high) = rms_ratio(held_out_errors(errors[:, kept])[1] + 1e-6, held_out, "distance")
+        columns = without_term(CANDIDATES, term)
+        assert {getattr(CANDIDATES[j], term) for j in columns} <= {0.0, FAINT}
+        ratio, (low, high) = rms_ratio(held_out_errors(errors[:, columns])[1] + 1e-6, held_out, "distance")
         assert low <= ratio <= high
         assert (ratio > 1.5) == missed
 
@@ -170,13 +170,13 @@ def test_verdicts_on_weights_need_what_a_term_explains() -> None:
     for term, cost in (("likelihood", 1.04), ("momentum_rate", 1.06)):
         errors[:, without_term(GRID, term)] = 0.9 * cost**2
     by_hand = {name: np.full((4, 6), 1.8 if name == "the thesis' weights" else 0.95) for name in COMPARATORS}
-    found = people_weights.Predictions(errors, by_hand)
-    assert found.chosen == GRID[best]
-    assert found.agreeing == 4
+    result = people_weights.Predictions(errors, by_hand)
+    assert result.chosen == GRID[best]
+    assert result.agreeing == 4
     motions = [
         replace(two_steps(name, 1.0, 1.7), com_m=np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]])) for name in "abcd"
     ]
-    claims = {claim.key: claim for claim in people_weights._claims(found, motions)}
+    claims = {claim.key: claim for claim in people_weights._claims(result, motions)}
     assert claims["without_likelihood"].ours == pytest.approx(1.04)
     assert claims["without_likelihood"].outcome == "aim_missed"
     assert claims["without_momentum_rate"].ours == pytest.approx(1.06)
@@ -192,19 +192,19 @@ def test_verdicts_on_weights_need_what_a_term_explains() -> None:
 
 
 def test_children_are_judged_with_the_weights_of_adults(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The ratio of the first to the second of the weights that are asked for; 0.97 of the thesis' is not better."""
-    asked: list[object] = []
+    """The ratio of the first to the second of two weights; 0.97 of the thesis' is not better."""
+    predicted: list[object] = []
 
     def errors_of(
         motions: list[RecordedMotion], weights: list[object], _tell: object
     ) -> tuple[tuple[str, ...], object]:
-        asked.extend(weights)
+        predicted.extend(weights)
         return ("a", "b"), np.array([[np.full(6, 0.97**2), np.ones(6)]] * len(motions))
 
     monkeypatch.setattr(people_weights, "errors_of_people", errors_of)
     chosen, children = TermWeights(1.0, 2.0), [two_steps(name, 1.0, 1.4) for name in "ab"]
     (claim,) = people_weights._children_claims(chosen, children)
-    assert asked == [chosen, people_weights.THESIS]
+    assert predicted == [chosen, people_weights.THESIS]
     assert claim.ours == pytest.approx(0.97)
     assert claim.outcome == "aim_missed"
     assert claim.n == 2
@@ -238,8 +238,8 @@ def test_force_is_compared_where_it_is_measured() -> None:
     off[1] = np.nan
     measured = np.zeros(len(off), dtype=bool)
     measured[[0, 2]] = True
-    found = prediction_error(replace(motion, force_n=off, measured=measured), TermWeights(1.0))
-    assert found.force_share2 == pytest.approx((0.0, 0.0, 0.5), abs=1e-9)
-    assert found.distance_m2 == pytest.approx(0.0, abs=1e-12)
+    result = prediction_error(replace(motion, force_n=off, measured=measured), TermWeights(1.0))
+    assert result.force_share2 == pytest.approx((0.0, 0.0, 0.5), abs=1e-9)
+    assert result.distance_m2 == pytest.approx(0.0, abs=1e-12)
     lifted = replace(motion, com_m=motion.com_m + np.array([0.0, 0.003, 0.004]))
     assert prediction_error(lifted, TermWeights(1.0)).distance_m2 == pytest.approx(2.5e-5, rel=1e-2)

@@ -23,7 +23,7 @@ from support.recordings.c3d_files import small_trial
 from support.service.job_kinds import KINDS
 from support.service.web_server import served, upload
 
-PUBLISHING = ("INSERT INTO recording ", "UPDATE recording SET", "finished_at=now()")
+PUBLISHING = ("INSERT INTO recording ", "UPDATE recording SET", "finished_at = now()")
 
 
 def store_on(system: VolatileFileSystem, folder: Path) -> BlobStore:
