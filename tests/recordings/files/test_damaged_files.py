@@ -139,7 +139,7 @@ def whole_files(folder: Path) -> dict[str, bytes]:
 
 
 READER = """
-import json, resource, sys
+import json, sys
 from pathlib import Path
 from stridelab.errors import StridelabError
 from stridelab.recordings.reader import read_recording
@@ -151,7 +151,9 @@ for path in sorted(Path(sys.argv[1]).iterdir()):
         outcomes[path.name] = {label: track.round(4).tolist() for label, track in sorted(markers.items())}
     except StridelabError as error:
         outcomes[path.name] = error.code
-print(json.dumps([outcomes, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024]))
+# not ru_maxrss, which starts at the size of the process that started this one
+status = Path("/proc/self/status").read_text()
+print(json.dumps([outcomes, int(status.partition("VmHWM:")[2].split()[0]) // 1024]))
 """
 
 
