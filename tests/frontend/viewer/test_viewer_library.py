@@ -5,7 +5,7 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -123,8 +123,14 @@ def watching(opened: OpenScene, user: str = "") -> Iterator[None]:
 
 def is_open(opened: OpenScene) -> bool:
     """Whether the scene's server still takes connections."""
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", opened.port)) == 0
+    try:
+        with socket.create_connection(("127.0.0.1", opened.port), timeout=10.0) as probe:
+            probe.shutdown(socket.SHUT_WR)
+            with suppress(ConnectionResetError):
+                probe.recv(1)  # the server has closed its end: a scene that is closed later leaves none open
+    except ConnectionRefusedError:
+        return False
+    return True
 
 
 def test_the_scene_that_was_idle_for_longest_makes_room(fake: FakeService) -> None:
