@@ -143,19 +143,19 @@ class WorkBeside(Generic[Result]):
 
     @property
     def has_ended(self) -> bool:
-        """Whether ``wait`` returns or raises at once."""
+        """Whether ``wait_for_result`` returns or raises at once."""
         while self._message == {} and self._worker.pipe.poll():  # the first message is empty
             self._message = self._worker.receive_message()
         return self._message != {}
 
-    def wait(self) -> Result:
+    def wait_for_result(self) -> Result:
         """The result, which must be picklable. Raises as ``map_in_order``, also the project's errors of the work."""
         while self._message == {}:
             self._message = self._worker.receive_message()
         result: Result = _value_of(self._message)
         return result
 
-    def end(self) -> None:
+    def end_process(self) -> None:
         """End the process, whatever it does."""
         self._worker.end()
 
@@ -171,9 +171,9 @@ def compute_beside(work: Callable[[], Result]) -> Generator[Callable[[], Result]
         return
     beside = WorkBeside(work)
     try:
-        yield beside.wait
+        yield beside.wait_for_result
     finally:
-        beside.end()
+        beside.end_process()
 
 
 @dataclass(frozen=True)

@@ -142,7 +142,7 @@ def find_fastest_pace(
     best: MotionTrial | None = None
     finished = True
 
-    def passes(steps: int) -> bool:
+    def passes_at_pace(steps: int) -> bool:
         nonlocal best, finished
         if best is not None and time.monotonic() - began > SEARCH_S:
             finished = False
@@ -169,8 +169,8 @@ def find_fastest_pace(
     for steps in (round(pace / PACE_STEP) for pace in (1.0, *SLOWER_PACES)):
         if not slowest <= steps <= highest:
             continue
-        if passes(steps):
-            bisect_steps(passes, steps, first_failed)
+        if passes_at_pace(steps):
+            bisect_steps(passes_at_pace, steps, first_failed)
             break
         first_failed = steps
     if best is None:

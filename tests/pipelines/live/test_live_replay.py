@@ -193,7 +193,7 @@ def test_a_fall_is_explained_and_can_be_undone(live: LiveReplay, robot: Robot) -
 
 
 class LateWork:
-    """Work beside that has ended when it is asked the second time, in this process."""
+    """Work beside in this process that has ended at the second look."""
 
     def __init__(self, work: Callable[[], Any], _niceness: int) -> None:
         self._work, self._asked = work, 0
@@ -207,10 +207,10 @@ class LateWork:
         self._asked += 1
         return self._asked > 1
 
-    def wait(self) -> Any:
+    def wait_for_result(self) -> Any:
         return self._work()
 
-    def end(self) -> None:
+    def end_process(self) -> None:
         self._asked = -1000
 
 
@@ -265,7 +265,7 @@ def still(monkeypatch: pytest.MonkeyPatch) -> StillStepper:
     return StillStepper()
 
 
-def test_a_plan_that_is_not_resumed_says_why_and_is_not_asked_for_again(still: StillStepper) -> None:
+def test_a_plan_that_is_not_resumed_has_a_reason_and_is_tried_once(still: StillStepper) -> None:
     asked: list[float] = []
 
     def resume(left_s: float, _measured: SensedState) -> NotResumed:
@@ -277,7 +277,7 @@ def test_a_plan_that_is_not_resumed_says_why_and_is_not_asked_for_again(still: S
     assert states == [(False, True, ""), (False, True, ""), (False, False, "no way"), (False, False, "no way")]
     still.at_m[0] = 0.1
     assert (planning.follow_rest(), planning.is_planning, planning.reason) == (False, True, "")
-    planning.cancel()
+    planning.cancel_planning()
     assert (planning.is_planning, asked, still.resumed) == (False, [0.7], [])
 
 

@@ -111,14 +111,14 @@ def search_fastest(attempt: Try, slow: Trial) -> Trial:
     high = round(1.0 / PACE_STEP) + 1 if slow.attempt.pace >= FIRST_PACE else round(FIRST_PACE / PACE_STEP)
     best = slow
 
-    def passes(steps: int) -> bool:
+    def passes_at_pace(steps: int) -> bool:
         nonlocal best
         trial = attempt(share, steps * PACE_STEP)
         if trial.attempt.passed:
             best = trial
         return trial.attempt.passed
 
-    bisect_steps(passes, low, high)
+    bisect_steps(passes_at_pace, low, high)
     return best
 
 

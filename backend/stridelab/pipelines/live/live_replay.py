@@ -112,13 +112,13 @@ class LiveReplay:
         self._stepper.add_push(added)
         self._pushes = [*self._pushes[-20:], added]
         self._strain = Strain()
-        self._resuming.cancel()
+        self._resuming.cancel_planning()
         self._pushed_link = self._drawn.get(self._stepper.simulation.built.body_of(push.link))
         self._push_number = -1 if push.number is None else push.number
 
     def steer(self, command: LiveSteer, hold_s: float = STEER_HOLD_S) -> None:
         """Walk at a commanded velocity, for ``hold_s``. Raises ``InvalidInput`` (``robot-cannot-steer``)."""
-        self._resuming.cancel()
+        self._resuming.cancel_planning()
         self._stepper.steer(WalkCommand(command.ahead_m_s, command.left_m_s, command.turn_rad_s))
         self._steer_until_s = self.time_s + hold_s
 
@@ -222,12 +222,12 @@ class LiveReplay:
         if not is_finite:
             self.fall = LiveFall(time_s=self.time_s, summary=BROKEN, reasons=[])
             self._has_diverged = True
-            self._resuming.cancel()
+            self._resuming.cancel_planning()
             return
         self._note_strain()
         recovering = stepper.recovering
         if not stepper.standing:
-            self._resuming.cancel()
+            self._resuming.cancel_planning()
             self.fall = self._explain_fall()
         elif recovering is not None and recovering.at_rest and not isinstance(recovering, WalkRun):
             self._steps += recovering.steps
@@ -257,7 +257,7 @@ class LiveReplay:
 
     def _begin_at(self, state: SavedState) -> None:
         """Go on from ``state`` with the present settings; pushes and the fall after it have not happened."""
-        self._resuming.cancel()
+        self._resuming.cancel_planning()
         restore_state(self._stepper, state)
         self._stepper.log = ReplayLog(self._robot, self._stepper.motion.sequence)
         self._world.apply_settings(self.settings)

@@ -48,19 +48,19 @@ class PlanResuming:
             return False
         return self._resume_with(self._work)
 
-    def cancel(self) -> None:
+    def cancel_planning(self) -> None:
         """Forget what is being planned: the robot is moved, steered or set back."""
         if self._work is not None:
-            self._work.end()
+            self._work.end_process()
         self._work, self._from, self.reason = None, None, ""
 
     def _resume_with(self, work: "WorkBeside[Resumption | NotResumed]") -> bool:
         try:
-            found = work.wait()
+            found = work.wait_for_result()
         except (StridelabError, MemoryError) as error:
             found = NotResumed(str(error).rstrip("."))
         begun_from = self._from
-        self.cancel()
+        self.cancel_planning()
         if begun_from is None or not self._stands_still(begun_from):
             return False  # the next rest plans anew
         if isinstance(found, NotResumed):

@@ -55,7 +55,7 @@ class FusedRun:
     aloft: float
 
     @property
-    def settled(self) -> Mask:
+    def settled_samples(self) -> Mask:
         """Samples at least ``SETTLED_S`` from both ends."""
         t = self.time_s
         return np.asarray((t >= t[0] + SETTLED_S) & (t <= t[-1] - SETTLED_S))
@@ -63,12 +63,12 @@ class FusedRun:
     @property
     def mean_m(self) -> Vector3:
         """Mean offset."""
-        return np.asarray(self.offset_m[self.settled].mean(axis=0))
+        return np.asarray(self.offset_m[self.settled_samples].mean(axis=0))
 
     @property
     def drift_m(self) -> Vector3:
         """Mean of the second half of the settled samples minus that of the first."""
-        first, second = np.array_split(self.offset_m[self.settled], 2)
+        first, second = np.array_split(self.offset_m[self.settled_samples], 2)
         return np.asarray(second.mean(axis=0) - first.mean(axis=0))
 
 
@@ -141,8 +141,8 @@ def fuse_run(path: Path) -> FusedRun:
         left_over=np.zeros(3),
         aloft=0.0,
     )
-    moved = [((fuse(g + SHIFT_M * u) - fused)[run.settled] @ u).mean() / SHIFT_M for u in frame]
-    flying = np.linalg.norm(total.force_n[run.settled], axis=1) <= AXIS_THRESHOLD_N
+    moved = [((fuse(g + SHIFT_M * u) - fused)[run.settled_samples] @ u).mean() / SHIFT_M for u in frame]
+    flying = np.linalg.norm(total.force_n[run.settled_samples], axis=1) <= AXIS_THRESHOLD_N
     return FusedRun(**{**vars(run), "left_over": np.array(moved), "aloft": float(flying.mean())})
 
 
@@ -183,8 +183,9 @@ def _constancy_claims(by_speed: dict[int, list[FusedRun]]) -> list[Claim]:
         Measured("drift_m", "stable", float(np.mean(drifts)), "m", at_most(SAME_M, "ours")).says(
             "the difference converges after 1.5 s to a value and seems stable after",
             "Change of the offset from the first to the second half of what is left of the run without its first and "
-            f"last {SETTLED_S} s ({_mean(runs, lambda one: float(one.settled.mean() * np.ptp(one.time_s))):.1f} s on "
-            "average), largest axis.",
+            f"last {SETTLED_S} s "
+            f"({_mean(runs, lambda one: float(one.settled_samples.mean() * np.ptp(one.time_s))):.1f} s on average), "
+            "largest axis.",
             n=len(runs),
             interval=_interval(drifts),
         )
