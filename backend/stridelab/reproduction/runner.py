@@ -11,13 +11,13 @@ from stridelab.conventions import Progress
 from stridelab.errors import NotFound, StridelabError
 from stridelab.machine.parallel import map_isolated
 from stridelab.reproduction.chapter2 import fig_2_8_people, fig_2_9_people, table_real_walks
-from stridelab.reproduction.chapter3 import people_figures
+from stridelab.reproduction.chapter3 import height_people, people_figures
 from stridelab.reproduction.chapter4 import people_weights
 from stridelab.reproduction.claims import PeopleItem, Reproduction, place_of, sampling_text
 from stridelab.reproduction.registry import ITEMS, command_of, item_of, seeds_of
 from stridelab.reproduction.result_cache import ResultCache, digest_of
 
-_MODULES: Final = (fig_2_8_people, fig_2_9_people, table_real_walks, people_weights)
+_MODULES: Final = (fig_2_8_people, fig_2_9_people, table_real_walks, people_weights, height_people)
 PEOPLE: Final[Mapping[str, PeopleItem]] = {
     each.name: each
     for each in (

@@ -39,8 +39,10 @@ class RecordedWalk:
     windows: tuple[Window, ...]
 
     @staticmethod
-    def from_file(path: Path) -> "RecordedWalk":
-        """Read a recording, with joint centres from the static trial in the same folder.
+    def from_file(path: Path, folder: Path | None = None) -> "RecordedWalk":
+        """Read a recording, with joint centres from the static trial in ``folder`` or below: the person's.
+
+        By default it is the folder of the recording.
 
         Raises ``NotFound`` (``recordings-missing``) if the body mass is missing, and the errors of the readers.
         """
@@ -51,7 +53,8 @@ class RecordedWalk:
             mass_kg = mass_of_runner_kg(wrench_track(recording, windows))
         if mass_kg is None:
             raise NotFound("recordings-missing", f"{path.name} does not contain the body mass of the subject.")
-        return RecordedWalk(path.parent.name, recording, mass_kg, geometric_com_of(recording, path.parent), windows)
+        folder = folder or path.parent
+        return RecordedWalk(folder.name, recording, mass_kg, geometric_com_of(recording, folder), windows)
 
     def total_wrench(self, latency_s: float) -> WrenchTrack:
         """Total contact wrench, corrected for the latency: read ``latency_s`` later than its time stamp."""
@@ -96,6 +99,6 @@ def recordings_in(gait: Path, pattern: str) -> list[Path]:
 def geometric_com_of(recording: Recording, folder: Path) -> GeometricCom:
     """Geometric CoM from markers and segment table; uses the static trial of the folder if there is one."""
     landmarks = identify(list(recording.markers_m)).landmarks
-    statics = sorted(path for pattern in STATICS for path in folder.glob(pattern))
+    statics = sorted(path for pattern in STATICS for path in folder.rglob(pattern))
     static = read_recording(statics[0]) if statics else None
     return SegmentModel().com(recording, landmarks, subject=recording.subject, static=static)
