@@ -106,9 +106,9 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     return Reproduction(
         claims=tuple(claim for each in hierarchies for claim in _claims(each, walks, len(people))),
         note=f"{len(walks)} straight walks of {len(people)} people, {len({lab for lab, _ in people})} laboratories; "
-        "the smoother's centre of mass with the latency corrected. "
-        "log R = a(laboratory) + b log h + c log Fr + u(person), restricted maximum likelihood; intervals: people drawn with replacement within their laboratory. Predicted "
-        f"coefficients: sixteen people of the thesis' statures, {TRIALS} trials each, {DRAWS} draws.",
+        "the smoother's centre of mass with the latency corrected. log R = a(laboratory) + b log h + c log Fr + "
+        "u(person), restricted maximum likelihood; intervals: people drawn with replacement within their laboratory. "
+        f"Predicted coefficients: sixteen people of the thesis' statures, {TRIALS} trials each, {DRAWS} draws.",
         tables={
             "effects": _effects_table(hierarchies),
             "laboratories": _laboratory_table(walks),

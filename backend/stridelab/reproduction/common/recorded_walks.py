@@ -20,7 +20,7 @@ from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording, Window, WrenchTrack
 
-STATICS: Final = ("*_ST.c3d", "Static*.c3d", "static.trc")
+STATICS: Final = ("*_ST.c3d", "Static*.c3d", "Static/*.c3d", "static.trc")
 FORCES_SUFFIX: Final = "_grf.mot"
 """End of the name of a TRC file's forces, in place of ``.trc``."""
 
