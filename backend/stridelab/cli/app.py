@@ -247,7 +247,8 @@ def reproduce(
         str | None,
         typer.Argument(
             help="fig-2.2, fig-2.5 to fig-2.9, fig-3.3 to fig-3.10, fig-4.2 to fig-4.9, table-4.1, numbers-2 to -4; "
-            "with --recordings also fig-2.8-people, fig-3.3-people to fig-3.10-people, numbers-3-people, real-walks."
+            "with --recordings also fig-2.8-people, fig-2.9-people, fig-3.3-people to fig-3.10-people, "
+            "numbers-3-people, height-people, weights-people, real-walks."
         ),
     ] = None,
     everything: Annotated[bool, typer.Option("--all", help="All items, as one HTML report.")] = False,
