@@ -14,7 +14,6 @@ import coal
 import fast_simplification
 import numpy as np
 import pinocchio as pin
-import trimesh
 from jaxtyping import Float, Int, UInt8
 
 from stridelab.conventions import Points
@@ -79,6 +78,8 @@ def decimate(vertices_m: Points, faces: Faces) -> tuple[Float[np.ndarray, "n_sho
 
 
 def _shape_triangles(shape: pin.GeometryObject) -> tuple[Points, Faces]:
+    import trimesh  # 17 MB that only the files of robots need
+
     geometry = shape.geometry
     if isinstance(geometry, coal.BVHModelBase):
         corners = (geometry.tri_indices(i) for i in range(geometry.num_tris))

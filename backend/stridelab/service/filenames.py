@@ -17,6 +17,9 @@ STAGED_ROBOT: Final = "robot.json"
 BUNDLE_FILE: Final = "robot-bundle.zip"
 LEARNED_FILE: Final = "robot-learned.zip"
 LINKS_FILE: Final = "robot-links.glb"
+ROBOT_STATE_FILE: Final = "robot-state.json"
+"""File in the folder of a commissioned robot: its new row."""
+SIMULATED_RECORDING_FILE, SIMULATED_TRACKS_FILE, SIMULATED_FACTS_FILE = "recording.c3d", "tracks.parquet", "facts.json"
 PARSER_CRASHED: Final = ("parser-crashed", "The file broke its reader; it is damaged, or not what it claims to be.")
 """Code and message of an upload whose parser process crashed."""
 

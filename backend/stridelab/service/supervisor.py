@@ -33,7 +33,7 @@ from stridelab.service.postgres.embedded import EmbeddedPostgres
 from stridelab.service.processes.parent_death import command_ending_with_parent
 from stridelab.service.processes.watchdog import FailureState, ResponseWatchdog
 from stridelab.service.settings import Settings
-from stridelab.service.storage.migrate import libpq_address, migrate
+from stridelab.service.storage.migrate import libpq_address, migrate_in_child
 
 VIEWER: Final = "stridelab_web.viewer"
 API: Final = "stridelab.service.api"
@@ -170,7 +170,7 @@ def serve(settings: Settings, *, with_worker: bool = True, print_line: Callable[
                 if not (folder / "postgres.json").exists():
                     speak(f"First start: preparing the database in {folder}")
                 url = database.start()
-            migrate(str(url))
+            migrate_in_child(str(url))
             forget = _worker_unregistration(str(url)) if database is not None else lambda: None
             forget()
             with explain_os_errors(folder):

@@ -308,11 +308,11 @@ def test_what_is_imported_ahead_is_there_and_starts_no_thread(monkeypatch: pytes
 
     async def inside() -> Any:
         async with IsolatedPool(sorted(preload)) as pool:
-            task = {"modules": sorted(preload)}
+            task = {"modules": sorted(preload), "needless": ["sqlalchemy", "trimesh", "sklearn"]}
             ask: dict[str, Any] = {"timeout_s": 60.0, "memory_mb": 500, "sandbox": None}  # it looks at its parent
             ask["on_progress"] = lambda _fraction, text: heard.append(text)
             return (await pool.run("support.service.computations:inheritance", task, tmp_path, **ask)).value
 
     inheritance = asyncio.run(inside())
     assert heard == ["start: waiting for the libraries"]  # the first task of a process that has just been started
-    assert inheritance == {"missing": [], "threads_of_the_nursery": 1}
+    assert inheritance == {"missing": [], "needless": [], "threads_of_the_nursery": 1}

@@ -27,8 +27,6 @@ from typing import Final, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
-from sklearn.exceptions import ConvergenceWarning
-from sklearn.mixture import GaussianMixture
 
 from stridelab.conventions import Points, Progress, Series, Vector3
 from stridelab.errors import Fault, InvalidInput
@@ -216,6 +214,9 @@ def select_size(kl: Mapping[int, Divergence]) -> int:
 
 def expectation_maximisation(com_m: Points, components: int, seed: int) -> tuple[Mixture, bool]:
     """Fit a mixture by EM, initialised by k-means; return it and whether EM converged."""
+    from sklearn.exceptions import ConvergenceWarning  # 24 MB that only learning needs
+    from sklearn.mixture import GaussianMixture
+
     em = GaussianMixture(components, random_state=seed, reg_covar=REGULARISATION_M**2, max_iter=STEPS_MAX)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # returned instead

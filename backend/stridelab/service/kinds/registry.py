@@ -57,8 +57,11 @@ READING: Final = (
 """Modules preloaded by the fork server for children that parse uploads and for those of streams."""
 COMPUTING: Final = (
     *_LIBRARIES,
-    *("ezc3d", "pyarrow.parquet", "pinocchio", "casadi", "sqlalchemy.ext.asyncio", "trimesh", "sklearn.mixture"),
+    *("ezc3d", "pyarrow.parquet", "pinocchio", "casadi"),
     *(kind.run.partition(":")[0] for kind in KINDS.values()),
     *("mujoco", "viser", "stridelab.wholebody.replay.replay"),
 )
-"""Modules preloaded by the fork server for children that run jobs; runs import the last three lazily."""
+"""Modules preloaded by the fork server for children that run jobs; runs import the last three lazily.
+
+The database, meshes of robots (trimesh) and learning (scikit-learn) are not: 60 MB that no other child needs.
+"""

@@ -14,9 +14,9 @@ from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.machine.models_folder import models_dir
+from stridelab.service.filenames import SIMULATED_RECORDING_FILE
 from stridelab.service.jobs.store import input_hash
 from stridelab.service.kinds.base import Blobs, Json
-from stridelab.service.kinds.simulate_recording.kind import RECORDING_FILE
 from stridelab.service.storage import locks
 from stridelab.service.storage.tables import job, recording
 
@@ -58,7 +58,7 @@ def _recording_row(index: Json) -> Json:
         "filename": index["filename"],
         "sha256": index["sha256"],
         "bytes": index["bytes"],
-        "blob_key": f"recordings/{SAMPLE_ID}/{RECORDING_FILE}",
+        "blob_key": f"recordings/{SAMPLE_ID}/{SIMULATED_RECORDING_FILE}",
         "tracks_key": f"recordings/{SAMPLE_ID}/{index['tracks']}",
         "facts": index["facts"],
         "subject_fields": {},
@@ -94,7 +94,7 @@ async def _is_stored(connection: AsyncConnection, blobs: Blobs, index: Json) -> 
 
 
 async def _store_files(blobs: Blobs, folder: Path, index: Json) -> None:
-    for name in (RECORDING_FILE, index["tracks"]):
+    for name in (SIMULATED_RECORDING_FILE, index["tracks"]):
         await blobs.put_file(f"recordings/{SAMPLE_ID}/{name}", folder / name)
     for job_id, done in index["jobs"].items():
         for artifact in done["result"]["artifacts"]:

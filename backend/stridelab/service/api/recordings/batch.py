@@ -27,7 +27,7 @@ from stridelab.service.auth.callers import Caller
 from stridelab.service.filenames import child_output_file
 from stridelab.service.jobs.store import JobRecord
 from stridelab.service.kinds.read_batch import kind as read_batch
-from stridelab.service.kinds.read_batch.kind import ParsedUpload
+from stridelab.service.kinds.read_batch.parsed_upload import ParsedUpload
 from stridelab.service.kinds.registry import PARSE_BATCH
 from stridelab.service.storage.tables import recording
 from stridelab.service.stored_marker_sets import source_marker_sets

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from sqlalchemy import update
 from sqlalchemy.ext.asyncio import AsyncConnection
@@ -11,14 +11,13 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from stridelab.errors import Fault, NotFound
 from stridelab.schemas.base import Contract
 from stridelab.schemas.robots import CommissionRobotInput, CommissionRobotSummary
-from stridelab.service.filenames import LEARNED_FILE, STAGED_ROBOT
+from stridelab.service.filenames import LEARNED_FILE, ROBOT_STATE_FILE, STAGED_ROBOT
 from stridelab.service.kinds.base import Blobs, JobKind, Json
 from stridelab.service.kinds.staging import stage_input
 from stridelab.service.storage.content_addressed import lock_blob
 from stridelab.service.storage.tables import robot
 from stridelab.service.stored_robots import ROBOT_FOLDER, find_robot, stored_bytes
 
-STATE_FILE: Final = "robot-state.json"
 """Facts and shapes of the learned robot, for its row."""
 
 
@@ -43,7 +42,7 @@ async def publish(
     key = f"{ROBOT_FOLDER}/{row['id']}/learned-{job_row['id']}.zip"
     await lock_blob(connection, key)
     await blobs.put_file(key, folder / LEARNED_FILE)
-    state = json.loads((folder / STATE_FILE).read_text(encoding="utf-8"))
+    state = json.loads((folder / ROBOT_STATE_FILE).read_text(encoding="utf-8"))
     walk = summary.first_walk
     values = {
         "state": "commissioned" if walk.certified and walk.completed else "not-walking",

@@ -14,9 +14,8 @@ from stridelab.pipelines.commission_robot import MEASURES, REFERENCES, commissio
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.store import load_card, load_cloud
 from stridelab.schemas.robots import CommissionRobotTask
-from stridelab.service.filenames import LEARNED_FILE
+from stridelab.service.filenames import LEARNED_FILE, ROBOT_STATE_FILE
 from stridelab.service.kinds.base import ArtifactFile, Outcome
-from stridelab.service.kinds.commission_robot.kind import STATE_FILE
 from stridelab.service.kinds.result_tables import write_text_atomically
 from stridelab.service.kinds.robots.reachability import plottable_reachability
 from stridelab.service.kinds.robots.staged import MODELS_FOLDER, pack_files
@@ -48,7 +47,7 @@ def run(task: CommissionRobotTask, folder: Path, progress: ProgressCallback) -> 
         plot.write_bytes(gzip.compress(shapes.model_dump_json().encode(), mtime=0))
         packed[plot.name] = plot
     pack_files(packed, folder / LEARNED_FILE)
-    write_text_atomically(folder / STATE_FILE, json.dumps(robot_state(robot)))
+    write_text_atomically(folder / ROBOT_STATE_FILE, json.dumps(robot_state(robot)))
     write_text_atomically(folder / SCENARIO_FILE, json.dumps(result.scenario, indent=1) + "\n")
     artifacts.append(ArtifactFile(SCENARIO_FILE, JSON))
     return Outcome(result.summary.model_dump(mode="json"), REFERENCES, tuple(artifacts))

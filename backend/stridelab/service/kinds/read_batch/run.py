@@ -17,7 +17,7 @@ from stridelab.schemas.population import MAX_RECORDINGS
 from stridelab.schemas.tasks import ParseBatchTask, ParseUploadTask, RecordingSource
 from stridelab.service.kinds import parse_upload
 from stridelab.service.kinds.base import Json, Outcome
-from stridelab.service.kinds.read_batch.kind import ParsedUpload
+from stridelab.service.kinds.read_batch.parsed_upload import ParsedUpload
 from stridelab.service.processes.child import limit_memory
 from stridelab.service.subject_table import match_files, read_subject_table
 

@@ -11,12 +11,12 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.schemas.jobs import SimulateRecordingInput, SimulateRecordingSummary
 from stridelab.schemas.recordings import RecordingFacts
+from stridelab.service.filenames import SIMULATED_FACTS_FILE, SIMULATED_RECORDING_FILE, SIMULATED_TRACKS_FILE
 from stridelab.service.kinds.base import Blobs, JobKind, Json
 from stridelab.service.kinds.staging import stage_input
 from stridelab.service.storage.content_addressed import lock_blob
 from stridelab.service.storage.tables import recording
 
-RECORDING_FILE, TRACKS_FILE, FACTS_FILE = "recording.c3d", "tracks.parquet", "facts.json"
 """Files of ``simulate-recording``: its recording, and the tracks and facts for the recording's row."""
 TRUTH_FILE = "truth.parquet"
 """The true motion of a simulated recording, an artifact of the simulation job."""
@@ -31,9 +31,12 @@ async def publish(
     overwritten by the next attempt and leave no orphans.
     """
     recording_id = uuid.uuid5(uuid.NAMESPACE_URL, f"stridelab:job:{job_row['id']}").hex
-    trial, tracks = folder / RECORDING_FILE, folder / TRACKS_FILE
-    facts = RecordingFacts.model_validate_json((folder / FACTS_FILE).read_text(encoding="utf-8"))
-    blob_key, tracks_key = f"recordings/{recording_id}/{RECORDING_FILE}", f"recordings/{recording_id}/{TRACKS_FILE}"
+    trial, tracks = folder / SIMULATED_RECORDING_FILE, folder / SIMULATED_TRACKS_FILE
+    facts = RecordingFacts.model_validate_json((folder / SIMULATED_FACTS_FILE).read_text(encoding="utf-8"))
+    blob_key, tracks_key = (
+        f"recordings/{recording_id}/{SIMULATED_RECORDING_FILE}",
+        f"recordings/{recording_id}/{SIMULATED_TRACKS_FILE}",
+    )
     for key, file in ((blob_key, trial), (tracks_key, tracks)):
         await lock_blob(connection, key)  # the janitor waits for the commit
         await blobs.put_file(key, file)

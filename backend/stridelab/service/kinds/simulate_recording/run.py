@@ -14,13 +14,13 @@ from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.schemas import base
 from stridelab.schemas.jobs import SimulateRecordingSummary
 from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
+from stridelab.service.filenames import SIMULATED_FACTS_FILE, SIMULATED_RECORDING_FILE, SIMULATED_TRACKS_FILE
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.parse_upload import recording_facts, write_tracks
 from stridelab.service.kinds.result_tables import C3D, write_atomically, write_table
-from stridelab.service.kinds.simulate_recording.kind import FACTS_FILE, RECORDING_FILE, TRACKS_FILE
 from stridelab.simulation.truth_table import truth_columns
 
-PRIVATE_FILES: Final = (FACTS_FILE, TRACKS_FILE, "tracks.csv")
+PRIVATE_FILES: Final = (SIMULATED_FACTS_FILE, SIMULATED_TRACKS_FILE, "tracks.csv")
 """Files for the recording's row, which are not artifacts of the job."""
 
 
@@ -31,20 +31,20 @@ def run(task: SimulateRecordingTask, folder: Path, progress: ProgressCallback) -
     """
     simulated, references = simulate_recording(task.input, progress)
     progress(0.75, "writing the recording")
-    write_atomically(folder / RECORDING_FILE, lambda path: write_c3d(path, simulated.recording))
+    write_atomically(folder / SIMULATED_RECORDING_FILE, lambda path: write_c3d(path, simulated.recording))
     provenance = {"input": task.input.model_dump(mode="json"), "frame": "world, z up"}
     tables = write_table(folder, "truth", truth_columns(simulated.truth), provenance)
     progress(0.85, "reading it back")
-    trial = examine_trial(RecordingSource(file=RECORDING_FILE, filename=RECORDING_FILE), folder)
-    write_tracks(trial.recording, trial.windows, folder, RECORDING_FILE)
-    (folder / FACTS_FILE).write_text(recording_facts(trial).model_dump_json(), encoding="utf-8")
+    trial = examine_trial(RecordingSource(file=SIMULATED_RECORDING_FILE, filename=SIMULATED_RECORDING_FILE), folder)
+    write_tracks(trial.recording, trial.windows, folder, SIMULATED_RECORDING_FILE)
+    (folder / SIMULATED_FACTS_FILE).write_text(recording_facts(trial).model_dump_json(), encoding="utf-8")
     summary = SimulateRecordingSummary(
         speed_m_s=mean_speed_m_s(simulated),
         n_steps=sum(event.kind == "foot_strike" for event in simulated.recording.events),
         warnings=[base.Remark(code=r.code, message=r.message) for r in trial.remarks],
     )
     progress(1.0, "done")
-    artifacts = (ArtifactFile(RECORDING_FILE, C3D), *tables)
+    artifacts = (ArtifactFile(SIMULATED_RECORDING_FILE, C3D), *tables)
     return Outcome(summary.model_dump(mode="json"), references, artifacts)
 
 
