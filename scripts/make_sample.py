@@ -12,11 +12,11 @@ from pathlib import Path
 from stridelab.machine.models_folder import models_dir
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput, SimulationNoise
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
+from stridelab.service.filenames import SIMULATED_FACTS_FILE, SIMULATED_RECORDING_FILE, SIMULATED_TRACKS_FILE
 from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.provenance import software_versions
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
-from stridelab.service.kinds.simulate_recording.kind import FACTS_FILE, RECORDING_FILE, TRACKS_FILE
 from stridelab.service.samples.recording import ESTIMATE_JOB, INDEX_FILE, SAMPLE_ID, TRUTH_JOB
 
 FILENAME = "sample-walk.c3d"
@@ -33,23 +33,23 @@ def make_sample(folder: Path) -> None:
     """Run the two jobs into ``folder`` and write the index that the service seeds its sample from."""
     folder.mkdir(parents=True, exist_ok=True)
     walked = simulate_recording.run(SimulateRecordingTask(input=WALK), folder, _silent)
-    source = RecordingSource(file=RECORDING_FILE, filename=FILENAME)
+    source = RecordingSource(file=SIMULATED_RECORDING_FILE, filename=FILENAME)
     estimated = estimate_com.run(EstimateComTask(recording=source, input=ESTIMATE), folder, _silent)
     walked.summary["recording_id"] = SAMPLE_ID
-    content = (folder / RECORDING_FILE).read_bytes()
+    content = (folder / SIMULATED_RECORDING_FILE).read_bytes()
     index = {
         "filename": FILENAME,
         "sha256": hashlib.sha256(content).hexdigest(),
         "bytes": len(content),
-        "facts": json.loads((folder / FACTS_FILE).read_text(encoding="utf-8")),
-        "tracks": TRACKS_FILE,
+        "facts": json.loads((folder / SIMULATED_FACTS_FILE).read_text(encoding="utf-8")),
+        "tracks": SIMULATED_TRACKS_FILE,
         "jobs": {
             TRUTH_JOB: _job("simulate-recording", WALK.model_dump(mode="json"), walked, folder),
             ESTIMATE_JOB: _job("estimate-com", ESTIMATE.model_dump(mode="json"), estimated, folder),
         },
     }
     (folder / INDEX_FILE).write_text(json.dumps(index, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-    for name in (FACTS_FILE, "tracks.csv"):
+    for name in (SIMULATED_FACTS_FILE, "tracks.csv"):
         (folder / name).unlink()
 
 

@@ -12,6 +12,7 @@ from stridelab.centroidal.solver import solve
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.terrain import Terrain
 from stridelab.dynamics.spatial import Placement
+from stridelab.recordings.recording import Plate
 from stridelab.reproduction.chapter4 import people_weights
 from stridelab.reproduction.studies.human_proxy import human_proxies
 from stridelab.reproduction.studies.inverse_control import (
@@ -27,7 +28,7 @@ from stridelab.reproduction.studies.inverse_control import (
     weighted,
     without_term,
 )
-from stridelab.reproduction.studies.recorded_motions import RecordedMotion
+from stridelab.reproduction.studies.recorded_motions import RecordedMotion, ground_height_m
 from stridelab.robots.robot import Effector
 
 HEIGHT_M = 0.95
@@ -199,16 +200,17 @@ def test_children_are_judged_with_the_weights_of_adults(monkeypatch: pytest.Monk
         motions: list[RecordedMotion], weights: list[object], _tell: object
     ) -> tuple[tuple[str, ...], object]:
         predicted.extend(weights)
-        return ("a", "b"), np.array([[np.full(6, 0.97**2), np.ones(6)]] * len(motions))
+        return tuple("ab"[: len(motions)]), np.array([[np.full(6, 0.97**2), np.ones(6)]] * len(motions))
 
     monkeypatch.setattr(people_weights, "errors_of_people", errors_of)
     chosen, children = TermWeights(1.0, 2.0), [two_steps(name, 1.0, 1.4) for name in "ab"]
-    (claim,) = people_weights._children_claims(chosen, children)
-    assert predicted == [chosen, people_weights.THESIS]
+    claim, stairs = people_weights._others_claims(chosen, children, children[:1])
+    assert predicted == [chosen, people_weights.THESIS] * 2
     assert claim.ours == pytest.approx(0.97)
     assert claim.outcome == "aim_missed"
     assert claim.n == 2
-    assert people_weights._children_claims(chosen, []) == []
+    assert (stairs.key, stairs.n, stairs.interval) == ("stairs", 1, None), "one person has no interval"
+    assert people_weights._others_claims(chosen, [], []) == []
 
 
 def test_rows_are_in_metres_and_body_weights() -> None:
@@ -243,3 +245,18 @@ def test_force_is_compared_where_it_is_measured() -> None:
     assert result.distance_m2 == pytest.approx(0.0, abs=1e-12)
     lifted = replace(motion, com_m=motion.com_m + np.array([0.0, 0.003, 0.004]))
     assert prediction_error(lifted, TermWeights(1.0)).distance_m2 == pytest.approx(2.5e-5, rel=1e-2)
+
+
+def test_a_sole_on_stairs_lies_on_the_plate_below_its_markers() -> None:
+    """Plates of neighbouring stairs overlap seen from above, and markers lie some centimetres above the sole."""
+
+    def plate(index: int, front_m: float, height_m: float) -> Plate:
+        corners = np.array([[front_m, 0, height_m], [front_m + 0.4, 0, height_m], [front_m + 0.4, 0.6, height_m],
+                            [front_m, 0.6, height_m]])  # fmt: skip
+        return Plate(index, 2, corners, np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(3))
+
+    stairs = [plate(1, 0.0, 0.4), plate(2, 0.3, 0.2), plate(3, 0.6, 0.0)]
+    places = ((0.2, 0.44), (0.35, 0.44), (0.35, 0.25), (0.65, 0.25), (0.8, 0.04), (0.2, 0.39), (3.0, 0.5))
+    heights = [ground_height_m(np.array([x, 0.3, z]), stairs) for x, z in places]
+    assert heights == [0.4, 0.4, 0.2, 0.2, 0.0, 0.4, 0.0]
+    assert ground_height_m(np.array([0.2, 0.3, 0.05]), [plate(1, 0.0, 0.004)]) == 0.0, "a plate in the floor"

@@ -23,9 +23,10 @@ from stridelab.schemas.tasks import (
     FitCycloidTask,
     SimulateRecordingTask,
 )
+from stridelab.service.filenames import SIMULATED_FACTS_FILE
 from stridelab.service.kinds import staging
 from stridelab.service.kinds.registry import KINDS
-from stridelab.service.kinds.simulate_recording.kind import FACTS_FILE, publish
+from stridelab.service.kinds.simulate_recording.kind import publish
 from stridelab.service.samples.scenario_bodies import ONE_STEP, STANDING, STANDING_AHEAD
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.tables import job, recording, scenario, subject
@@ -133,7 +134,7 @@ def test_a_simulation_becomes_a_recording_once_however_often_it_is_tried(
 ) -> None:
     (folder / "recording.c3d").write_bytes(b"c3d")
     (folder / "tracks.parquet").write_bytes(b"tracks")
-    (folder / FACTS_FILE).write_text(FACTS.model_dump_json())
+    (folder / SIMULATED_FACTS_FILE).write_text(FACTS.model_dump_json())
     job_input = SimulateRecordingInput(seed=7)
     outcome = {"summary": {"speed_m_s": 1.2, "n_steps": 4}, "references": [], "artifacts": []}
     job_row = {"id": "j1", "owner": "lab", "input": job_input.model_dump(mode="json")}

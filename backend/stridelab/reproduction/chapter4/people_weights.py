@@ -41,6 +41,8 @@ TITLE: Final = "Weights of (4.20a) with which people walk"
 PRINTED: Final = ("predictions", "talos")
 ADULTS: Final = tuple(f"rehazenter-adult-walking/*/*_{speed}_*.c3d" for speed in ("C4", "C5"))
 CHILDREN: Final = "biomechzoo-sample-study/*/Straight*.c3d"
+STAIRS: Final = "pycgm-stairs/Movement*.c3d"
+"""A person who descends four stairs with a plate on each."""
 TERMS: Final[Mapping[str, str]] = {
     "com_acceleration": "the accelerations",
     "momentum_rate": "the rates of angular momentum",
@@ -98,7 +100,7 @@ def run(gait: Path, tell: Progress) -> Reproduction:
         raise NotFound("recordings-missing", "Weights are judged on other people than those of the fit: two at least.")
     people, grid = errors_of_people(adults, GRID, lambda share, text: tell(0.05 + 0.85 * share, text))
     predictions = Predictions(grid, _by_hand(adults))
-    children, _ = _motions(gait, (CHILDREN,))
+    (children, _), (stairs, _) = _motions(gait, (CHILDREN,)), _motions(gait, (STAIRS,))
     tell(0.95, "children and TALOS")
     rows = _rows(predictions)
     robot = {name: _talos_plan(weights) for name, weights in talos_weights(predictions.chosen).items()}
@@ -109,7 +111,7 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     }
     w = predictions.chosen
     return Reproduction(
-        claims=(*_claims(predictions, adults), *_children_claims(predictions.chosen, children)),
+        claims=(*_claims(predictions, adults), *_others_claims(predictions.chosen, children, stairs)),
         note=f"Two consecutive steps of {len(people)} adults at two speeds ({len(adults)} recordings, {refused} "
         f"refused), {len(GRID)} candidates, each person predicted with the weights {RULE}. Contacts, durations and the "
         "states at both ends are the person's; the centre of mass in between is compared with the smoother's, the "
@@ -186,22 +188,32 @@ def _claims(predictions: Predictions, motions: Sequence[RecordedMotion]) -> list
     return claims
 
 
-def _children_claims(chosen: TermWeights, children: Sequence[RecordedMotion]) -> list[Claim]:
-    """The adults' weights on people of another laboratory, none of whose recordings chose them."""
-    if not children:
-        return []
-    people, errors = errors_of_people(children, [chosen, THESIS], lambda _share, _text: None)
-    ratio, interval = rms_ratio(errors[:, 0], errors[:, 1], "distance")
-    across, _ = rms_ratio(errors[:, 0], errors[:, 1], "horizontal")
-    return [
-        target("children", ratio, "1", at_most=1.0 / NEEDED).says(
-            "children of another laboratory: the same distance, weights chosen on the adults over the thesis' weights",
-            f"Horizontally {across:.2f}.",
-            n=len(people),
-            interval=interval,
-            comparator="the thesis' weights",
+def _others_claims(
+    chosen: TermWeights, children: Sequence[RecordedMotion], stairs: Sequence[RecordedMotion]
+) -> list[Claim]:
+    """The adults' weights on people of other laboratories, none of whose recordings chose them."""
+    claims = []
+    for key, who, motions in (
+        ("children", "children of another laboratory", children),
+        ("stairs", "descending stairs, a person of a third laboratory", stairs),
+    ):
+        if not motions:
+            continue
+        people, errors = errors_of_people(motions, [chosen, THESIS], lambda _share, _text: None)
+        ratio, interval = rms_ratio(errors[:, 0], errors[:, 1], "distance")
+        across, _ = rms_ratio(errors[:, 0], errors[:, 1], "horizontal")
+        up, _ = rms_ratio(errors[:, 0], errors[:, 1], "vertical")
+        claims.append(
+            target(key, ratio, "1", at_most=1.0 / NEEDED).says(
+                f"{who}: the same distance, weights chosen on the adults over the thesis' weights",
+                f"Horizontally {across:.2f}, vertically {up:.2f}."
+                + (" One person has no interval." * (len(people) == 1)),
+                n=len(people),
+                interval=interval if len(people) > 1 else None,
+                comparator="the thesis' weights",
+            )
         )
-    ]
+    return claims
 
 
 def _height_spread(motions: Sequence[RecordedMotion]) -> Float[np.ndarray, "people 6"]:

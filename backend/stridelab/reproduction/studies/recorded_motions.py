@@ -20,7 +20,7 @@ from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.terrain import Terrain
-from stridelab.conventions import Points, Series
+from stridelab.conventions import Points, Series, Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import NotEstimable
 from stridelab.estimation.estimator import ComEstimate
@@ -28,7 +28,7 @@ from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.smoother import Smoother
 from stridelab.measures.walk_motion import UP, WalkMotion, walk_motion
 from stridelab.recordings.marker_sets import identify
-from stridelab.recordings.recording import Side, WrenchTrack
+from stridelab.recordings.recording import Plate, Side, WrenchTrack
 from stridelab.reproduction.common.recorded_walks import RecordedWalk
 from stridelab.reproduction.studies.human_proxy import human_proxies
 from stridelab.robots.robot import Effector
@@ -40,6 +40,10 @@ FRICTION: Final = 0.8
 """Of shoes or skin on a dry floor: the measured forces stay below 0.3."""
 FLAT: Final = (0.3, 0.6)
 """Part of the time from a strike to the lift-off in which the foot is flat."""
+LEVEL_M: Final = 0.05
+"""Height up to which a plate belongs to the floor."""
+BELOW_M, BESIDE_M = 0.02, 0.05
+"""How far a plate's surface may lie above the markers of a foot on it, and the middle of the foot beside the plate."""
 EFFECTOR: Final[Mapping[Side, str]] = {"left": "left_foot", "right": "right_foot"}
 OTHER: Final[Mapping[Side, Side]] = {"left": "right", "right": "left"}
 
@@ -84,7 +88,7 @@ def recorded_motion(path: Path) -> RecordedMotion:
     pair = _first_pair(steps, estimate)
     if motion is None or pair is None or subject.height_m is None:
         raise NotEstimable("no-two-steps", f"{path.name} has no two consecutive steps with the first one on plates.")
-    sequence, effectors = _contact_sequence(motion, pair)
+    sequence, effectors = _contact_sequence(motion, pair, walk.recording.plates)
     start_s, end_s = pair[0].lift_off_s, pair[1].next_lift_off_s
     ends = [_state(motion, walk.mass_kg, at_s) for at_s in (start_s, end_s)]
     if not all(np.isfinite(state.l_nms).all() and np.isfinite(state.com_v_m_s).all() for state in ends):
@@ -120,7 +124,7 @@ def _first_pair(steps: Sequence[GaitStep], estimate: ComEstimate) -> tuple[GaitS
 
 
 def _contact_sequence(
-    motion: WalkMotion, pair: tuple[GaitStep, GaitStep]
+    motion: WalkMotion, pair: tuple[GaitStep, GaitStep], plates: Sequence[Plate]
 ) -> tuple[ContactSequence, Mapping[str, Effector]]:
     """Contacts of both steps, and the soles with the sizes of the person's feet."""
     one, two = pair
@@ -129,7 +133,7 @@ def _contact_sequence(
         (one.strike_s, two.next_lift_off_s, one.side),
         (two.strike_s, two.strike_s + (two.next_lift_off_s - one.strike_s), two.side),
     )
-    soles = [_sole(motion, *stance) for stance in stances]
+    soles = [_sole(motion, *stance, plates) for stance in stances]
     sizes = {side: half for (_, half), (_, _, side) in zip(soles, stances, strict=True)}
     contacts = [
         Contact(EFFECTOR[side], place, "floor", FRICTION, half_size_m=sizes[side])
@@ -149,8 +153,10 @@ def _contact_sequence(
     return sequence, tools
 
 
-def _sole(motion: WalkMotion, strike_s: float, lift_off_s: float, side: Side) -> tuple[Placement, tuple[float, float]]:
-    """Placement on the floor and half edges of a sole, where the foot is flat and visible."""
+def _sole(
+    motion: WalkMotion, strike_s: float, lift_off_s: float, side: Side, plates: Sequence[Plate]
+) -> tuple[Placement, tuple[float, float]]:
+    """Placement on the floor or a stair, and half edges, of a sole where the foot is flat and visible."""
     flat = [strike_s + share * (lift_off_s - strike_s) for share in FLAT]
     outline = motion.feet[side].outline_m[motion.samples(*flat)]
     if not np.isfinite(outline).any(axis=0).all():
@@ -161,8 +167,24 @@ def _sole(motion: WalkMotion, strike_s: float, lift_off_s: float, side: Side) ->
     length_m, breadth_m = float(np.linalg.norm(along)), float(np.linalg.norm((left_ball - right_ball)[:2]))
     c, s = along / length_m
     rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    middle = (heel + tip) / 2.0 * [1.0, 1.0, 0.0]
+    middle = (heel + tip) / 2.0
+    middle[UP] = ground_height_m(motion.in_world(middle[None])[0], plates)
     return Placement(middle, rotation), (length_m / 2.0, breadth_m / 2.0)
+
+
+def ground_height_m(foot_m: Vector3, plates: Sequence[Plate]) -> float:
+    """Height of the highest plate of stairs below the markers of a foot; without any, that of the floor."""
+    heights_m = [float(plate.corners_m[:, UP].mean()) for plate in plates if _covers(plate, foot_m)]
+    stairs_m = [height_m for height_m in heights_m if abs(height_m) > LEVEL_M and height_m < foot_m[UP] + BELOW_M]
+    return max(stairs_m, default=0.0)
+
+
+def _covers(plate: Plate, point_m: Vector3) -> bool:
+    """Whether the point lies above or below the plate's rectangle, or at most 5 cm beside it."""
+    corners = plate.corners_m[:, :2]
+    return bool(
+        (corners.min(axis=0) - BESIDE_M <= point_m[:2]).all() and (point_m[:2] <= corners.max(axis=0) + BESIDE_M).all()
+    )
 
 
 def _state(motion: WalkMotion, mass_kg: float, at_s: float) -> Start:

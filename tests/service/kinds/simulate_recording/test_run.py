@@ -20,9 +20,9 @@ from stridelab.recordings.reader import read_recording
 from stridelab.schemas.jobs import SimulateRecordingInput, SimulateRecordingSummary, SimulationNoise
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
+from stridelab.service.filenames import SIMULATED_FACTS_FILE
 from stridelab.service.kinds.provenance import known_references
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
-from stridelab.service.kinds.simulate_recording.kind import FACTS_FILE
 from support.command_line import RecordedProgress, quiet
 
 WALK = SimulateRecordingInput(duration_s=2.0, height_m=1.8, mass_kg=75.0, sex="male", seed=3, lab="two_plates")
@@ -63,7 +63,7 @@ def test_the_recording_reads_back_with_its_person_and_its_segment_table(folder: 
 
 
 def test_the_facts_are_those_of_the_file(folder: Path) -> None:
-    facts = RecordingFacts.model_validate_json((folder / FACTS_FILE).read_text())
+    facts = RecordingFacts.model_validate_json((folder / SIMULATED_FACTS_FILE).read_text())
     assert facts.marker_set is not None
     assert len(facts.windows_s) == 1
     assert facts.mass_from_force_kg == pytest.approx(75.0, rel=0.03)
@@ -129,7 +129,7 @@ def test_talos_reads_back_as_a_recording_with_its_mass_and_its_table(talos: Path
     recording = read_recording(talos / "recording.c3d")
     assert recording.subject.mass_kg == pytest.approx(90.27, abs=0.01)
     assert json.loads(recording.carried["segment_table"])["name"] == "talos"
-    facts = RecordingFacts.model_validate_json((talos / FACTS_FILE).read_text())
+    facts = RecordingFacts.model_validate_json((talos / SIMULATED_FACTS_FILE).read_text())
     assert facts.marker_set == "isb-head"
     assert facts.mass_from_force_kg == pytest.approx(90.27, rel=0.01)
     assert facts.windows_s[0][1] - facts.windows_s[0][0] > 3.9
