@@ -69,7 +69,7 @@ def web_routes() -> list[BaseRoute]:
         Route("/reproduction", in_english(reproduction.reproduction_page)),
         Route("/jobs/{id}", job.job_page),
         Route("/jobs/{id}/plots.json", job.plots_json),
-        Route("/jobs/{id}/figures/{name}.json", in_english(comparison.figure_json)),
+        Route("/jobs/{id}/figures/{name}.json", comparison.figure_json),
         Route("/jobs/{id}/reach.json", in_english(reachability.reach_json)),
         Route("/population", in_english(population.new_study_page)),
         Route("/population/{id}", in_english(population.study_page)),
