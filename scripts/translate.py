@@ -30,6 +30,10 @@ from stridelab_web.pages.results import (
     cycloid,
     cycloid_steps,
     measures,
+    population,
+    population_bars,
+    population_charts,
+    population_tables,
     quality,
     summary_facts,
 )
@@ -99,6 +103,11 @@ def message_tables() -> Iterator[tuple[str, Iterable[str]]]:
     yield "pages/results/cycloid_steps.py", [*(one.meaning for one in cycloid_steps.PARAMETERS), "left", "right"]
     yield "pages/results/cycloid_steps.py", [*cycloid_steps.MODELS.values(), *cycloid_steps.FLAGS.values()]
     yield "pages/results/cycloid_steps.py", [text for texts in cycloid_steps.SPACES.values() for text in texts]
+    quantities = population_charts.AGAINST
+    yield "pages/results/population_charts.py", [text for one in quantities for text in (one.name, one.against)]
+    yield "pages/results/population_bars.py", [text for texts in population_bars.TITLES.values() for text in texts]
+    yield "pages/results/population_tables.py", population_tables.QUANTITY_NAMES.values()
+    yield "templates/pages/population.html", [stem.capitalize() for stem in population.TABLES]
     yield "pages/results/com_bench.py", [*com_bench.MOVEMENT_TITLES.values(), *com_bench.SCORE_TITLES.values()]
     yield "charts/plotly.py", [plotly.TIME.title]
     yield "pages/viewer/page.py", [text for layer in layers for text in (layer.label, layer.tooltip) if text]
