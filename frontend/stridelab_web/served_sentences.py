@@ -318,6 +318,31 @@ ON_PAGES: Final = (
     "The group %(group)s has %(part_subjects)s; a correlation needs at least %(least)s.",
     "1 subject",
     "%(number)s subjects",
+    (
+        "There are %(number)s whole steps (%(span_steps)s), but all contact force is measured only "
+        "%(span_complete)s: no step is inside. With steps: all they are fitted from the markers."
+    ),
+    (
+        "Feet stood on plate %(plate_number)s only. A step ends in double support, for which both feet must be on"
+        " plates: of %(number)s whole steps (%(span_steps)s) none is measured (all force: %(span_complete)s)."
+    ),
+    (
+        "Steps need a marker at the heel (or ankle) and one at the forefoot of both feet; this recording lacks "
+        "them, so it is unknown when a foot swings."
+    ),
+    (
+        "In %(duration)s s there is no whole step, which lasts from the lift-off of one foot to the next lift-off"
+        " of the other."
+    ),
+    (
+        "The centre of mass advances by only %(advance)s mm, so no rolling wheel can be fitted. Is the subject "
+        "standing, or walking on a treadmill?"
+    ),
+    "Markers labelled right lie on the left: labels are swapped, or the axes of the file are mirrored.",
+    "The pelvis cannot be located: mark ASIS and PSIS or a sacrum, or both hips, here or in a static trial.",
+    "The knees are not marked in this trial; add a static trial of the same person that marks them.",
+    "The segment model has no centre of mass for part of the window: markers are missing there.",
+    "In no frame are all needed markers visible at once.",
 )
 """Remarks and reasons that only the pages show, not their scripts, and the parts that they are composed of.
 

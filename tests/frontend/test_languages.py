@@ -206,7 +206,8 @@ def test_sentences_of_the_service_are_translated_or_marked() -> None:
 
 
 def test_sentences_that_contain_others_are_translated_whole_or_not_at_all() -> None:
-    late = Latency(0.0134, 0.0032, *(AxisLag(lag_s, 0.003, 0.9) for lag_s in (0.012, 0.0, 0.015)), 0.9)
+    along, lateral, vertical = (AxisLag(lag_s, 0.003, 0.9) for lag_s in (0.012, 0.0, 0.015))
+    late = Latency(0.0134, 0.0032, along, lateral, vertical, 0.9)
     trials = SessionValues(session_id="s", latency_s=0.016, latency_sd_s=0.0015, latency_n_trials=3)
     latency = _describe_choice(LatencyChoice(late, 0.016, (), trials))
     applied = _applied_remark(0.016, f"as estimated in its session: {latency}.").message
