@@ -22,7 +22,21 @@ from stridelab.schemas.measures import MEASURE_TITLES
 from stridelab_web import formatting, languages, served_sentences
 from stridelab_web.charts import plotly
 from stridelab_web.pages import errors, recording, render
-from stridelab_web.pages.results import com_plots, measures, quality, summary_facts
+from stridelab_web.pages.results import (
+    com_bench,
+    com_plots,
+    comparison,
+    comparison_plots,
+    cycloid,
+    cycloid_steps,
+    measures,
+    population,
+    population_bars,
+    population_charts,
+    population_tables,
+    quality,
+    summary_facts,
+)
 from stridelab_web.pages.viewer import page as viewer
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -68,7 +82,8 @@ def message_tables() -> Iterator[tuple[str, Iterable[str]]]:
     yield "pages/render.py", [name for name, _ in render.NAVIGATION]
     yield "formatting.py", [*formatting.KINDS.values(), *formatting.METHODS.values()]
     yield SCRIPT, formatting.STATES
-    yield SCRIPT, [*served_sentences.SERVED, *served_sentences.CHECKS]
+    yield SCRIPT, [*served_sentences.SCRIPTED, *served_sentences.CHECKS]
+    yield "served_sentences.py", served_sentences.ON_PAGES
     yield "pages/errors.py", [*errors.TITLES.values(), *errors.EXPLANATIONS.values()]
     yield "pages/recording.py", [text for _, text in (*recording.LATENCIES, *recording.TABLES)]
     yield "pages/results/quality.py", [*quality.NAMES.values(), *quality.TITLES.values(), *quality.VERDICTS]
@@ -76,6 +91,24 @@ def message_tables() -> Iterator[tuple[str, Iterable[str]]]:
     yield "pages/results/summary_facts.py", [*summary_facts.NAMES.values(), *summary_facts.VALUES]
     yield "pages/results/com_plots.py", [row.title for row in com_plots.ROWS]
     yield "pages/results/com_plots.py", [trace.name for row in com_plots.ROWS for trace in row.traces] + readings
+    figures = comparison_plots.FIGURES.values()
+    yield "pages/results/comparison.py", comparison.COLUMN_TITLES
+    yield (
+        "pages/results/comparison_plots.py",
+        [text for one in figures for text in (one.title, one.description, one.hint)],
+    )
+    yield "pages/results/comparison_plots.py", [*(name for name, _ in comparison_plots.INPUTS.values()), "sum"]
+    yield "pages/results/comparison_plots.py", [comparison_plots.FREQUENCY.title, "Gain [dB]", "Phase [rad]"]
+    yield "pages/results/cycloid.py", [*cycloid.SOURCES.values(), "Start", "End"]
+    yield "pages/results/cycloid_steps.py", [*(one.meaning for one in cycloid_steps.PARAMETERS), "left", "right"]
+    yield "pages/results/cycloid_steps.py", [*cycloid_steps.MODELS.values(), *cycloid_steps.FLAGS.values()]
+    yield "pages/results/cycloid_steps.py", [text for texts in cycloid_steps.SPACES.values() for text in texts]
+    quantities = population_charts.AGAINST
+    yield "pages/results/population_charts.py", [text for one in quantities for text in (one.name, one.against)]
+    yield "pages/results/population_bars.py", [text for texts in population_bars.TITLES.values() for text in texts]
+    yield "pages/results/population_tables.py", population_tables.QUANTITY_NAMES.values()
+    yield "templates/pages/population.html", [stem.capitalize() for stem in population.TABLES]
+    yield "pages/results/com_bench.py", [*com_bench.MOVEMENT_TITLES.values(), *com_bench.SCORE_TITLES.values()]
     yield "charts/plotly.py", [plotly.TIME.title]
     yield "pages/viewer/page.py", [text for layer in layers for text in (layer.label, layer.tooltip) if text]
     yield "templates/partials/_subject.html", ["female", "male"]

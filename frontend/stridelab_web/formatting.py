@@ -1,5 +1,6 @@
 """Formatting of values on the pages, and the filters of the templates."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 
@@ -60,6 +61,11 @@ def code_words(code: str) -> str:
     return code.replace("|", " or ").replace("-", " ").replace("_", " ")
 
 
+def landmark_words(code: str) -> str:
+    """``l_head_front|head_top`` as ``left head front or head top``: landmarks that can stand for one another."""
+    return re.sub(r"\bl ", "left ", re.sub(r"\br ", "right ", code_words(code)))
+
+
 def check_name(code: str) -> str:
     """Name of a check of a certificate."""
     name = code_words(code).replace("com ", "CoM ")
@@ -83,6 +89,11 @@ def item_name(code: str) -> str:
 def verdict_text(code: str) -> str:
     """Text of a verdict on a claim of the thesis, or of what became of our own aim."""
     return _VERDICTS.get(code, code_words(code))
+
+
+def first_upper(text: str) -> str:
+    """``text`` with a capital at its beginning; the rest is unchanged, as in RTS."""
+    return text[:1].upper() + text[1:]
 
 
 def method_name(code: str) -> str:
@@ -176,11 +187,12 @@ def other_remarks(remarks: Iterable[Remark | Mapping[str, str]]) -> list[Remark 
 
 
 def faults_not_in_detail(problem: Problem) -> list[FaultItem]:
-    """Faults of a problem, without those that its detail already contains."""
+    """Faults of a problem, without those that its detail already contains; as static/js/shared/api.js."""
+    detail = problem.detail.casefold()
     remaining = []
     for item in problem.errors:
-        message = "" if item.message in problem.detail else item.message
-        if message or item.where not in problem.detail:
+        message = "" if item.message.casefold() in detail else item.message
+        if message or item.where.rpartition(": ")[2].casefold() not in detail:
             remaining.append(FaultItem(where=item.where, message=message))
     return remaining
 
@@ -214,10 +226,12 @@ FILTERS = {
     "megabytes": size_text,
     "total_s": total_s,
     "words": code_words,
+    "landmark": landmark_words,
     "check_name": check_name,
     "kind": job_kind_name,
     "item": item_name,
     "verdict": verdict_text,
+    "first_upper": first_upper,
     "method": method_name,
     "headline": job_headline,
     "tab_mark": tab_mark,

@@ -116,14 +116,30 @@ def ngettext(one: str, many: str, num: int, **values: object) -> str:
 def translate_sentence(sentence: str, patterns: tuple[str, ...]) -> str | None:
     """The translation of a sentence of the service that one of ``patterns`` matches; None without one.
 
-    ``%(name)s`` in a pattern stands for any text, which the translation repeats.
+    ``%(name)s`` in a pattern stands for any text, which the translation repeats. What ``%(part_name)s`` stands for is
+    translated by the same patterns, and so are the items of a ``%(list_name)s``.
     """
+    catalogue = read_catalogue(current_language())
     for pattern in patterns:
         match = _pattern_of(pattern).fullmatch(sentence)
-        if match is not None and (text := translate_text(pattern)) != pattern:
-            values = {k: _translated_checks(v) if k == "checks" else v for k, v in match.groupdict().items()}
-            return text % values if values else text
+        if match is not None and pattern in catalogue:
+            text = translate_text(pattern)
+            values = {name: _translated_value(name, value, patterns) for name, value in match.groupdict().items()}
+            if None not in values.values():
+                return text % values if values else text
     return None
+
+
+def _translated_value(name: str, value: str, patterns: tuple[str, ...]) -> str | None:
+    """The translation of what stands at the place ``name``; None if it is a sentence without one."""
+    if name == "checks":
+        return _translated_checks(value)
+    if name.startswith("part_"):
+        return translate_sentence(value, patterns)
+    if name.startswith("list_"):
+        items = [translate_sentence(item, patterns) for item in value.split(", ")]
+        return None if None in items else ", ".join(filter(None, items))
+    return value.replace(" to ", gettext(" to ")).replace(" and ", ", ") if name.startswith("span_") else value
 
 
 def _translated_checks(listed: str) -> str:

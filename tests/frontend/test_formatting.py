@@ -4,10 +4,19 @@ from datetime import datetime, timedelta, timezone
 
 import pytest
 
+from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.methods import METHODS
 from stridelab.service.kinds.registry import KINDS
 from stridelab_web import formatting
-from stridelab_web.formatting import count_text, fixed_decimals, job_kind_name, time_element, utc_text
+from stridelab_web.formatting import (
+    count_text,
+    faults_not_in_detail,
+    fixed_decimals,
+    job_kind_name,
+    landmark_words,
+    time_element,
+    utc_text,
+)
 from stridelab_web.pages.results.comparison_plots import STYLES
 
 
@@ -43,6 +52,18 @@ def test_a_new_kind_of_job_is_named_by_its_code() -> None:
 )
 def test_one_is_counted_in_the_singular(number: int, words_of: tuple[str, ...], text: str) -> None:
     assert count_text(number, *words_of) == text
+
+
+def test_a_failure_is_told_once() -> None:
+    progress = "last progress message: replay: 92 %"
+    faults = [FaultItem(where="stage: replay", message=progress), FaultItem(where="plate 2", message="never loaded")]
+    detail = "It took longer than 600 s. Last progress message: replay: 92 %."
+    problem = Problem(title="Timeout", status=504, code="computation-timed-out", detail=detail, errors=faults)
+    assert [item.where for item in faults_not_in_detail(problem)] == ["plate 2"]
+
+
+def test_landmarks_are_in_words() -> None:
+    assert landmark_words("l_head_front|r_knee|head_top") == "left head front or right knee or head top"
 
 
 def test_an_element_for_a_time_holds_the_instant_and_the_utc_text() -> None:

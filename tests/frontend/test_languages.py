@@ -11,7 +11,12 @@ from babel.messages.catalog import Catalog
 
 import translate
 from stridelab.estimation import observability
+from stridelab.estimation.latency import AxisLag, Latency
+from stridelab.pipelines.mass_and_latency import LatencyChoice, _applied_remark, _describe_choice, body_mass
+from stridelab.recordings.body_mass import MassEstimate
+from stridelab.recordings.marker_sets import all_substitutes
 from stridelab.schemas.quality import Quality
+from stridelab.schemas.sessions import SessionValues
 from stridelab_web import languages, served_sentences
 from stridelab_web.formatting import served_text
 from stridelab_web.languages import LANGUAGES, chosen_language, gettext, in_language, ngettext
@@ -72,11 +77,12 @@ def test_wrong_translations_are_reported(monkeypatch: pytest.MonkeyPatch, transl
 
 
 def test_service_still_says_the_translated_sentences() -> None:
-    sources = "\n".join(path.read_text() for path in (ROOT / "backend/stridelab").rglob("*.py"))
+    files = [*(ROOT / "backend/stridelab").rglob("*.py"), ROOT / "models/marker_sets/substitutes.toml"]
+    sources = "\n".join(path.read_text() for path in files)
     joined = re.sub(r'"\s*\n\s*f?"', "", sources)
     explained = served_sentences.OBSERVABILITY[:2]  # the service puts them together; so does the test below
     for sentence in set(served_sentences.SERVED) - set(explained):
-        for part in re.split(r"%\(\w+\)s|; |: |(?<=\.) | \(", sentence):
+        for part in re.split(r"%\(\w+\)s|; |: |, or |(?<=\.) | \(", sentence):
             assert part.strip(" .)") in joined, sentence
 
 
@@ -197,6 +203,27 @@ def test_sentences_of_the_service_are_translated_or_marked() -> None:
         assert served_text("Doubtful: channel gain, force tilt and 3 more").endswith("Neigung der Kraft und 3 weitere")
         assert served_text("a <b>") == '<span lang="en">a &lt;b&gt;</span>'
         assert served_text("") == ""
+
+
+def test_sentences_that_contain_others_are_translated_whole_or_not_at_all() -> None:
+    along, lateral, vertical = (AxisLag(lag_s, 0.003, 0.9) for lag_s in (0.012, 0.0, 0.015))
+    late = Latency(0.0134, 0.0032, along, lateral, vertical, 0.9)
+    trials = SessionValues(session_id="s", latency_s=0.016, latency_sd_s=0.0015, latency_n_trials=3)
+    latency = _describe_choice(LatencyChoice(late, 0.016, (), trials))
+    applied = _applied_remark(0.016, f"as estimated in its session: {latency}.").message
+    weighed = body_mass(None, None, [MassEstimate(66.8, 0.3, kind, 1.0) for kind in ("impulse", "standing")])
+    with in_language("de"):
+        assert served_text(applied) == (
+            "Die Kraft wurde 16.0 ms später gelesen, wie geschätzt in ihrer Sitzung: 16.0 ± 1.5 ms über 3 Aufnahmen; "
+            "diese allein: 13.4 ± 3.2 ms (12 ms längs des Gangs, 15 ms vertikal)."
+        )
+        (mass,) = (str(served_text(remark.message)) for remark in weighed.remarks)
+        assert "Impuls der vertikalen Kraft" in mass
+        assert "Stehen auf den Platten" in mass
+        for code in ("head-missing", "trunk-simplified"):
+            assert "(kostet etwa " in served_text(all_substitutes()[code].remark.message)
+        unknown = applied.replace("as estimated in its session", "as guessed")
+        assert served_text(unknown) == f'<span lang="en">{unknown}</span>'
 
 
 def test_failed_check_is_stated_with_its_numbers() -> None:

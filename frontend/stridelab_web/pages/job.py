@@ -46,6 +46,8 @@ VIEWS: Final = (
     "imitation",
 )
 """Views of a result in the template."""
+TRANSLATED: Final = frozenset({"comparison", "cycloid", "measures", "com_bench"})
+"""Those of them that exist in all languages."""
 
 
 async def job_page(request: Request) -> Response:
@@ -78,7 +80,7 @@ async def job_page(request: Request) -> Response:
         other_facts=other_facts,
         headline=headline_of(result) if result else None,
         sentences=sentences_of(result) if result else [],
-        english_result=any(views[name] is not None for name in VIEWS if name != "measures"),
+        english_result=any(views[name] is not None for name in VIEWS if name not in TRANSLATED),
         recording=recording,
         plots=plots,
         plots_url=compared["plots_url"] if compared else f"/jobs/{job.id}/plots.json",

@@ -9,6 +9,12 @@ test("a problem is a sentence with its places and when to retry", () => {
     errors: [{ where: "phases[0]", message: "too short" }],
   };
   assert.equal(problemSentence(422, problem), "Two fields are wrong. phases[0]: too short");
+  const told = {
+    title: "Refused",
+    detail: "It begins with 'a': b.txt.",
+    errors: [{ where: "b.txt", message: "it begins with 'a'" }],
+  };
+  assert.equal(problemSentence(422, told), told.detail);
   assert.equal(problemSentence(429, { title: "Too many jobs." }, "7"), "Too many jobs. Try again in 7 s.");
   assert.equal(problemSentence(502, null), "The service answered 502.");
   assert.equal(problemSentence(0, null), "The service does not answer. Is it still running?");

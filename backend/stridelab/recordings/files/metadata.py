@@ -264,7 +264,9 @@ def select_labels(
     unlabelled = [i for i, label in enumerate(labels) if _UNLABELLED.match(without_prefix(label))]
     dropped = set(unlabelled)
     if unlabelled:
-        remarks.append(Remark("unlabelled-points", f"{len(unlabelled)} points without a name were left out."))
+        n = len(unlabelled)
+        message = "1 point without a name was left out." if n == 1 else f"{n} points without a name were left out."
+        remarks.append(Remark("unlabelled-points", message))
     other = _other_subjects(labels, visible, dropped)
     if other:
         dropped |= other

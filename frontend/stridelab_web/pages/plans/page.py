@@ -9,9 +9,10 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 
 from stridelab.client import AsyncClient
+from stridelab.schemas.jobs import Job
 from stridelab.schemas.plans import PLAN_STAGES, PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
-from stridelab_web.api_client import client_of, took_s
+from stridelab_web.api_client import client_of, none_if_missing, took_s
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.plans.answer import plan_answer
 from stridelab_web.pages.plans.comparison import PlanFacts
@@ -50,6 +51,7 @@ async def plan_page(request: Request) -> Response:
         took_s=took_s(job),
         result=result,
         summary=summary,
+        scenario_name=summary.scenario_name if summary else await _scenario_name(client, job),
         answer=plan_answer(summary) if summary else None,
         plots=result is not None,
         plots_url=f"/plans/{job.id}/plots.json{beside}",
@@ -86,6 +88,12 @@ async def plots_json(request: Request) -> Response:
     else:
         drawn = await run_in_threadpool(lambda: plan_curves(own, scenario, steps=steps))
     return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})
+
+
+async def _scenario_name(client: AsyncClient, job: Job) -> str:
+    """Name of the scenario of a plan without a result; empty if the scenario is deleted or was part of the request."""
+    scenario = await none_if_missing(client.scenario(job.scenario_id)) if job.scenario_id else None
+    return scenario.name if scenario else ""
 
 
 async def _load_durations(

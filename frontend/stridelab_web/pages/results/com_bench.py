@@ -6,7 +6,7 @@ from typing import Any, Final
 from stridelab.schemas.comparison import BenchColumn, BenchScore, ComBenchSummary
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.methods import METHODS
-from stridelab_web.formatting import count_text
+from stridelab_web.languages import gettext, ngettext
 
 KIND: Final = "com-bench"
 MOVEMENT_TITLES: Final = {"standing": "Standing", "grounded": "On the ground", "airborne": "With flights"}
@@ -56,8 +56,11 @@ def com_bench_of(result: JobResult) -> dict[str, Any]:
     return {
         "summary": summary,
         "methods": METHODS,
-        "headline": f"{count_text(summary.n_recordings, 'recording')} of "
-        f"{count_text(summary.n_people, 'person', 'people')}, all estimators",
+        "headline": gettext(
+            "All estimators on %(recordings)s of %(people)s",
+            recordings=ngettext("%(num)s recording", "%(num)s recordings", summary.n_recordings),
+            people=ngettext("%(num)s person", "%(num)s people", summary.n_people),
+        ),
         "tables": [
             (MOVEMENT_TITLES[movement], [_score_row(one) for one in summary.columns if one.movement == movement])
             for movement in movements
@@ -76,6 +79,8 @@ def _score_cell(column: BenchColumn, score: BenchScore | None) -> Cell | None:
     if score is None:
         return None
     factor = 1e3 if column.unit == "m" else 1e2
-    interval = "" if score.ci95 is None else f"{factor * score.ci95[0]:.1f} to {factor * score.ci95[1]:.1f}"
+    interval = (
+        "" if score.ci95 is None else f"{factor * score.ci95[0]:.1f}{gettext(' to ')}{factor * score.ci95[1]:.1f}"
+    )
     near = score.over_best is not None and score.over_best <= NEAR_BEST
     return Cell(f"{factor * score.value:.1f}", interval, near)

@@ -12,7 +12,8 @@ from starlette.responses import JSONResponse, Response
 from stridelab.schemas.comparison import Axes, CompareEstimatorsSummary, MethodAssessment
 from stridelab.schemas.jobs import JobResult
 from stridelab_web.api_client import client_of
-from stridelab_web.formatting import other_remarks
+from stridelab_web.formatting import method_name, other_remarks
+from stridelab_web.languages import gettext
 from stridelab_web.pages.results.comparison_plots import FIGURES, STYLES
 from stridelab_web.parquet import read_columns
 
@@ -60,6 +61,33 @@ def against_physics(summary: CompareEstimatorsSummary) -> list[Group]:
     return _column_groups(summary, _PHYSICS)
 
 
+def comparison_headline(summary: CompareEstimatorsSummary) -> str:
+    """Which method errs least, or predicts hidden force best; empty if neither is known of two methods."""
+    truths = {name: one.truth for name, one in summary.methods.items() if one.truth}
+    if len(truths) > 1:
+        best = min(truths, key=lambda name: truths[name].horizontal_m)
+        error = f"{1000 * truths[best].horizontal_m:.1f} mm"
+        return gettext("Smallest horizontal error: %(method)s, %(error)s RMS.", method=method_name(best), error=error)
+    every = {name: _axes_values(one.held_back_n) for name, one in summary.methods.items()}
+    held_back = {
+        name: axes for name, values in every.items() if len(axes := [v for v in values or () if v is not None]) == 3
+    }
+    if len(held_back) < 2:
+        return ""
+
+    def best_method(axis: int) -> str:
+        return min(held_back, key=lambda name: held_back[name][axis])
+
+    along, lateral, vertical = (best_method(axis) for axis in range(3))
+    if along == lateral == vertical:
+        return gettext("Hidden force is predicted best by this method: %(method)s.", method=method_name(along))
+    return gettext(
+        "Hidden force is predicted best along the walk by %(along)s, sideways by %(lateral)s, "
+        "vertically by %(vertical)s.",
+        along=method_name(along), lateral=method_name(lateral), vertical=method_name(vertical),
+    )  # fmt: skip
+
+
 def _axes_values(axes: Axes | None) -> Values | None:
     return None if axes is None else (axes.along, axes.lateral, axes.vertical)
 
@@ -94,6 +122,8 @@ _PHYSICS: Final = (
     ),
     _Figure("Fused minus markers [mm]", PER_AXIS, lambda m: _axes_values(m.offset_m), 1000.0),
 )  # fmt: skip
+COLUMN_TITLES: Final = tuple(dict.fromkeys(text for one in (*_TRUTH, *_PHYSICS) for text in (one.title, *one.columns)))
+"""Headings of the tables."""
 
 
 def _column_groups(summary: CompareEstimatorsSummary, figures: tuple[_Figure, ...]) -> list[Group]:
@@ -134,11 +164,12 @@ def comparison_of(job_id: str, result: JobResult, chosen: str) -> dict[str, Any]
     key = chosen if chosen in offered else next(iter(offered), None)
     return {
         "summary": summary,
+        "headline": comparison_headline(summary),
         "tables": [
             table
             for table in (
-                ("Against the truth", against_truth(summary)),
-                ("Against physics", against_physics(summary)),
+                (gettext("Against the truth"), against_truth(summary)),
+                (gettext("Against physics"), against_physics(summary)),
             )
             if table[1]
         ],

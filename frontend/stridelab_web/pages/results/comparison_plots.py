@@ -99,7 +99,7 @@ FIGURES: Final[Mapping[str, Figure]] = {
         "spectra.parquet",
         "Error spectra",
         "Amplitude of every method's error by frequency.",
-        f"Amplitude per root hertz of each method's error; where the truth is not known, of its difference from the "
+        "Amplitude per root hertz of each method's error; where the truth is not known, of its difference from the "
         f"markers. {READINGS}",
         plot_spectra,
     ),

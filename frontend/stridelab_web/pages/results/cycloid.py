@@ -13,6 +13,7 @@ from stridelab.client import AsyncClient
 from stridelab.schemas.cycloid import FitCycloidSummary
 from stridelab.schemas.jobs import JobResult
 from stridelab_web.charts.svg import Chart, range_of
+from stridelab_web.languages import gettext
 from stridelab_web.pages.results.cycloid_steps import (
     PARAMETERS,
     WheelStep,
@@ -80,7 +81,9 @@ def _true_scale_chart(samples: Columns, R_m: float, step: WheelStep) -> Chart:
     size = abs(R_m)
     x = range_of(ahead, hub - size, hub + size, share=0.02)
     y = (z0 - size - 0.03, max(z0 + size, float(samples["z_m"].max())) + 0.02)
-    canvas = Chart(x, y, "Distance ahead since the step began [m]", "Height [m]", WIDE_PX, true_scale=True)
+    canvas = Chart(
+        x, y, gettext("Distance ahead since the step began [m]"), gettext("Height [m]"), WIDE_PX, true_scale=True
+    )
     canvas.add_horizontal_line(z0 - size, *x, "ground")
     canvas.add_horizontal_line(z0, float(hub.min()), float(hub.max()), "hub-line")
     for k in _drawn_instants(samples["theta_rad"]):
@@ -88,10 +91,14 @@ def _true_scale_chart(samples: Columns, R_m: float, step: WheelStep) -> Chart:
         canvas.add_curve(np.array([hub[k], point[k]]), np.array([z0, samples["model_z_m"][k]]), "spoke")
         canvas.add_mark(float(hub[k]), z0, "hub", "ring")
         canvas.add_mark(float(point[k]), float(samples["model_z_m"][k]), "point", "circle")
-    canvas.add_curve(ahead, samples["z_m"], "measured", "centre of mass")
-    canvas.add_curve(point, samples["model_z_m"], "wheel", "point on the wheel")
+    canvas.add_curve(ahead, samples["z_m"], "measured", gettext("centre of mass"))
+    canvas.add_curve(point, samples["model_z_m"], "wheel", gettext("point on the wheel"))
     return canvas.with_caption(
-        f"{step.name} at true scale: the wheel of radius {MM * R_m:.0f} mm and the path of its point."
+        gettext(
+            "%(step)s at true scale: the wheel of radius %(radius)s mm and the path of its point.",
+            step=step.name,
+            radius=f"{MM * R_m:.0f}",
+        )
     )
 
 
@@ -109,15 +116,19 @@ def _rescaled_chart(samples: Columns, step: WheelStep) -> tuple[Chart, float]:
     up, model = MM * (samples["z_m"] - z0), MM * (samples["model_z_m"] - z0)
     canvas = Chart(
         range_of(ahead, point, share=0.03), range_of(up, model, min_width=10.0),
-        "Distance ahead since the step began [m]", "Height over the hub [mm]", HALF_PX, TALL_PX,
+        gettext("Distance ahead since the step began [m]"), gettext("Height over the hub [mm]"), HALF_PX, TALL_PX,
     )  # fmt: skip
     canvas.add_horizontal_line(0.0, *canvas.x_range, "hub-line")
-    canvas.add_curve(point, model, "wheel", "point on the wheel")
+    canvas.add_curve(point, model, "wheel", gettext("point on the wheel"))
     for k in np.unique(np.linspace(0, len(ahead) - 1, min(SAMPLES_SHOWN, len(ahead))).round().astype(int)):
         canvas.add_mark(float(ahead[k]), float(up[k]), "measured", "circle")
     stretched = MM * (canvas.y_px(0.0) - canvas.y_px(1.0)) / canvas.px_per_x
     return canvas.with_caption(
-        f"{step.name} with heights stretched {stretched:.0f} times: samples and fitted curve."
+        gettext(
+            "%(step)s with heights stretched %(times)s times: samples and fitted curve.",
+            step=step.name,
+            times=f"{stretched:.0f}",
+        )
     ), stretched
 
 
@@ -126,31 +137,41 @@ def _residual_chart(samples: Columns, step: WheelStep) -> Chart:
     ahead, up = MM * samples["error_x_m"], MM * samples["error_z_m"]
     canvas = Chart(
         (float(time[0]), float(time[-1])), range_of(ahead, up, np.zeros(1), min_width=1.0),
-        "Time [s]", "Model minus measurement [mm]", HALF_PX, TALL_PX,
+        gettext("Time [s]"), gettext("Model minus measurement [mm]"), HALF_PX, TALL_PX,
     )  # fmt: skip
     _shade_double_support(canvas, step)
     canvas.add_horizontal_line(0.0, *canvas.x_range, "zero")
-    canvas.add_curve(time, ahead, "ahead", "ahead")
-    canvas.add_curve(time, up, "up", "up")
-    return canvas.with_caption(f"{step.name}: residuals of the path, ahead and up, over time.")
+    canvas.add_curve(time, ahead, "ahead", gettext("ahead"))
+    canvas.add_curve(time, up, "up", gettext("up"))
+    return canvas.with_caption(gettext("%(step)s: residuals of the path, ahead and up, over time.", step=step.name))
 
 
 def _theta_chart(samples: Columns, line: np.ndarray, step: WheelStep) -> Chart:
     time, theta = samples["time_s"], samples["theta_rad"]
     canvas = Chart(
-        (float(time[0]), float(time[-1])), range_of(theta, line, min_width=1.0), "Time [s]", "θ [rad]", HALF_PX, TALL_PX
+        (float(time[0]), float(time[-1])),
+        range_of(theta, line, min_width=1.0),
+        gettext("Time [s]"),
+        "θ [rad]",
+        HALF_PX,
+        TALL_PX,
     )
     _shade_double_support(canvas, step)
-    canvas.add_curve(time, line, "line", "the line through them")
+    canvas.add_curve(time, line, "line", gettext("the line through them"))
     for k in np.unique(np.linspace(0, len(time) - 1, min(SAMPLES_SHOWN, len(time))).round().astype(int)):
         canvas.add_mark(float(time[k]), float(theta[k]), "measured", "circle")
-    return canvas.with_caption(f"{step.name}: the angle of every sample, and a line through them.")
+    return canvas.with_caption(gettext("%(step)s: the angle of every sample, and a line through them.", step=step.name))
 
 
 def _shade_double_support(canvas: Chart, step: WheelStep) -> None:
     """Shade the measured double support, and mark the instants of the thesis' rule."""
     start, end = step.fit.double_support_s
-    canvas.add_shade(start, end, "double", f"both feet down, {start:.3f} s to {end:.3f} s")
+    canvas.add_shade(
+        start,
+        end,
+        "double",
+        gettext("both feet down, %(start)s s to %(end)s s", start=f"{start:.3f}", end=f"{end:.3f}"),
+    )
     for timing in step.timings:
         if timing.rule_s is not None and canvas.x_range[0] <= timing.rule_s <= canvas.x_range[1]:
             canvas.add_vertical_line(timing.rule_s, *canvas.y_range, "rule")

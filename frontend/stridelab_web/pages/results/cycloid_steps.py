@@ -8,6 +8,7 @@ from typing import Final
 
 from stridelab.schemas.cycloid import FitCycloidSummary, FittedStep, Rival, StepScatter
 from stridelab_web.formatting import code_words
+from stridelab_web.languages import gettext
 
 MS = 1000.0
 MAX_UNREPORTED_S = 0.015
@@ -71,7 +72,10 @@ class WheelStep:
     @property
     def name(self) -> str:
         """Number from 1, and the foot that swings."""
-        return f"Step {self.index + 1}, {self.fit.side} foot swings"
+        number = self.index + 1
+        if self.fit.side == "left":
+            return gettext("Step %(number)s, left foot swings", number=number)
+        return gettext("Step %(number)s, right foot swings", number=number)
 
     @property
     def flag_sentences(self) -> tuple[str, ...]:
@@ -114,7 +118,7 @@ def values_of(step: WheelStep, scatter: StepScatter | None) -> tuple[ValueRow, .
         formal = getattr(fit.sd, p.key, None)
         between = None if scatter is None else getattr(scatter, p.key)
         a, b, c = (p.format_value(getattr(one, p.key)) for one in others)
-        name = f"{p.letter}, {p.meaning} [{p.unit}]"
+        name = f"{p.letter}, {gettext(p.meaning)} [{p.unit}]"
         return ValueRow(
             p.key,
             name,
@@ -126,12 +130,12 @@ def values_of(step: WheelStep, scatter: StepScatter | None) -> tuple[ValueRow, .
 
     def distance_row(key: str, name: str) -> ValueRow:
         a, b, c = (f"{getattr(one, key):.2f}" for one in others)
-        return ValueRow(key, f"Distance, {name} [mm]", f"{getattr(fit, key):.2f}", "–", "–", (a, b, c))
+        return ValueRow(key, name, f"{getattr(fit, key):.2f}", "–", "–", (a, b, c))
 
     return (
         *(parameter_row(p) for p in PARAMETERS),
-        distance_row("error_mean_mm", "mean"),
-        distance_row("error_max_mm", "largest"),
+        distance_row("error_mean_mm", gettext("Distance, mean [mm]")),
+        distance_row("error_max_mm", gettext("Distance, largest [mm]")),
     )
 
 
@@ -143,7 +147,7 @@ def contests_of(step: WheelStep, steps: Sequence[WheelStep]) -> tuple[Contest, .
         if rivals:
             wins = Counter(_best_model(one, space) for one in steps if _rivals_in_space(one, space))
             entrants = tuple(_make_entrant(one, rivals, wins[one.model]) for one in rivals)
-            contests.append(Contest(space, title, hint, entrants))
+            contests.append(Contest(space, gettext(title), gettext(hint), entrants))
     return tuple(contests)
 
 
@@ -227,9 +231,9 @@ FLAGS: Final = {
 
 def flag_sentence(code: str) -> str:
     """Sentence of a flag of a step."""
-    return FLAGS.get(code, code_words(code).capitalize() + ".")
+    return gettext(FLAGS[code]) if code in FLAGS else code_words(code).capitalize() + "."
 
 
 def model_name(code: str) -> str:
     """Name of a curve that is compared with the wheel."""
-    return MODELS.get(code, code_words(code))
+    return gettext(MODELS.get(code, code_words(code)))

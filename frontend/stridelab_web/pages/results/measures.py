@@ -43,6 +43,7 @@ N_CANDIDATES: Final = 5
 """Newest jobs of a recording that are looked through for measures of the wanted recordings."""
 CAUTIONS: Final = frozenset({"force-not-used", "weight-beside-plates"})
 """Codes of the remarks that are shown beside the main values."""
+ONE_FOOT: Final = "one-foot-marked"
 NO_MEANING: Final = "means nothing"
 _SCORE: Final = MeasureScale(1.0, "", 1)
 
@@ -152,6 +153,7 @@ def measures_of(result: JobResult) -> dict[str, Any]:
     return {
         "summary": summary,
         "headline": measures_headline(summary),
+        "steps": steps_by_side(summary),
         "main": [rows[name] for name in MAIN if name in rows][:N_MAIN],
         "rows": list(rows.values()),
         "beside": reference_rows(summary),
@@ -265,6 +267,23 @@ def measures_headline(summary: GaitMeasuresSummary) -> str:
     sentence = gettext("%(facts)s.", facts=" ".join([steps, *known]))
     few = gettext("Few steps: the intervals below are wide.") if summary.steps < MIN_STEPS else ""
     return f"{sentence} {few}".strip()
+
+
+def steps_by_side(summary: GaitMeasuresSummary) -> str:
+    """The measured steps of each foot; a foot without one is named with the reason, in place of a zero."""
+    left, right = summary.sides.get("left", 0), summary.sides.get("right", 0)
+    if left and right:
+        return gettext("%(left)s left, %(right)s right", left=left, right=right)
+    if not left and not right:
+        return gettext("none measured")
+    one_foot = any(one.code == ONE_FOOT for one in summary.warnings)
+    if left:
+        steps = ngettext("left foot only: %(num)s step", "left foot only: %(num)s steps", left)
+        why = gettext("the right foot is not marked") if one_foot else gettext("none of the right foot is measured")
+    else:
+        steps = ngettext("right foot only: %(num)s step", "right foot only: %(num)s steps", right)
+        why = gettext("the left foot is not marked") if one_foot else gettext("none of the left foot is measured")
+    return f"{steps}; {why}"
 
 
 def _with_interval(row: Row) -> str:

@@ -10,6 +10,7 @@ from stridelab.schemas.methods import METHODS
 from stridelab.schemas.population import StudyPopulationSummary
 from stridelab.schemas.recordings import Recording
 from stridelab_web.api_client import client_of, none_if_missing, took_s
+from stridelab_web.languages import ngettext
 from stridelab_web.pages.render import render_page
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS
 from stridelab_web.pages.results.population_bars import bars_of
@@ -78,6 +79,7 @@ def _study_values(result: JobResult, key: str) -> dict[str, Any]:
     correlations = correlation_rows(summary)
     return {
         "summary": summary,
+        "title": ngettext("Population of %(num)s subject", "Population of %(num)s subjects", len(subjects)),
         "parameters": PARAMETERS,
         "groups": list(groups_of(subjects).values()),
         "offered": offered,

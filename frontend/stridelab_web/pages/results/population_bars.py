@@ -6,11 +6,22 @@ from typing import Final
 
 from stridelab.schemas.population import SubjectResult
 from stridelab_web.charts.svg import Shape, axis_ticks
+from stridelab_web.languages import gettext
 from stridelab_web.pages.results.population_charts import groups_of
 
 THESIS_ERROR_MM: Final = 3.5
 """Fig. 3.6: "the mean reconstruction for all the subjects remains below 3.5mm"."""
 TICKS: Final = 6
+_OVER_STEPS: Final = "Mean and standard deviation over a person's steps; dashed: no error."
+TITLES: Final = {
+    "distance": (
+        "Distance of the path from the wheel [mm] (fig. 3.6)",
+        "Mean over steps, and standard deviation within a step. Dashed: 3.5 mm, the thesis' limit of every mean.",
+    ),
+    "start": ("Start of double support, thesis' rule minus measured [ms] (fig. 3.10)", _OVER_STEPS),
+    "end": ("End of double support, thesis' rule minus measured [ms] (fig. 3.10)", _OVER_STEPS),
+}
+"""Title and hint of each figure."""
 MS: Final = 1000.0
 
 Reading = Callable[[SubjectResult], tuple[float | None, float | None]]
@@ -44,31 +55,22 @@ class Bars:
 
 def bars_of(subjects: Sequence[SubjectResult]) -> tuple[Bars, ...]:
     """The figures that have data: distance from the wheel, and both ends of double support."""
-    wanted: tuple[tuple[str, str, str, Reading, float], ...] = (
-        (
-            "distance",
-            "Distance of the path from the wheel [mm] (fig. 3.6)",
-            "Mean over steps, and standard deviation within a step. Dashed: 3.5 mm, the thesis' limit of every mean.",
-            lambda s: (s.error_mean_mm, s.error_sd_mm),
-            THESIS_ERROR_MM,
-        ),
+    wanted: tuple[tuple[str, Reading, float], ...] = (
+        ("distance", lambda s: (s.error_mean_mm, s.error_sd_mm), THESIS_ERROR_MM),
         (
             "start",
-            "Start of double support, thesis' rule minus measured [ms] (fig. 3.10)",
-            "Mean and standard deviation over a person's steps; dashed: no error.",
             lambda s: (_milliseconds(s.double_support_start_error_s), _milliseconds(s.double_support_start_error_sd_s)),
             0.0,
         ),
         (
             "end",
-            "End of double support, thesis' rule minus measured [ms] (fig. 3.10)",
-            "Mean and standard deviation over a person's steps; dashed: no error.",
             lambda s: (_milliseconds(s.double_support_end_error_s), _milliseconds(s.double_support_end_error_sd_s)),
             0.0,
         ),
     )
     figures = []
-    for key, title, hint, read, line in wanted:
+    for key, read, line in wanted:
+        title, hint = TITLES[key]
         values = [(s, value, sd or 0.0) for s in subjects for value, sd in (read(s),) if value is not None]
         if values:
             figures.append(_draw_bars(key, title, hint, subjects, values, line))
@@ -95,7 +97,12 @@ def _draw_bars(
     bars = []
     for subject, value, sd in values:
         group, start = look[subject.group], max(value - sd, low)
-        description = f"{subject.subject}: {value:z.2f}, standard deviation {sd:.2f}"
+        description = gettext(
+            "%(subject)s: %(value)s, standard deviation %(sd)s",
+            subject=subject.subject,
+            value=f"{value:z.2f}",
+            sd=f"{sd:.2f}",
+        )
         width = round(to_percent(value + sd) - to_percent(start), 2)
         bars.append(
             Bar(subject.subject, group.css, group.shape, to_percent(value), to_percent(start), width, description)

@@ -8,6 +8,7 @@ import numpy as np
 
 from stridelab.schemas.population import SubjectResult
 from stridelab_web.charts.svg import SHAPES, Chart, Shape, range_of
+from stridelab_web.languages import gettext
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS, Parameter
 
 WIDTH_PX, HEIGHT_PX = 560.0, 330.0
@@ -18,23 +19,24 @@ MIN_FOR_LINE: Final = 3
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity that the wheel's parameters are plotted against."""
+    """A quantity that the wheel's parameters are plotted against; ``against`` is its heading."""
 
     key: str
     name: str
     unit: str
+    against: str
 
     @property
     def axis_title(self) -> str:
         """Title of an axis."""
-        return f"{self.name} [{self.unit}]"
+        return f"{gettext(self.name)} [{self.unit}]"
 
 
 AGAINST: Final = (
-    Quantity("height_m", "Height", "m"),
-    Quantity("leg_m", "Leg", "m"),
-    Quantity("speed_m_s", "Speed", "m/s"),
-    Quantity("step_length_m", "Step length", "m"),
+    Quantity("height_m", "Height", "m", "Against height"),
+    Quantity("leg_m", "Leg", "m", "Against leg"),
+    Quantity("speed_m_s", "Speed", "m/s", "Against speed"),
+    Quantity("step_length_m", "Step length", "m", "Against step length"),
 )
 
 
@@ -84,7 +86,13 @@ def scatter_chart(subjects: Sequence[SubjectResult], against: Quantity, paramete
                 float(x[k]), float(y[k]), group.css, group.shape, _mark_text(person, parameter, against), person.subject
             )
     return canvas.with_caption(
-        f"{parameter.letter}, {parameter.meaning}, against {against.name.lower()} of {len(shown)} people."
+        gettext(
+            "%(parameter)s, %(meaning)s. %(against)s of %(number)s people.",
+            parameter=parameter.letter,
+            meaning=gettext(parameter.meaning),
+            against=gettext(against.against),
+            number=len(shown),
+        )
     )
 
 
@@ -93,7 +101,9 @@ def _add_trend(canvas: Chart, x: np.ndarray, y: np.ndarray, group: Group) -> Non
         return
     slope, at_zero = np.polyfit(x, y, 1)
     ends = np.array([x.min(), x.max()])
-    canvas.add_curve(ends, at_zero + slope * ends, f"trend {group.css}", f"least squares, {group.name}")
+    canvas.add_curve(
+        ends, at_zero + slope * ends, f"trend {group.css}", gettext("least squares, %(group)s", group=group.name)
+    )
 
 
 def _mark_text(subject: SubjectResult, parameter: Parameter, against: Quantity) -> str:
@@ -103,5 +113,5 @@ def _mark_text(subject: SubjectResult, parameter: Parameter, against: Quantity) 
     return (
         f"{subject.subject} ({subject.group}): {parameter.letter} {parameter.format_value(value)}{about} "
         f"{parameter.unit},"
-        f" {against.name.lower()} {other:.2f} {against.unit}"
+        f" {gettext(against.name).lower()} {other:.2f} {against.unit}"
     )

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from stridelab.schemas.population import CorrelationResult, MixedModelResult, StudyPopulationSummary
-from stridelab_web.formatting import code_words, count_text
+from stridelab_web.formatting import code_words
+from stridelab_web.languages import gettext, ngettext
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS, Parameter
 from stridelab_web.pages.results.population_charts import AGAINST
 
@@ -72,7 +73,7 @@ def _correlation_row(pair: CorrelationResult) -> Row:
     return Row(
         pair=pair,
         letter=LETTERS[pair.parameter],
-        against=QUANTITY_NAMES[pair.against],
+        against=gettext(QUANTITY_NAMES[pair.against]),
         r=f"{pair.r:+.2f}",
         interval=interval_text(pair.ci95),
         bootstrap=interval_text(pair.bootstrap_ci95),
@@ -90,14 +91,28 @@ def population_answer(summary: StudyPopulationSummary, rows: Sequence[Row]) -> s
     group = rows[0].pair.group if rows else ""
     own = [row for row in rows if row.pair.group == group]
     clear = sorted((row for row in own if row.clear), key=lambda row: -abs(row.pair.r))
-    people = count_text(len(summary.subjects), "subject")
+    people = ngettext("%(num)s subject", "%(num)s subjects", len(summary.subjects))
     if not own:
-        return f"{people}: too few for a correlation."
+        return gettext("%(people)s: too few for a correlation.", people=people)
     if not clear:
-        return f"{people}: none of {len(own)} correlations is clear (every 95 % interval contains zero)."
-    named = ", ".join(f"{row.letter} with {row.against} (r = {row.r})" for row in clear[:NAMED])
-    more = "" if len(clear) <= NAMED else f" and {len(clear) - NAMED} more"
-    return f"{people}: {len(clear)} of {len(own)} correlations are clear (95 % interval without zero): {named}{more}."
+        return gettext(
+            "%(people)s: none of %(number)s correlations is clear (every 95 %% interval contains zero).",
+            people=people,
+            number=len(own),
+        )
+    named = ", ".join(
+        gettext("%(parameter)s with %(quantity)s (r = %(r)s)", parameter=row.letter, quantity=row.against, r=row.r)
+        for row in clear[:NAMED]
+    )
+    if len(clear) > NAMED:
+        named = gettext("%(checks)s and %(number)s more", checks=named, number=len(clear) - NAMED)
+    return gettext(
+        "%(people)s: %(clear)s of %(number)s correlations are clear (95 %% interval without zero): %(named)s.",
+        people=people,
+        clear=len(clear),
+        number=len(own),
+        named=named,
+    )
 
 
 def model_rows(summary: StudyPopulationSummary) -> tuple[ModelRow, ...]:
@@ -109,7 +124,7 @@ def model_rows(summary: StudyPopulationSummary) -> tuple[ModelRow, ...]:
 def _model_row(one: MixedModelResult, parameter: Parameter) -> ModelRow:
     factor, unit = parameter.factor, parameter.unit
     effects = tuple(
-        f"{QUANTITY_NAMES.get(e.name, code_words(e.name))}: {three_digits(factor * e.value)}"
+        f"{gettext(QUANTITY_NAMES.get(e.name, code_words(e.name)))}: {three_digits(factor * e.value)}"
         f" [{three_digits(factor * e.ci95[0])}, {three_digits(factor * e.ci95[1])}]"
         for e in one.effects
     )

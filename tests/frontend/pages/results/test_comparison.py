@@ -8,10 +8,11 @@ import httpx
 import numpy as np
 import pytest
 
-from stridelab.schemas.comparison import CompareEstimatorsSummary
+from stridelab.schemas.comparison import Axes, CompareEstimatorsSummary
 from stridelab_web.assets import STATIC
 from stridelab_web.charts.plotly import Style
-from stridelab_web.pages.results.comparison import against_physics, against_truth
+from stridelab_web.formatting import method_name
+from stridelab_web.pages.results.comparison import against_physics, against_truth, comparison_headline
 from stridelab_web.pages.results.comparison_plots import FIGURES
 from stridelab_web.parquet import read_columns
 from support.fakes.results import OFFSETS_M, comparison_summary, tables, truth_m
@@ -40,7 +41,7 @@ def test_tables_say_what_the_summary_says_horizontal_and_vertical_apart(fake: Fa
     assert cells(page, "kalman-thesis")[2] == ("3.00", True)
     assert cells(page, "geometry")[0] == ("6.00", False)
     assert "The force comes 12.0 ± 2.0 ms later than the markers; this was corrected." in page
-    assert "RTS smoother: It needs more than a second." in page.replace("Rts", "RTS")
+    assert "RTS smoother: It needs more than a second." in page
     assert "Kalman filter, thesis: It takes the angular momentum for constant." in page
     assert "The truth of this recording is unknown" not in page
 
@@ -60,6 +61,26 @@ def test_groups_of_which_nothing_applies_are_left_out() -> None:
     ]  # fmt: skip
     assert "In flight" not in {group.title for group in against_physics(known)}
     assert against_truth(comparison_summary(with_truth=False)) == []
+
+
+def test_the_headline_names_the_method_that_errs_least_or_predicts_hidden_force_best() -> None:
+    known = comparison_summary(with_truth=True)
+    truths = {name: one.truth.horizontal_m for name, one in known.methods.items() if one.truth}
+    least = min(truths, key=lambda name: truths[name])
+    expected = f"Smallest horizontal error: {method_name(least)}, {1000 * truths[least]:.1f} mm RMS."
+    assert comparison_headline(known) == expected
+    assert comparison_headline(comparison_summary(with_truth=False)) == "", "vertically nothing is held back"
+    hidden = {"smoother": (5.0, 6.0, 7.0), "rts": (4.0, 6.5, 8.0), "geometry": (9.0, 2.0, 9.0)}
+    unknown = known.model_copy(update={"methods": {
+        name: known.methods["smoother"].model_copy(
+            update={"truth": None, "held_back_n": Axes(along=along, lateral=lateral, vertical=vertical)}
+        )
+        for name, (along, lateral, vertical) in hidden.items()
+    }})  # fmt: skip
+    assert comparison_headline(unknown) == (
+        "Hidden force is predicted best along the walk by RTS smoother, sideways by markers only, "
+        "vertically by smoother."
+    )
 
 
 def test_a_column_of_dashes_has_no_best() -> None:

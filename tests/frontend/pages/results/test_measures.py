@@ -10,9 +10,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from stridelab.schemas.measures import MEASURE_TITLES
+from stridelab.schemas.base import Remark
+from stridelab.schemas.measures import MEASURE_TITLES, BodySide
 from stridelab.schemas.recordings import SubjectFields
-from stridelab_web.pages.results.measures import measure_rows, measures_headline, measures_of
+from stridelab_web.pages.results.measures import measure_rows, measures_headline, measures_of, steps_by_side
 from support.fakes.results import MEASURES_KIND, measures_result, measures_summary
 from support.fakes.service import FakeService
 
@@ -121,6 +122,22 @@ def test_the_headline_of_two_steps_leaves_their_intervals_to_the_values() -> Non
         "2 steps in 2 recordings at 1.21 m/s with a margin of stability of 73 mm sideways. "
         "Few steps: the intervals below are wide."
     )
+
+
+@pytest.mark.parametrize(
+    ("sides", "codes", "text"),
+    [
+        ({"left": 2, "right": 3}, (), "2 left, 3 right"),
+        ({"left": 0, "right": 3}, ("one-foot-marked",), "right foot only: 3 steps; the left foot is not marked"),
+        ({"left": 1}, (), "left foot only: 1 step; none of the right foot is measured"),
+        ({}, (), "none measured"),
+    ],
+)
+def test_a_foot_without_steps_is_named_with_the_reason(
+    sides: dict[BodySide, int], codes: tuple[str, ...], text: str
+) -> None:
+    remarks = [Remark(code=code, message="why") for code in codes]
+    assert steps_by_side(measures_summary().model_copy(update={"sides": sides, "warnings": remarks})) == text
 
 
 def test_six_values_are_above_the_table_and_double_support_stands_in_for_energy() -> None:

@@ -11,6 +11,7 @@ import {
   problemSentence,
 } from "../shared/api.js";
 import { createElement } from "../shared/elements.js";
+import { translate } from "../shared/translate.js";
 
 const form = document.querySelector("[data-batch]");
 const bar = form.querySelector("progress");
@@ -60,7 +61,7 @@ function startStudy() {
 onSubmit(form, async (data) => {
   const payload = new FormData(),
     files = /** @type {any[]} */ (data.getAll("file")).filter((file) => file.size);
-  if (!files.length) return "Choose the recordings first.";
+  if (!files.length) return translate("Choose the recordings first.");
   for (const file of files) payload.append("file", file);
   // The service takes the table as text, not as a file.
   const table = /** @type {any} */ (data.get("subjects"));
@@ -77,7 +78,10 @@ onSubmit(form, async (data) => {
     ...uploaded.refused.map(({ filename, message }) => createElement("li", {}, `${filename}: ${message}`)),
   );
   continueButton.hidden = uploaded.studied.length === 0;
-  return `${uploaded.count} uploaded, ${uploaded.refused.length} refused.`;
+  return translate("%(count)s uploaded, %(refused)s refused.", {
+    count: uploaded.count,
+    refused: uploaded.refused.length,
+  });
 });
 
 onClick(continueButton, form.querySelector("[data-said]"), startStudy);

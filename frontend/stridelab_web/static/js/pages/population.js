@@ -1,6 +1,6 @@
 // The form of a population study: recordings are chosen and assigned to subjects and groups.
 import { onSubmit, openNewJob } from "../shared/api.js";
-import { counted } from "../shared/plurals.js";
+import { translate, translateCount } from "../shared/translate.js";
 
 const form = document.querySelector("[data-study]");
 const rows = [...form.querySelectorAll("tr[data-recording]")];
@@ -10,8 +10,10 @@ const chosenRows = () => rows.filter((row) => row.querySelector("[name=chosen]")
 function showCount() {
   const chosen = chosenRows(),
     subjects = new Set(chosen.map((row) => row.querySelector("[name=subject]").value.trim()));
-  form.querySelector("[data-count]").textContent =
-    `${counted(chosen.length, "recording")} of ${counted(subjects.size, "person", "people")}`;
+  form.querySelector("[data-count]").textContent = translate("%(recordings)s of %(people)s", {
+    recordings: translateCount("%(num)s recording", "%(num)s recordings", chosen.length),
+    people: translateCount("%(num)s person", "%(num)s people", subjects.size),
+  });
   all.checked = chosen.length === rows.length;
   all.indeterminate = chosen.length > 0 && chosen.length < rows.length;
 }
@@ -35,7 +37,7 @@ if (rows.length) {
   showCount();
   onSubmit(form, (data) => {
     const chosen = chosenRows();
-    if (!chosen.length) return "Choose at least one recording.";
+    if (!chosen.length) return translate("Choose at least one recording.");
     const input = {
       recording_ids: chosen.map((row) => row.dataset.recording),
       method: data.get("method") || null,

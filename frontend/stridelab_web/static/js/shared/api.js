@@ -17,10 +17,23 @@ export function problemSentence(status, problem, retryAfter = null) {
     return status === 0
       ? translate("The service does not answer. Is it still running?")
       : translate("The service answered %(status)s.", { status });
-  const places = (problem.errors || []).map((item) => `${item.where}: ${translateServed(item.message)}`);
+  const places = faultsNotInDetail(problem).map(({ where, message }) =>
+    message ? `${where}: ${translateServed(message)}` : where,
+  );
   const retry =
     Number(retryAfter) > 0 ? [translate("Try again in %(seconds)s s.", { seconds: Number(retryAfter) })] : [];
   return [translateServed(problem.detail || problem.title), ...places, ...retry].join(" ");
+}
+
+// The faults of a problem without those that its detail already contains, so that each is shown once.
+/** @param {ApiProblem} problem @returns {{ where: string, message: string }[]} */
+function faultsNotInDetail(problem) {
+  const detail = (problem.detail || problem.title).toLowerCase();
+  return (problem.errors || []).flatMap(({ where, message }) => {
+    const isNew = !detail.includes(message.toLowerCase());
+    const place = where.slice(where.lastIndexOf(": ") + 1).trim();
+    return isNew || !detail.includes(place.toLowerCase()) ? [{ where, message: isNew ? message : "" }] : [];
+  });
 }
 
 // Starts a job. The idempotency key lets the browser repeat the request without a second job.
