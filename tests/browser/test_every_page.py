@@ -17,7 +17,7 @@ from support.browser.every_page import every_page
 from support.browser.page import Tab
 from support.fakes.web_app import Lab
 
-pytestmark = pytest.mark.usefixtures("lab")
+pytestmark = pytest.mark.usefixtures("lab", "drawn")
 
 SIZES: tuple[ViewportSize, ...] = ({"width": 1400, "height": 850}, {"width": 800, "height": 600})
 TWO_PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
