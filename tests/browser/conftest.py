@@ -55,6 +55,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if Path(__file__).parent in item.path.parents:
             item.add_marker(pytest.mark.browser)
+            fixtures = getattr(item, "fixturenames", ())
+            if "service" in fixtures or "lab" not in fixtures:
+                item.add_marker(pytest.mark.whole_service)
             if not CHROMIUM:
                 item.add_marker(pytest.mark.skip(reason="no Chromium on the PATH"))
 
