@@ -47,13 +47,15 @@ class OftenEnough:
                 if not _due(self._defined[what.__code__]):
                     return what
             return self._at_some_calls(what, functools.cache(lambda: self._checks(what, typechecker=typechecker)))
-        constructor = what.__init__
-        if dataclasses.is_dataclass(what) and not hasattr(constructor, CHECKED):
-            what.__init__ = self._at_some_calls(
-                constructor, functools.cache(lambda: self._checks(constructor, typechecker=typechecker))
-            )
-            setattr(what.__init__, CHECKED, True)
+        if dataclasses.is_dataclass(what) and not hasattr(what.__init__, CHECKED):
+            self._check_constructor(what, typechecker)
         return what
+
+    def _check_constructor(self, what: Any, typechecker: Any) -> None:
+        unchecked = what.__init__
+        checked = functools.cache(lambda: self._checks(unchecked, typechecker=typechecker))
+        what.__init__ = self._at_some_calls(unchecked, checked)
+        setattr(what.__init__, CHECKED, True)
 
     def _at_some_calls(self, unchecked: Callable[..., Any], checked: Callable[[], Any]) -> Callable[..., Any]:
         """``checked`` makes the other one, once it is called: most functions are not, in most processes."""
