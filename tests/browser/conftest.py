@@ -19,7 +19,7 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from stridelab.client import Client
 from support.browser.every_page import every_page
-from support.browser.page import Service, Tab
+from support.browser.page import Service, Tab, prepare_pictures
 from support.browser.service_costs import Meter, metered
 from support.fakes.web_app import Lab, running_labs
 from support.service.database import public_folder
@@ -46,12 +46,6 @@ FLAGS = (
     "--disable-sync",
     "--no-first-run",
 )
-TEN_PICTURES_A_SECOND = """
-    const draw = window.requestAnimationFrame.bind(window);
-    window.requestAnimationFrame = (picture) => setTimeout(() => draw(picture), window.top.pictureMs ?? 90);
-    window.cancelAnimationFrame = clearTimeout;
-"""
-"""Or as many as there is processor for, without a graphics card, and nothing left for what is tested."""
 expect.set_options(timeout=30_000)
 
 
@@ -61,6 +55,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if Path(__file__).parent in item.path.parents:
             item.add_marker(pytest.mark.browser)
+            fixtures = getattr(item, "fixturenames", ())
+            if "service" in fixtures or "lab" not in fixtures:
+                item.add_marker(pytest.mark.whole_service)
             if not CHROMIUM:
                 item.add_marker(pytest.mark.skip(reason="no Chromium on the PATH"))
 
@@ -163,7 +160,12 @@ def phone(chromium: Browser) -> Iterator[Page]:
 
 
 @pytest.fixture
-def open_tab(chromium: Browser, site: Service) -> Iterator[Callable[..., Tab]]:
+def drawn() -> None:
+    """Scenes are drawn in a test that uses this, because it looks at their pixels; in others only their nodes move."""
+
+
+@pytest.fixture
+def open_tab(chromium: Browser, site: Service, request: pytest.FixtureRequest) -> Iterator[Callable[..., Tab]]:
     """Opens tabs of a given size; at the end none may have logged an error or asked another host for anything.
 
     Further arguments go to the browser: ``device_scale_factor``, ``has_touch``, ``is_mobile``, ``color_scheme``.
@@ -173,7 +175,7 @@ def open_tab(chromium: Browser, site: Service) -> Iterator[Callable[..., Tab]]:
     def open_one(width: int = 1400, height: int = 850, **options: Any) -> Tab:
         page = chromium.new_page(viewport={"width": width, "height": height}, **options)
         page.set_default_timeout(30_000)
-        page.add_init_script(TEN_PICTURES_A_SECOND)
+        prepare_pictures(page, drawn="drawn" in request.fixturenames)
         tab = Tab(page, site.url)
         page.on("console", tab.on_console)
         page.on("pageerror", tab.on_error)

@@ -17,7 +17,7 @@ from support.browser.every_page import every_page
 from support.browser.page import Tab
 from support.fakes.web_app import Lab
 
-pytestmark = pytest.mark.usefixtures("lab")
+pytestmark = pytest.mark.usefixtures("lab", "drawn")
 
 SIZES: tuple[ViewportSize, ...] = ({"width": 1400, "height": 850}, {"width": 800, "height": 600})
 TWO_PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
@@ -44,6 +44,7 @@ def test_every_page_fits_and_keeps_nobody_out(open_tab: Callable[..., Tab], lab:
     tab = open_tab(SIZES[0]["width"], SIZES[0]["height"])
     found = {}
     for name, address in every_page(lab.fake).items():
+        tab.page.goto("about:blank")  # the page before is not laid out and coloured again
         tab.page.set_viewport_size(SIZES[0])
         tab.page.emulate_media(color_scheme="light")
         page = tab.go(address)

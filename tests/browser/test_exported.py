@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser, Page, Route
 
 from stridelab_web.scene.documents import Document
-from support.browser.page import read_frames, until
+from support.browser.page import prepare_pictures, read_frames, until
 from support.fakes.web_app import Lab
 
 NOWHERE = "http://nowhere.invalid"
@@ -40,6 +40,7 @@ def exported(lab: Lab, tmp_path: Path) -> tuple[Path, list[str], np.ndarray]:
 def page(chromium: Browser, exported: tuple[Path, list[str], np.ndarray]) -> Page:
     """A page for which the only address is ``NOWHERE``, with viser's own page and the exported file."""
     opened = chromium.new_page()
+    prepare_pictures(opened, drawn=False)
     client = files("viser").joinpath("client", "build", "index.html").read_bytes()
 
     def answer(route: Route) -> None:

@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, Page, expect
 from support.browser.page import Tab, opened, until
 from support.fakes.web_app import Lab
 
-pytestmark = pytest.mark.usefixtures("lab")
+pytestmark = pytest.mark.usefixtures("lab", "drawn")
 
 VIDEO = """async (data) => {
     const video = document.createElement("video");
@@ -27,11 +27,15 @@ VIDEO = """async (data) => {
         video.currentTime = t_s;
         await new Promise((done) => { video.onseeked = done; });
         context.drawImage(video, 0, 0);
-        return Array.from(context.getImageData(0, 0, canvas.width, canvas.height).data);
+        return context.getImageData(0, 0, canvas.width, canvas.height).data;
     };
-    const pictures = [await at(0.05), await at(0.75)];
-    return { duration_s: video.duration, width: video.videoWidth, height: video.videoHeight, pictures };
+    const first = await at(0.05), later = await at(0.75);
+    const mean = first.reduce((sum, value) => sum + value, 0) / first.length;
+    const spread = Math.sqrt(first.reduce((sum, value) => sum + (value - mean) ** 2, 0) / first.length);
+    const change = first.reduce((most, value, k) => Math.max(most, Math.abs(value - later[k])), 0);
+    return { duration_s: video.duration, width: video.videoWidth, height: video.videoHeight, spread, change };
 }"""
+"""Two pictures of a film, compared where they are: as text, their numbers would take seconds to reach the test."""
 CAMERA = """() => {
     const { camera, cameraControl } = document.querySelector("iframe").contentWindow.__viserMutable;
     const at = camera.position.clone();
@@ -82,9 +86,8 @@ def test_a_film_is_two_clicks_and_plays_in_its_own_time(tab: Tab, lab: Lab, chro
     assert seen["duration_s"] == pytest.approx(26 / 25)
     assert abs(seen["width"] - width) <= 1
     assert abs(seen["height"] - height) <= 1
-    first, later = (np.array(picture, dtype=float) for picture in seen["pictures"])
-    assert first.std() > 5, "the pictures are not empty"
-    assert np.abs(first - later).max() > 50, "and the robot moves"
+    assert seen["spread"] > 5, "the pictures are not empty"
+    assert seen["change"] > 50, "and the robot moves"
 
 
 @pytest.mark.timeout(240)

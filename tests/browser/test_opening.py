@@ -58,6 +58,7 @@ def watched(tab: Tab, address: str) -> tuple[Page, dict[str, Any]]:
     return page, told
 
 
+@pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize("kind", PAGES)
 def test_nothing_is_drawn_before_the_scene_is_complete(tab: Tab, addresses: dict[str, str], kind: str) -> None:
     """Without a graphics card each picture costs a third of a second, and the image of a city a whole one."""

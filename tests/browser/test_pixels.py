@@ -8,7 +8,7 @@ from playwright.sync_api import Page
 from support.browser.page import Tab, opened, until
 from support.fakes.web_app import Lab
 
-pytestmark = pytest.mark.usefixtures("lab")
+pytestmark = pytest.mark.usefixtures("lab", "drawn")
 
 RATIO = """() => {
     const { canvas } = document.querySelector("iframe").contentWindow.__viserMutable;

@@ -125,6 +125,7 @@ def picture(page: Page, times: int, transparent: bool) -> Image.Image:
     return Image.open(io.BytesIO(Path(download.value.path()).read_bytes()))
 
 
+@pytest.mark.usefixtures("drawn")
 def test_what_is_seen_can_be_kept_as_a_picture(tab: Tab, lab: Lab) -> None:
     page = opened(tab, f"/view/?plan={lab.fake.add_plan().id}&t=1")
     box = page.locator("iframe").bounding_box()
@@ -147,6 +148,7 @@ def test_what_is_seen_can_be_kept_as_a_picture(tab: Tab, lab: Lab) -> None:
     assert clear.getpixel((0, 0)) == (0, 0, 0, 0), "above the horizon is nothing"
 
 
+@pytest.mark.usefixtures("drawn")
 def test_a_picture_of_a_dark_room_is_dark(open_tab: Callable[..., Tab], lab: Lab) -> None:
     tab = open_tab(900, 640, color_scheme="dark")
     page = opened(tab, f"/view/?plan={lab.fake.add_plan().id}&t=1")

@@ -20,7 +20,7 @@ from stridelab.robots.loader import load_robot
 from stridelab.robots.visuals import link_poses
 from stridelab_web.scene.documents import Document
 from support.browser import page as own_loop
-from support.browser.page import ScenePoses, Service, apart
+from support.browser.page import ScenePoses, Service, apart, prepare_pictures
 from support.browser.service_costs import Consumption, Meter
 
 pytestmark = pytest.mark.timeout(1500)
@@ -46,6 +46,7 @@ def page(chromium: Browser) -> Iterator[Page]:
     """A page of a browser that has nothing in its cache."""
     context = chromium.new_context(viewport={"width": 800, "height": 600})
     opened = context.new_page()
+    prepare_pictures(opened, drawn=False)
     opened.set_default_timeout(READY_MS)
     yield opened
     context.close()

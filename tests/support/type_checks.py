@@ -2,9 +2,11 @@
 
 A check takes about 40 us, several times as long as what the functions of a control loop do themselves. So a function is
 checked at its first calls within each test, and then at every so many; which ones these are depends on nothing else.
-To make a checked function takes 1 ms, so of those that a function defines anew at every call, not all are made either.
+To make a checked function takes 1 ms: it is made at the first call, that of a dataclass' constructor too, and of those
+that a function defines anew at every call, not all are made.
 """
 
+import dataclasses
 import functools
 import inspect
 from collections import Counter
@@ -16,10 +18,15 @@ FIRST: Final = 20
 """So many calls of a function are checked in every test,"""
 EVERY: Final = 50
 """and every so many of those that follow."""
+CHECKED: Final = "_is_checked"
+"""Attribute of a constructor with checks, which a subclass may inherit."""
 
 
 class OftenEnough:
-    """In place of ``jaxtyping.jaxtyped``, which is ``checks``; ``next_test`` begins to count anew."""
+    """In place of ``jaxtyping.jaxtyped``, which is ``checks``; ``next_test`` begins to count anew.
+
+    Of a class only the constructor is checked here, if it is a dataclass: its methods are decorated by themselves.
+    """
 
     def __init__(self, checks: Callable[..., Any]) -> None:
         self._checks, self._test = checks, 0
@@ -40,12 +47,15 @@ class OftenEnough:
                 if not _due(self._defined[what.__code__]):
                     return what
             return self._at_some_calls(what, functools.cache(lambda: self._checks(what, typechecker=typechecker)))
+        if dataclasses.is_dataclass(what) and not hasattr(what.__init__, CHECKED):
+            self._check_constructor(what, typechecker)
+        return what
+
+    def _check_constructor(self, what: Any, typechecker: Any) -> None:
         unchecked = what.__init__
-        checked = self._checks(what, typechecker=typechecker)
-        if checked.__init__ is not unchecked:
-            with_checks = checked.__init__
-            checked.__init__ = self._at_some_calls(unchecked, lambda: with_checks)
-        return checked
+        checked = functools.cache(lambda: self._checks(unchecked, typechecker=typechecker))
+        what.__init__ = self._at_some_calls(unchecked, checked)
+        setattr(what.__init__, CHECKED, True)
 
     def _at_some_calls(self, unchecked: Callable[..., Any], checked: Callable[[], Any]) -> Callable[..., Any]:
         """``checked`` makes the other one, once it is called: most functions are not, in most processes."""

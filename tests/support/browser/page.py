@@ -35,6 +35,28 @@ def run(work: Coroutine[None, None, Answer]) -> Answer:
         return thread.submit(lambda: asyncio.run(work)).result()
 
 
+TEN_PICTURES_A_SECOND = """
+    const draw = window.requestAnimationFrame.bind(window);
+    window.requestAnimationFrame = (picture) => setTimeout(() => draw(picture), window.top.pictureMs ?? 90);
+    window.cancelAnimationFrame = clearTimeout;
+"""
+"""Or as many as there is processor for, without a graphics card, and nothing left for what is tested."""
+WITHOUT_DRAWING = """
+    for (const context of [WebGLRenderingContext, WebGL2RenderingContext])
+        for (const name of ["clear", "drawArrays", "drawArraysInstanced", "drawElements", "drawElementsInstanced"])
+            if (name in context.prototype) context.prototype[name] = () => {};
+"""
+"""A scene is built, its shaders are compiled and its nodes move; only its triangles are not filled with colour, which
+takes a quarter of the processor time of a test where there is no graphics card."""
+
+
+def prepare_pictures(page: Page, *, drawn: bool) -> None:
+    """Limit the pictures of scenes, and without ``drawn`` leave them empty; before the page is loaded."""
+    page.add_init_script(TEN_PICTURES_A_SECOND)
+    if not drawn:
+        page.add_init_script(WITHOUT_DRAWING)
+
+
 VISER_DRAGS = "Unable to preventDefault inside passive event listener invocation."
 """viser's drag of a node says so in Chromium; the drag works."""
 
