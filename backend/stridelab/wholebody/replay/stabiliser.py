@@ -116,6 +116,8 @@ class StabiliserRun:
     def _hand_references_n(self, contacts: Mapping[str, Contact], planned_n: Mapping[str, Vector3]) -> dict[str, float]:
         """Normal force reference of every hand in contact; the planned one if no sole is in contact."""
         grip = self._settings.grip
+        if not planned_n:
+            return {}
         soles_m = [contacts[name].placement.position_m for name in self._soles if name in contacts]
         normal_n = {name: float(f @ contacts[name].placement.rotation[:, 2]) for name, f in planned_n.items()}
         if grip is None or not soles_m:

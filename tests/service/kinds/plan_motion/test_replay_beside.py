@@ -38,11 +38,16 @@ def test_a_replay_beside_the_body_is_that_of_the_whole_motion(tmp_path: Path) ->
         motion = WholeBodyController().run(robot, plan.sequence, plan, None, tell, begin, shared_zeros)
         assert list((tmp_path / PARTIAL_FOLDER).iterdir()) == []
         begun[0].show_parts(7)
-        replay = begun[0].wait_for_replay(lambda fraction, _message: shown.append(fraction))
+        replay, files = begun[0].wait_for_replay(lambda fraction, _message: shown.append(fraction))
     alone = replay_with_defaults(robot, motion.sequence, motion, lambda _fraction, _message: None)
     np.testing.assert_array_equal(replay.q, alone.q)
     np.testing.assert_array_equal(replay.v, alone.v)
     assert replay.completed == alone.completed
+    assert sorted(file.name for file in files) == sorted(
+        path.name for path in tmp_path.iterdir() if path.name != PARTIAL_FOLDER
+    )
+    with np.load(tmp_path / "replay.npz") as arrays:
+        np.testing.assert_array_equal(arrays["q"], alone.q)
     assert shown == sorted(shown)
     names = sorted(path.name for path in (tmp_path / PARTIAL_FOLDER).iterdir())
     assert names == [chunk_name(7 + k) for k in range(len(names))]

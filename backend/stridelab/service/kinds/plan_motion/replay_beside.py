@@ -1,7 +1,7 @@
 """The replay of a motion in a second process, which begins while the motion is being computed.
 
     this process     body                     certificate    waits
-    the second one      replay, behind the body ............................
+    the second one      replay, behind the body ..................... its files
 
 Both share the memory of the motion; messages through a pipe carry the number of samples that are there. The parts that
 the second process writes follow those of this one, and are therefore held back until the last of these is written.
@@ -21,7 +21,9 @@ from stridelab.pipelines.plan_motion import motion_progress, replay_motion
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.robots.robot import Robot
 from stridelab.schemas.plans import PlanMotionInput
+from stridelab.service.kinds.base import ArtifactFile
 from stridelab.service.kinds.partial_results import PartialWriter
+from stridelab.service.kinds.plan_motion.files import write_replay_data
 from stridelab.service.kinds.plan_motion.partial_plan import PartialPlanWriter
 from stridelab.wholebody.motion import MotionArrival, WholeBodyMotion, shared_zeros
 
@@ -38,7 +40,7 @@ _SAMPLES, _PARTS = "samples", "parts"
 class ReplayBeside:
     """The replay of ``motion`` for ``request``; its arrays, in shared memory, have ``arrived`` samples so far.
 
-    Parts go to ``folder``. ``end_process`` has to be called.
+    Parts and files go to ``folder``. ``end_process`` has to be called.
     """
 
     def __init__(
@@ -64,8 +66,11 @@ class ReplayBeside:
         """Let the process write its parts, the first one with this number; this process writes no more."""
         self._send(_PARTS, number)
 
-    def wait_for_replay(self, progress: ProgressCallback) -> "Replay":
-        """The replay. Raises as ``replay_motion``, and as ``WorkBeside.wait_for_result``."""
+    def wait_for_replay(self, progress: ProgressCallback) -> "tuple[Replay, tuple[ArtifactFile, ...]]":
+        """The replay and what ``write_replay_data`` wrote of it.
+
+        Raises as ``replay_motion``, and as ``WorkBeside.wait_for_result``.
+        """
         report = motion_progress(progress, self._motion.sequence.duration_s)
         while not self._work.ends_within(_ASK_S):
             report(float(self._fraction[0]), "")
@@ -82,7 +87,7 @@ class ReplayBeside:
         except OSError:
             return  # the process has ended: waiting for its result says why
 
-    def _run_replay(self) -> "Replay":
+    def _run_replay(self) -> "tuple[Replay, tuple[ArtifactFile, ...]]":
         """Replay the motion, in the second process."""
         self._outbox.close()
         arrival = MotionArrival(len(self._motion.time_s), self._arrived, self._receive_samples)
@@ -91,10 +96,11 @@ class ReplayBeside:
         motion = replace(self._motion, arrival=arrival)
         replay = replay_motion(self._request, self._robot, motion, self._note_progress, watcher)
         watcher.flush_replay()
+        files = write_replay_data(self._folder, self._robot, self._motion, replay)
         while parts.holds_parts:
             self._read_message()
             parts.write_held()
-        return replay
+        return replay, files
 
     def _note_progress(self, fraction: float, _message: str) -> None:
         self._fraction[0] = fraction

@@ -26,6 +26,7 @@ from stridelab.robots.robot import Robot
 from stridelab.schemas.plans import CertificateSummary, PlanMotionInput, PlanMotionTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.partial_results import PartialWriter
+from stridelab.service.kinds.plan_motion.display_tracks import describe_replay_tracks
 from stridelab.service.kinds.plan_motion.files import (
     write_json,
     write_mcap,
@@ -123,7 +124,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
 
 def _run_beside(task: PlanMotionTask, folder: Path, progress: ProgressCallback, watcher: _JobWatcher) -> Outcome:
     request = task.input
-    pace = None
+    pace, replay_files = None, ()
     if request.fastest:
         trial, pace = find_fastest_pace(task, progress)
         task, stages, result, replay = trial.task, trial.stages, trial.result, trial.replay
@@ -135,7 +136,7 @@ def _run_beside(task: PlanMotionTask, folder: Path, progress: ProgressCallback, 
         if request.replay and result.certificate is not None and result.motion is not None:
             with stages.run_stage(REPLAY, f"0.0 of {result.plan.sequence.duration_s:.1f} s") as tell:
                 if watcher.replay_beside is not None:
-                    replay = watcher.replay_beside.wait_for_replay(tell)
+                    replay, replay_files = watcher.replay_beside.wait_for_replay(tell)
                 else:
                     replay = replay_motion(request, result.robot, result.motion, tell, watcher)
                     watcher.flush_replay()
@@ -152,7 +153,10 @@ def _run_beside(task: PlanMotionTask, folder: Path, progress: ProgressCallback, 
             artifacts += write_motion(folder, result.robot, motion) if wait is None else wait()
             if request.film is not None:
                 artifacts.append(write_motion_film(folder, result.robot, motion, request.film, tell))
-            if replay is not None:
+            if replay_files:
+                describe_replay_tracks(folder)
+                artifacts += replay_files
+            elif replay is not None:
                 artifacts += write_replay(folder, result.robot, motion, replay)
             if request.mcap:
                 artifacts.append(write_mcap(folder, result.robot, motion, replay))
