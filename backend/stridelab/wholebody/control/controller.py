@@ -180,6 +180,7 @@ class _ControllerRun:
             points_m=self._points,
             failures=tuple(self._failures),
             solve_time_s=solve_time_s,
+            arrival=None,
             **{name: values[:n] for name, values in self._record.items()},
         )
 

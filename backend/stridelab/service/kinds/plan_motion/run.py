@@ -124,7 +124,8 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
 
 def _run_beside(task: PlanMotionTask, folder: Path, progress: ProgressCallback, watcher: _JobWatcher) -> Outcome:
     request = task.input
-    pace, replay_files = None, ()
+    pace = None
+    replay_files: tuple[ArtifactFile, ...] = ()
     if request.fastest:
         trial, pace = find_fastest_pace(task, progress)
         task, stages, result, replay = trial.task, trial.stages, trial.result, trial.replay
