@@ -117,7 +117,7 @@ def run_one(drawn: Drawn) -> Row:
         return Row(**known | cpu | {"stage": WHOLE_BODY, "reasons": (*names,), "details": (str(stop),)})
     failed = [check for check in result.certificate.checks if not check.passed]
     with clock.run_stage(REPLAY, "physics") as tell:
-        replay = replay_motion(result, result.motion, tell)
+        replay = replay_motion(request, result.robot, result.motion, tell)
     reasons = [check.name for check in failed] or [remark.code for remark in replay.remarks]
     details = [
         f"{c.name} {c.value:.4g} {c.unit} (limit {c.limit:.4g}) {c.effector or ''} {c.time_s or 0.0:.2f} s"

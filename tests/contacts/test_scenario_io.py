@@ -10,6 +10,7 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import scenario_of, sequence_of
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.terrain import Box, Rail
+from stridelab.contacts.validation.validate import build_validated
 from stridelab.errors import InvalidInput
 from stridelab.schemas.scenarios import Scenario
 from support.robots.scenario_bodies import SHAPES
@@ -35,6 +36,12 @@ def same(a: ContactSequence, b: ContactSequence) -> None:
             assert (contact.surface, contact.friction, contact.kind) == (twin.surface, twin.friction, twin.kind)
             np.testing.assert_allclose(contact.placement.position_m, twin.placement.position_m)
             np.testing.assert_allclose(contact.placement.rotation, twin.placement.rotation, atol=1e-12)
+
+
+def test_a_validated_scenario_is_built_without_looking_for_faults() -> None:
+    for name, robot in (("stairs-with-rail", "talos"), ("stepping-stones-hrp2", "hrp2")):
+        scenario = Scenario.model_validate(BUNDLED[name]()).model_dump(mode="json")
+        same(build_validated(scenario, effector_shapes(robot)), sequence_of(scenario, effector_shapes(robot)))
 
 
 @pytest.mark.parametrize("name", BUNDLED)

@@ -124,6 +124,22 @@ def test_a_verdict_is_a_function_of_the_stance(check: StanceCheck) -> None:
     np.testing.assert_array_equal(fresh.q, first.q)
 
 
+def test_a_paused_search_goes_on_to_the_same_posture() -> None:
+    """Paused between all of its solves, and beside the search for another stance."""
+    robot = load_robot("talos")
+    check, fresh = StanceCheck(robot), StanceCheck(robot)
+    contacts, others = feet((0.25, -APART_M / 2 - 0.05)), feet((0.0, -APART_M / 2 + 0.03))
+    stance, other = (Stance(one, check.usual_com_m(one)) for one in (contacts, others))
+    pauses, result = 0, check.continue_search(stance, lambda: True)
+    while result is None:
+        pauses += 1
+        check.continue_search(other, lambda: True)
+        result = check.continue_search(stance, lambda: True)
+    assert pauses > 0
+    assert check.has_result(stance)
+    np.testing.assert_allclose(result.q, fresh.check_stance(stance).q, atol=1e-9)
+
+
 def test_an_effector_that_is_not_there_is_refused(check: StanceCheck) -> None:
     with pytest.raises(InvalidInput) as refusal:
         standing(check, feet((0.0, 0.1)) | {"third_hand": Placement.from_wxyz([0.0, 0.0, 1.0])})

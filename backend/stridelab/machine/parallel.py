@@ -144,7 +144,11 @@ class WorkBeside(Generic[Result]):
     @property
     def has_ended(self) -> bool:
         """Whether ``wait_for_result`` returns or raises at once."""
-        while self._message == {} and self._worker.pipe.poll():  # the first message is empty
+        return self.ends_within(0.0)
+
+    def ends_within(self, timeout_s: float) -> bool:
+        """Wait at most about ``timeout_s`` for the end; whether it has come."""
+        while self._message == {} and self._worker.pipe.poll(timeout_s):  # the first message is empty
             self._message = self._worker.receive_message()
         return self._message != {}
 

@@ -97,7 +97,7 @@ def try_motion(
         return MotionTrial(task, stages, result, reasons=reasons)
     try:
         with stages.run_stage(REPLAY, "simulating") as tell:
-            replay = replay_motion(result, motion, tell, watcher)
+            replay = replay_motion(task.input, result.robot, motion, tell, watcher)
     except InvalidInput as error:
         return MotionTrial(task, stages, result, reasons=(*reasons, error.message))
     replayed = result.summary(replay, stages).replay

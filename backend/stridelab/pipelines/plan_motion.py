@@ -133,8 +133,12 @@ class PlanWatcher:
     def on_plan(self, robot: Robot, sequence: ContactSequence) -> None:
         """The centroidal plan over ``sequence`` is solved."""
 
-    def on_pass(self) -> None:
-        """A motion of the whole body begins; a later one replaces it."""
+    def allocate(self, shape: tuple[int, ...]) -> np.ndarray:
+        """Zeros for an array of a motion of the whole body."""
+        return np.zeros(shape)
+
+    def on_pass(self, robot: Robot, motion: WholeBodyMotion) -> None:
+        """``motion`` of the whole body begins, and is filled as it is computed; a later one replaces it."""
 
     def on_samples(self, time_s: Series, q: Float[np.ndarray, "k nq"]) -> None:
         """Samples of that motion: times (s) and postures."""
@@ -200,15 +204,15 @@ def plan_motion(
     def follow_plan(
         robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, progress: ProgressCallback | None
     ) -> WholeBodyMotion:
-        watcher.on_pass()
-        return WholeBodyController().run(robot, sequence, plan, progress, watcher.on_samples)
+        begin = partial(watcher.on_pass, robot)
+        return WholeBodyController().run(robot, sequence, plan, progress, watcher.on_samples, begin, watcher.allocate)
 
     motion, certificate, stopped = None, None, None
     passes: tuple[Pass, ...] = ()
     if request.whole_body:
         try:
             with stages.run_stage(WHOLE_BODY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
-                clock = _motion_progress(tell, sequence.duration_s)
+                clock = motion_progress(tell, sequence.duration_s)
                 agreed = agree(robot, problem, plan, solve, follow_plan, clock)
                 plan, motion, passes = agreed.plan, agreed.motion, agreed.passes
         except WholeBodyStopped as stop:
@@ -238,9 +242,13 @@ def plan_scenario_motion(scenario: Scenario) -> WholeBodyMotion:
 
 
 def replay_motion(
-    result: MotionResult, motion: WholeBodyMotion, progress: ProgressCallback, watcher: PlanWatcher = IGNORED
+    request: PlanMotionInput,
+    robot: Robot,
+    motion: WholeBodyMotion,
+    progress: ProgressCallback,
+    watcher: PlanWatcher = IGNORED,
 ) -> "Replay":
-    """Replay ``motion`` of ``result`` in a physics simulation, with the disturbances of the request.
+    """Replay ``motion`` of ``robot`` in a physics simulation, with the disturbances of the request.
 
     A plan that is left for a recovery is resumed (``resume_plan``).
     """
@@ -248,14 +256,14 @@ def replay_motion(
     from stridelab.pipelines.replays.resume_plan import PlanResumer
     from stridelab.wholebody.replay.replay import PhysicsReplay
 
-    sequence, asked = result.plan.sequence, result.request.replay
+    sequence, asked = motion.sequence, request.replay
     options = asked if isinstance(asked, ReplayOptions) else ReplayOptions()
-    clock = _motion_progress(progress, sequence.duration_s)
-    observe, disturbed = observer_of(options, result.robot), disturbances_of(options)
+    clock = motion_progress(progress, sequence.duration_s)
+    observe, disturbed = observer_of(options, robot), disturbances_of(options)
     resume = PlanResumer(sequence, plan_scenario_motion)
     physics = PhysicsReplay(expected_delay_s=options.expected_delay_s)
     watch = watcher.on_replay_samples
-    return physics.run(result.robot, sequence, motion, clock, observe, disturbed, watch=watch, resume=resume)
+    return physics.run(robot, sequence, motion, clock, observe, disturbed, watch=watch, resume=resume)
 
 
 def stage_shares(request: PlanMotionInput) -> dict[str, float]:
@@ -267,18 +275,18 @@ def stage_shares(request: PlanMotionInput) -> dict[str, float]:
     return shares | {EXPORT: 4.0 if request.whole_body else 0.3}
 
 
-def _solver_again(plan: CentroidalPlan) -> SolverChoice:
-    """The solver that found a plan, for problems that differ little: no other one is tried."""
-    return "native" if plan.solver == "native" else "fatrop" if plan.solver == "fatrop" else "ipopt"
-
-
-def _motion_progress(progress: ProgressCallback, duration_s: float) -> ProgressCallback:
+def motion_progress(progress: ProgressCallback, duration_s: float) -> ProgressCallback:
     """Progress callback of a stage over the motion: reports the percentage and the time of the motion."""
 
     def report_time(fraction: float, _message: str) -> None:
         progress(fraction, f"{100 * fraction:.0f} %, {fraction * duration_s:.1f} of {duration_s:.1f} s")
 
     return report_time
+
+
+def _solver_again(plan: CentroidalPlan) -> SolverChoice:
+    """The solver that found a plan, for problems that differ little: no other one is tried."""
+    return "native" if plan.solver == "native" else "fatrop" if plan.solver == "fatrop" else "ipopt"
 
 
 def _citation_keys(plan: CentroidalPlan, request: PlanMotionInput) -> tuple[str, ...]:

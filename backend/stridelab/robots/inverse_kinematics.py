@@ -173,6 +173,8 @@ class _Problem:
         self.model, self._frames = with_contact_frames(robot)
         self._data = self.model.createData()
         self._targets = {name: (to_se3(p), robot.effectors[name].kind) for name, p in placements.items()}
+        self._has_points = any(kind == "point" for _, kind in self._targets.values())
+        self._most, self._no_rows = np.full(self.model.nv, _MAX_STEP), np.zeros((0, self.model.nv))
         self._com_m, self._room, self._apart, self._joints = com_m, com_region, separation, robot.joint_names
         groups = [_GROUP_WEIGHTS[robot.group[joint]] for joint in robot.joint_names]
         self._weights = np.array([0.0, 0.0, 0.0, _BASE_WEIGHT, _BASE_WEIGHT, _BASE_WEIGHT, *groups])
@@ -198,10 +200,10 @@ class _Problem:
                 e.append(pin.log3(target.rotation @ here.rotation.T))
                 J.append(J_frame[3:])
         if self._room is None:
-            return np.concatenate([*e, self._com_m - data.com[0]]), np.vstack([*J, J_com])
+            return np.concatenate([*e, self._com_m - data.com[0]]), np.concatenate([*J, J_com])
         violated = self._room.A @ data.com[0] > self._room.b
         A, b = self._room.A[violated], self._room.b[violated]
-        return np.concatenate([*e, b - A @ data.com[0]]), np.vstack([*J, A @ J_com])
+        return np.concatenate([*e, b - A @ data.com[0]]), np.concatenate([*J, A @ J_com])
 
     def solve(self, posture: Float[np.ndarray, "nq"], schedule: _Schedule) -> IkResult:
         """Iterate from ``posture``, which is also the target of the posture task."""
@@ -225,13 +227,13 @@ class _Problem:
     ) -> np.ndarray:
         """The bounded least-squares step ``(nv,)`` for the errors and their Jacobian at ``q``."""
         nv = self.model.nv
-        h, H_hand = self._point_orientation_errors(q)
         w = posture_weight * self._weights
         s_h = posture_weight * _HAND_WEIGHT
         P = J.T @ J
-        P[np.diag_indices(nv)] += w + _DAMPING
+        P.reshape(-1)[:: nv + 1] += w + _DAMPING
         c = -J.T @ e - w * pin.difference(self.model, q, posture)
-        if s_h > 0.0 and len(h):
+        if s_h > 0.0 and self._has_points:
+            h, H_hand = self._point_orientation_errors()
             P += s_h * H_hand.T @ H_hand
             c -= s_h * H_hand.T @ h
         if self._apart is not None and posture_weight > 0.0:
@@ -242,27 +244,25 @@ class _Problem:
             J_com, s_c = self._data.Jcom, posture_weight * _COM_WEIGHT
             P += s_c * J_com.T @ J_com
             c -= s_c * J_com.T @ (self._com_m - self._data.com[0])
-        upper, lower = np.full(nv, _MAX_STEP), np.full(nv, -_MAX_STEP)
-        upper[6:] = np.minimum(upper[6:], self.upper - q[7:])
-        lower[6:] = np.maximum(lower[6:], self.lower - q[7:])
-        dq, _, flag, _ = daqp.solve(P, c, np.zeros((0, nv)), upper, lower)
+        upper, lower = self._most.copy(), -self._most
+        np.minimum(upper[6:], self.upper - q[7:], out=upper[6:])
+        np.maximum(lower[6:], self.lower - q[7:], out=lower[6:])
+        dq, _, flag, _ = daqp.solve(P, c, self._no_rows, upper, lower)
         if flag < 1:  # 0 is feasible, so this convex quadratic program fails only by rounding
             return np.zeros(nv)
         return np.asarray(dq)
 
-    def _point_orientation_errors(
-        self, q: Float[np.ndarray, "nq"]
-    ) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
-        """Orientation errors of the point contacts and their Jacobian, after ``stacked_errors`` at the same ``q``."""
-        h: list[np.ndarray] = [np.zeros(0)]
-        H: list[np.ndarray] = [np.zeros((0, self.model.nv))]
+    def _point_orientation_errors(self) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
+        """Orientation errors of the point contacts and their Jacobian at the ``q`` of the last ``stacked_errors``."""
+        h: list[np.ndarray] = []
+        H: list[np.ndarray] = []
         for name, (target, kind) in self._targets.items():
             if kind == "point":
                 here = self._data.oMf[self._frames[name]]
                 h.append(pin.log3(target.rotation @ here.rotation.T))
                 J = pin.getFrameJacobian(self.model, self._data, self._frames[name], pin.LOCAL_WORLD_ALIGNED)
                 H.append(J[3:])
-        return np.concatenate(h), np.vstack(H)
+        return np.concatenate(h), np.concatenate(H)
 
     def result_at(self, q: Float[np.ndarray, "nq"], tolerance: float) -> IkResult:
         """The result at ``q`` with the errors of every target."""

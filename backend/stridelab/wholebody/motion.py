@@ -1,5 +1,12 @@
-"""The whole-body motion of the task hierarchy, and the error for a plan that the body cannot follow to its end."""
+"""The whole-body motion of the task hierarchy, and the error for a plan that the body cannot follow to its end.
 
+A motion can be used while it is computed: its arrays are in memory that two processes share (``shared_zeros``), and
+``MotionArrival`` waits for the samples that are not there yet.
+"""
+
+import math
+import mmap
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -28,6 +35,7 @@ class WholeBodyMotion:
     ``q`` ``(n, nq)``, ``v`` and ``a`` ``(n, nv)``, ``tau_nm`` ``(n, nv - 6)``; ``forces_n`` per effector the
     world-frame force on each contact point ``(n, k, 3)``, zero without contact, acting at ``points_m``
     ``(k, 3)`` of the contact frame. ``com_m`` and ``l_nms`` are those of ``q, v``; the references those of the plan.
+    With ``arrival``, samples that have not arrived are zero.
     """
 
     sequence: ContactSequence
@@ -47,6 +55,38 @@ class WholeBodyMotion:
     l_reference_nms: Float[np.ndarray, "n 3"]
     failures: tuple[SolverFailure, ...]
     solve_time_s: float
+    arrival: "MotionArrival | None" = None
+
+
+class MotionArrival:
+    """The arrival of a motion of ``total`` samples that another process computes; ``arrived`` are there.
+
+    ``receive`` waits for news and returns the number of samples then. ``waited_s`` is the time spent so.
+    """
+
+    def __init__(self, total: int, arrived: int, receive: Callable[[], int]) -> None:
+        self.total, self.arrived, self.waited_s = total, arrived, 0.0
+        self._receive = receive
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all samples are there."""
+        return self.arrived >= self.total
+
+    def wait_for_samples(self, number: int) -> None:
+        """Wait until the first ``number`` samples, or all of them, are there."""
+        if self.arrived >= min(number, self.total):
+            return
+        started = time.perf_counter()
+        while self.arrived < min(number, self.total):
+            self.arrived = self._receive()
+        self.waited_s += time.perf_counter() - started
+
+
+def shared_zeros(shape: tuple[int, ...]) -> Float[np.ndarray, "..."]:
+    """Zeros in memory that processes forked from this one share with it."""
+    memory = mmap.mmap(-1, max(1, 8 * math.prod(shape)))
+    return np.frombuffer(memory, dtype=float, count=math.prod(shape)).reshape(shape)
 
 
 MotionWatcher = Callable[[Float[np.ndarray, "k"], Float[np.ndarray, "k nq"]], None]

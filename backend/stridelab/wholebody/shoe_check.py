@@ -63,22 +63,23 @@ def _overlaps(robot: Robot, sequence: ContactSequence) -> Iterator[Fault]:
 def _close_steps(robot: Robot, sequence: ContactSequence) -> Iterator[Fault]:
     """Faults of shoes that stand too near to a box that does not carry them; each contact once."""
     own = OwnSurfaces(sequence, robot.effectors)
-    boxes = [surface for surface in sequence.terrain.surfaces if isinstance(surface, Box)]
+    boxes = [(box.name, terrain_shape(box)) for box in sequence.terrain.surfaces if isinstance(box, Box)]
+    shoes = {name: _shoe_shapes(robot, name) for name in _soles(robot)}
     seen: set[int] = set()
     for phase, contacts in enumerate(part.contacts for part in sequence.phases):
-        for name in sorted(contacts.keys() & _soles(robot).keys()):
+        for name in sorted(contacts.keys() & shoes.keys()):
             if id(contacts[name]) in seen:
                 continue
             seen.add(id(contacts[name]))
-            shoe, carriers = _placed(_shoe_shapes(robot, name), contacts[name]), own.contact_surfaces(name, phase)
-            for box in boxes:
-                if box.name in carriers:
+            shoe, carriers = _placed(shoes[name], contacts[name]), own.contact_surfaces(name, phase)
+            for box_name, box in boxes:
+                if box_name in carriers:
                     continue
-                distance_m = min((_distance_m(shape, terrain_shape(box)) for shape in shoe), default=1.0)
+                distance_m = min((_distance_m(shape, box) for shape in shoe), default=1.0)
                 if distance_m < LEG_CLEARANCE_M - _ROUNDING_M:
                     yield Fault(
                         f"phases[{phase}].contacts[{name}]",
-                        f"its shoe is {1000 * distance_m:.1f} mm from {box.name!r}; {1000 * LEG_CLEARANCE_M:g} mm are "
+                        f"its shoe is {1000 * distance_m:.1f} mm from {box_name!r}; {1000 * LEG_CLEARANCE_M:g} mm are "
                         "required",
                     )
 

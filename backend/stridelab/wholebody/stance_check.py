@@ -13,7 +13,7 @@ The check does not cover the motion between stances: the plan verifies speeds, t
 """
 
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -44,6 +44,8 @@ SPREAD_RAD: Final = 0.25
 LIFT_M: Final = 0.06
 """Height of a swinging foot above the higher of its two contacts."""
 CACHE_SIZE: Final = 4096
+MAX_PAUSED: Final = 16
+"""Number of unfinished searches that can be continued."""
 FAULT_SHARE: Final = 0.3
 """Contacts with less than this share of the largest error are not reported as the cause."""
 MIN_REPORTED_ERROR_M: Final = 5e-4
@@ -117,6 +119,7 @@ class StanceCheck:
         )
         self._collision = SelfCollision.for_robot(robot)
         self._cache: OrderedDict[tuple[object, ...], StanceResult] = OrderedDict()
+        self._paused: OrderedDict[tuple[object, ...], Generator[None, None, StanceResult]] = OrderedDict()
         self._soles = tuple(name for name, one in robot.effectors.items() if one.kind == "surface")
         self._shapes = effector_shapes(robot.name)
         data = robot.model.createData()
@@ -135,16 +138,35 @@ class StanceCheck:
 
     def check_stance(self, stance: Stance) -> StanceResult:
         """Check ``stance``. Raises ``InvalidInput`` (``effector-unknown``)."""
+        result = self.continue_search(stance, lambda: False)
+        if result is None:
+            raise AssertionError("a search without an end has a result")
+        return result
+
+    def continue_search(self, stance: Stance, is_over: Callable[[], bool]) -> StanceResult | None:
+        """Check ``stance`` until ``is_over``, which is asked between two solves, of about 10 ms each.
+
+        None if there is no result until then; the search goes on in the next call with the same stance. Raises as
+        ``check_stance``.
+        """
         key = stance.cache_key()
         result = self._cache.get(key)
         if result is None:
-            result = self._cache[key] = self._search_posture(stance)
+            search = self._paused.pop(key, None) or self._search_posture(stance)
+            result = _advance_search(search, is_over)
+            if result is None:
+                self._paused[key] = search
+                if len(self._paused) > MAX_PAUSED:
+                    self._paused.popitem(last=False)
+                return None
+            self._cache[key] = result
             if len(self._cache) > CACHE_SIZE:
                 self._cache.popitem(last=False)
         self._cache.move_to_end(key)
         return result
 
-    def _search_posture(self, stance: Stance) -> StanceResult:
+    def _search_posture(self, stance: Stance) -> Generator[None, None, StanceResult]:
+        """Search for a posture; can be paused before every solve but the first."""
         room = self._com_region(stance)
         best_miss: IkResult | None = None
         best_collision: tuple[IkResult, tuple[int, ...]] | None = None
@@ -156,6 +178,8 @@ class StanceCheck:
             placements, q_start = attempt.placements, attempt.q_start
             separated: tuple[int, ...] = ()
             for _ in range(1 + MAX_SEPARATIONS):
+                if solves:
+                    yield
                 separation = PairSeparation(self.robot, self._collision.hulls, separated) if separated else None
                 posture = stand_in_com_region(
                     self.robot, placements, room, attempt.com_m, q_start, self._margins_rad, separation
@@ -259,6 +283,18 @@ class StanceCheck:
         model = self.robot.model
         joint = model.frames[model.getFrameId(self.robot.effectors[name].frame)].parentJoint
         return {str(model.names[j]) for j in model.supports[joint]}
+
+
+def _advance_search(search: Generator[None, None, StanceResult], is_over: Callable[[], bool]) -> StanceResult | None:
+    """Advance a search to its end, or until ``is_over``."""
+    while True:
+        try:
+            next(search)
+        except StopIteration as end:
+            result: StanceResult = end.value
+            return result
+        if is_over():
+            return None
 
 
 def mid_swing_placement(before: Placement | None, after: Placement | None) -> Placement | None:

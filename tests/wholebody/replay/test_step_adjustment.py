@@ -148,3 +148,46 @@ def test_a_push_just_before_a_foot_lifts_is_survived_by_waiting_and_not_without(
     ]
     assert [one.completed for one in result] == [True, False]
     assert result[0].time_s[-1] > motion.time_s[-1] + 1.0, "it took longer than planned"
+
+
+def test_the_reach_of_a_motion_that_arrives_is_a_lower_bound(
+    talos: Robot, two_steps: tuple[ContactSequence, CentroidalPlan, WholeBodyMotion]
+) -> None:
+    """What lies ahead adds to the reach; everything else of a sample depends on that sample alone."""
+    motion = two_steps[2]
+    half = {name: ankle.half_size_m for name, ankle in ankles_of(talos).items()}
+    whole = Capturability.of_motion(motion, half, 0.0)
+    part = Capturability.of_motion(motion, half, 0.0, first=100, known=500)
+    known = slice(100, 500)
+    assert (whole.is_exact, part.is_exact) == (True, False)
+    assert np.all(part.reach_m[known] <= whole.reach_m[known])
+    assert np.all(part.reach_m[490:500] < 0.5 * whole.reach_m[490:500])
+    np.testing.assert_allclose(part.reach_m[100:125], whole.reach_m[100:125], atol=0.002)
+    for name in ("directions", "capture_m", "capture_edge_m", "edge_m", "pressure_m", "rate_per_s"):
+        np.testing.assert_allclose(getattr(part, name)[known], getattr(whole, name)[known], atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize(("aside_m", "waits"), [(0.0, False), (0.03, False), (0.2, True)])
+def test_a_clock_waits_for_the_whole_motion_where_its_reach_may_be_exceeded(
+    talos: Robot,
+    two_steps: tuple[ContactSequence, CentroidalPlan, WholeBodyMotion],
+    aside_m: float,
+    waits: bool,
+) -> None:
+    motion = two_steps[2]
+    half = {name: ankle.half_size_m for name, ankle in ankles_of(talos).items()}
+    whole, waited = Capturability.of_motion(motion, half, 0.0), []
+
+    def complete() -> Capturability:
+        waited.append(1)
+        return whole
+
+    part = Capturability.of_motion(motion, half, 0.0, first=0, known=400)
+    known, unknown = (AdaptiveClock(Stepping(), one, motion.rate_hz, complete) for one in (whole, part))
+    places = {name: np.array([0.0, y, 0.0]) for name, y in (("left_foot", 0.09), ("right_foot", -0.09))}
+    for clock in (known, unknown):
+        clock.update_rate(whole.capture_m[0] + np.array([0.0, aside_m]), places, dict.fromkeys(places, 1.0))
+    assert bool(waited) == waits
+    assert unknown.excess_m == known.excess_m
+    assert unknown.rate == known.rate
+    assert (known.excess_m > 0.0) == waits

@@ -113,6 +113,12 @@ def validate_and_build(
     return report, _build_sequence(draft, stances) if report.valid else None
 
 
+def build_validated(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -> ContactSequence:
+    """The contact sequence of a scenario that has been validated: faults are not looked for again."""
+    draft = parse_scenario(scenario, effectors)
+    return _build_sequence(draft, contacts_on_surfaces(draft, effectors))
+
+
 def validate_quickly(
     scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]
 ) -> tuple[tuple[Fault, ...], ContactSequence | None]:

@@ -24,11 +24,11 @@ def chunk_name(number: int) -> str:
 
 
 class PartialWriter:
-    """Writes the parts of one computation below ``folder``."""
+    """Writes the parts of one computation below ``folder``; ``next_number`` is that of the next one."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder / PARTIAL_FOLDER
-        self._number = 0
+        self.next_number = 1
         self._is_open = self._folder.is_dir()
 
     @property
@@ -43,10 +43,10 @@ class PartialWriter:
         part = self._folder / ".part"
         try:
             part.write_text(chunk.model_dump_json(), encoding="utf-8")
-            part.replace(self._folder / chunk_name(self._number + 1))
+            part.replace(self._folder / chunk_name(self.next_number))
         except OSError:
             self._is_open = False
             with contextlib.suppress(OSError):
                 part.unlink(missing_ok=True)
             return
-        self._number += 1
+        self.next_number += 1

@@ -64,13 +64,14 @@ def touch_downs(
     landing, angle, speed, drift = (np.full(shape, -np.inf) for _ in range(4))
     for column, name in enumerate(names):
         points, is_surface = recomputed.contact_points_m[name], robot.effectors[name].kind == "surface"
-        touch_down_m = None
+        touch_down: int | None = None
+        landed = np.full(shape[0], -1)  # the sample of the touch-down, after it
         for i in range(shape[0]):
             contact = sequence.phases[recomputed.phase[i]].contacts.get(name)
             if contact is None:
-                touch_down_m = None
-            elif touch_down_m is None:
-                touch_down_m = points[i]
+                touch_down = None
+            elif touch_down is None:
+                touch_down = i
                 planned_m = contact.placement.act(motion.points_m[name])
                 landing[i, column] = np.linalg.norm(points[i] - planned_m, axis=1).max()
                 if is_surface:
@@ -79,7 +80,9 @@ def touch_downs(
                     travelled_m = np.linalg.norm(points[i] - points[i - 1], axis=1).max()
                     speed[i, column] = travelled_m * motion.rate_hz
             else:
-                drift[i, column] = np.linalg.norm(points[i] - touch_down_m, axis=1).max()
+                landed[i] = touch_down
+        stays = landed >= 0
+        drift[stays, column] = np.linalg.norm(points[stays] - points[landed[stays]], axis=2).max(axis=1, initial=0.0)
     return (
         worst.at_most("landing_error_max", landing, "m", LANDING_ERROR_M, names),
         worst.at_most("landing_angle_max", angle, "rad", LANDING_ANGLE_RAD, names),

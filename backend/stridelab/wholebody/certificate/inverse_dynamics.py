@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Points, Series, Vector3, g
+from stridelab.dynamics.spatial import length_of
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -42,7 +43,8 @@ class Recomputed:
 
 def phase_of_samples(sequence: ContactSequence, time_s: Series) -> Int[np.ndarray, "n"]:
     """Contact phase of every sample; a boundary belongs to the following phase."""
-    return np.array([sequence.phase_at(float(t) + 1e-9) for t in time_s])
+    following = np.searchsorted(sequence.ends_s, time_s + 1e-9, side="right")
+    return np.minimum(following, len(sequence.phases) - 1)
 
 
 def recompute_dynamics(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) -> Recomputed:
@@ -73,7 +75,7 @@ def recompute_dynamics(robot: Robot, sequence: ContactSequence, motion: WholeBod
             moment_gap = moment_gap - _total_moment(p - com[i], f)
             joint = model.frames[frames[name]].parentJoint
             external[joint] = external[joint] + data.oMi[joint].actInv(pin.Force(total, _total_moment(p, f)))
-        newton_euler[i] = max(np.linalg.norm(force_gap), np.linalg.norm(moment_gap))
+        newton_euler[i] = max(length_of(force_gap), length_of(moment_gap))
         torque_gap[i] = pin.rnea(model, data, q, v, a, external)[6:] - motion.tau_nm[i]
         if i:
             step = dt * motion.v[i - 1] + 0.5 * dt**2 * motion.a[i - 1]

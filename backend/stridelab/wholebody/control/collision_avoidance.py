@@ -89,10 +89,12 @@ class CollisionAvoidance:
         n = self._normals = _contact_normals(near)
         # n' J_p of a point p: the wrench of n at p times the columns of the joints that move p
         (x, y, z), (n_x, n_y, n_z) = near.p_1_m.T, n.T
-        wrench = np.column_stack([n, y * n_z - z * n_y, z * n_x - x * n_z, x * n_y - y * n_x])
+        wrench = np.empty((len(n), 6))
+        wrench[:, :3] = n
+        wrench[:, 3], wrench[:, 4], wrench[:, 5] = y * n_z - z * n_y, z * n_x - x * n_z, x * n_y - y * n_x
         self._J = wrench @ body.J * pairs.sign[near.pair]
         apart_m, acts_m = scale * settings.apart_m, scale * settings.acts_m
-        self._inside = np.clip(1.0 - d / apart_m, 0.0, 1.0)
+        self._inside = np.minimum(np.maximum(1.0 - d / apart_m, 0.0), 1.0)
         self._nearness = np.minimum(1.0, (acts_m - d) / (acts_m - apart_m))
         approach_m_s = np.maximum(0.0, -(self._J @ body.v))
         firm = np.minimum(1.0 / scale, settings.firmest)

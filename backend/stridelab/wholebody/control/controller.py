@@ -13,6 +13,7 @@ error.
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -60,16 +61,22 @@ class WholeBodyController:
         plan: CentroidalPlan,
         progress: Progress | None = None,
         watch: MotionWatcher | None = None,
+        begin: Callable[[WholeBodyMotion], None] | None = None,
+        allocate: Callable[[tuple[int, ...]], np.ndarray] = np.zeros,
     ) -> WholeBodyMotion:
         """Follow ``plan`` over ``sequence``; deterministic. ``watch`` receives the samples as they are solved.
+
+        ``begin`` receives the motion before its first sample; its arrays, which ``allocate`` has made, are filled then.
 
         Raises ``InvalidInput`` (``sample-time``) if the sequence is shorter than a sample, ``NotEstimable``
         (``stance-unreachable``) if no posture stands on the first contacts, and ``WholeBodyStopped`` with time, phase,
         the violated level, the exhausted limits and the motion until then.
         """
         started = time.process_time()
-        run = _ControllerRun(self, robot, sequence, plan)
+        run = _ControllerRun(self, robot, sequence, plan, allocate)
         n = len(run.times)
+        if begin is not None:
+            begin(run.recorded_motion(0.0))
         for i in range(n):
             run.run_sample(i)
             if progress is not None and i % _REPORT_SAMPLES == 0:
@@ -88,7 +95,12 @@ class _ControllerRun:
     """State of one run."""
 
     def __init__(
-        self, controller: WholeBodyController, robot: Robot, sequence: ContactSequence, plan: CentroidalPlan
+        self,
+        controller: WholeBodyController,
+        robot: Robot,
+        sequence: ContactSequence,
+        plan: CentroidalPlan,
+        allocate: Callable[[tuple[int, ...]], np.ndarray],
     ) -> None:
         self._controller, self._robot, self._sequence, self._plan = controller, robot, sequence, plan
         n = round(sequence.duration_s * controller.rate_hz) + 1
@@ -112,8 +124,8 @@ class _ControllerRun:
         self._points = {name: robot.effectors[name].points_m(margin) for name in sequence.effectors}
         self._last = _Solution(np.zeros(nv), {})
         widths = {"q": robot.model.nq, "v": nv, "a": nv, "tau_nm": nv - 6, **dict.fromkeys(_CENTROIDAL, 3)}
-        self._record = {name: np.zeros((n, width)) for name, width in widths.items()}
-        self._forces = {name: np.zeros((n, len(points), 3)) for name, points in self._points.items()}
+        self._record = {name: allocate((n, width)) for name, width in widths.items()}
+        self._forces = {name: allocate((n, len(points), 3)) for name, points in self._points.items()}
         self._reported = 0
 
     def run_sample(self, i: int) -> None:
@@ -168,6 +180,7 @@ class _ControllerRun:
             points_m=self._points,
             failures=tuple(self._failures),
             solve_time_s=solve_time_s,
+            arrival=None,
             **{name: values[:n] for name, values in self._record.items()},
         )
 
@@ -216,7 +229,7 @@ class _ControllerRun:
     def _check_divergence(self, i: int, com_reference_m: Vector3) -> None:
         """Stop the run if the state has diverged from the plan."""
         speed = np.abs(self._v[6:])
-        if not np.all(np.isfinite(self._v)) or speed.max() > _MAX_SPEED_RAD_S:
+        if not (speed.max() <= _MAX_SPEED_RAD_S and np.isfinite(self._v[:6]).all()):  # NaN is not below either
             joint = self._robot.joint_names[int(np.argmax(np.nan_to_num(speed, nan=np.inf)))]
             raise self._stop_error(i, f"{joint} moves at more than {_MAX_SPEED_RAD_S:g} rad/s", 0, [joint])
         away_m = math.dist(self._body.com_m.tolist(), com_reference_m.tolist())

@@ -151,7 +151,7 @@ class PhaseHierarchy:
         if self._avoidance is not None:
             self._avoidance.update(body)
         J = [force_jacobian(body.frame_state(name), points) for name, points in self._points.items()]
-        J_f = np.vstack(J) if J else np.zeros((0, nv))
+        J_f = np.concatenate(J) if J else np.zeros((0, nv))
         return self._level_0(J_f), [self._level_1(instant), self._level_2(instant)], self._inequality_rows(J_f)
 
     def torques_nm(self, z: Float[np.ndarray, "nz"]) -> Angles:
@@ -178,11 +178,11 @@ class PhaseHierarchy:
             tasks.contact_task(body.frame_state(name), contact.placement, self._surface[name], self._settings.contact)
             for name, contact in self._contacts.items()
         ]
-        A = np.zeros((6 + sum(len(r.b) for r in rows), self._nz))
+        A = np.zeros((6 + sum([len(r.b) for r in rows]), self._nz))
         A[:6, :nv] = body.M[:6]
         A[:6, nv:] = -J_f[:, :6].T
         if rows:
-            A[6:, :nv] = np.vstack([r.A for r in rows])
+            np.concatenate([r.A for r in rows], out=A[6:, :nv])
         return Rows(A, np.concatenate([-body.h[:6], *(r.b for r in rows)]))
 
     def _level_1(self, instant: SampleTargets) -> Rows:

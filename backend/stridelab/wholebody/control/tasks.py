@@ -115,7 +115,7 @@ def range_task(
     away = np.where(to_lower < to_upper, 1.0, -1.0)
     distance = np.minimum(to_lower, to_upper)
     nearest = np.minimum(distance, distance + RANGE_AHEAD_S * away * v)
-    weights = np.clip(1.0 - nearest / acts_rad, 0.0, 1.0) ** 2
+    weights = np.minimum(np.maximum(1.0 - nearest / acts_rad, 0.0), 1.0) ** 2
     A = np.zeros((len(at), body.model.nv))
     A[np.arange(len(at)), at] = away
     return weights, Rows(A, gain.kp * np.maximum(0.0, acts_rad - distance) - gain.kd * away * v)
@@ -137,7 +137,7 @@ def _select_last(n: int, before: int) -> Float[np.ndarray, "n m"]:
 
 def stack_weighted(weighted: list[tuple[Weight, Rows]], nz: int) -> Rows:
     """Stack rows multiplied by their weights (one per task or per row), padded with zero columns to ``nz``."""
-    m = sum(len(rows.b) for _, rows in weighted)
+    m = sum([len(rows.b) for _, rows in weighted])
     A, b = np.zeros((m, nz)), np.empty(m)
     at = 0
     for weight, rows in weighted:

@@ -37,6 +37,9 @@ class Capturability:
     ``reach_m`` is C, ``weight`` W of every sole, ``capture_m`` the planned capture point, ``capture_distance_m`` its
     distance from the CoM, ``pressure_m`` the planned centre of pressure, ``rate_per_s`` w. ``touches`` is 1 while a
     sole is in contact.
+
+    Of a motion that is still being computed there are the samples from ``first`` to ``known``. Their ``reach_m`` is a
+    lower bound, as no distance is negative, and ``weight`` is zero.
     """
 
     directions: Float[np.ndarray, "n 4 2"]
@@ -49,18 +52,32 @@ class Capturability:
     pressure_m: Float[np.ndarray, "n 2"]
     rate_per_s: Series
     in_contact: Mapping[str, Int[np.ndarray, "n"]]
+    known: int
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether all samples are known."""
+        return self.known == len(self.rate_per_s)
 
     @staticmethod
-    def of_motion(motion: WholeBodyMotion, half_size_m: Sizes, inside_m: float) -> "Capturability":
-        """From ``half_size_m`` of all soles; the centre of pressure keeps ``inside_m`` from their edges."""
+    def of_motion(
+        motion: WholeBodyMotion, half_size_m: Sizes, inside_m: float, first: int = 0, known: int | None = None
+    ) -> "Capturability":
+        """From ``half_size_m`` of all soles; the centre of pressure keeps ``inside_m`` from their edges.
+
+        With ``known`` below the number of samples, those from ``first`` to ``known``.
+        """
         n, sequence, heading = len(motion.time_s), motion.sequence, Heading.of_sequence(motion.sequence)
+        known = n if known is None else known
+        first = 0 if known == n else first
         towards, pressure_margin, stand = np.zeros((n, 4, 2)), np.zeros((n, 4)), np.zeros((n, 4))
         c, v = motion.com_reference_m, motion.com_v_reference_m_s
         pressure, capture, w = c[:, :2].copy(), c[:, :2].copy(), np.ones(n)
         share = {name: np.zeros(n) for name in half_size_m}
         touches = {name: np.zeros(n, dtype=int) for name in half_size_m}
-        phase = np.array([sequence.phase_at(float(t) + 1e-9) for t in motion.time_s])
-        for k in np.unique(phase):
+        phase = np.full(n, -1)
+        phase[first:known] = [sequence.phase_at(float(t) + 1e-9) for t in motion.time_s[first:known]]
+        for k in np.unique(phase[first:known]):
             inside = phase == k
             x, y = heading.orientation_at(int(k), float(sequence.starts_s[k]))[0][:2, :2].T
             towards[inside] = [x, y, -x, -y]
@@ -82,9 +99,10 @@ class Capturability:
             )
         pressure_reach = np.maximum(pressure_margin, 0.0)
         decay = np.exp(-w / motion.rate_hz)
-        reach = _discounted_integral(pressure_reach, decay, np.zeros(n, dtype=bool))
-        weight = {}
-        for name, load_share in share.items():
+        until = n if known == n else known + 1  # one sample more: the integral begins with what is zero there
+        part, reach, weight = slice(first, until), np.zeros((n, 4)), {name: np.zeros(n) for name in share}
+        reach[part] = _discounted_integral(pressure_reach[part], decay[part], np.zeros(until - first, dtype=bool))
+        for name, load_share in share.items() if known == n else ():
             lifts = np.append((touches[name][:-1] == 1) & (touches[name][1:] == 0), False)
             weight[name] = _discounted_integral(load_share, decay, lifts)
         edge, stand = (
@@ -92,7 +110,7 @@ class Capturability:
             for distance, at in ((pressure_margin, pressure), (stand, capture))
         )
         moving = np.linalg.norm(capture - c[:, :2], axis=1)
-        return Capturability(towards, edge, stand, reach, weight, capture, moving, pressure, w, touches)
+        return Capturability(towards, edge, stand, reach, weight, capture, moving, pressure, w, touches, known)
 
     def touch_down(self, sole: str, i: int) -> int:
         """First sample in contact of a sole that swings at ``i``."""

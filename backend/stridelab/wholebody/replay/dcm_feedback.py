@@ -13,6 +13,7 @@ one to the other: of a grid of load shares, the one is used whose total shift is
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -83,7 +84,7 @@ class CapturePointFeedback:
                 min(max(planned + sign * self.transfer, _MIN_LOAD_SHARE), 1.0 - _MIN_LOAD_SHARE) for sign in (-1.0, 1.0)
             )
             shares = np.empty(1 + _N_SHARES)
-            shares[0], shares[1:] = planned, np.linspace(min(least, planned), max(most, planned), _N_SHARES)
+            shares[0], shares[1:] = planned, _even_shares(min(least, planned), max(most, planned))
             sole_offset = (_pressure_m(a) - _pressure_m(b))[:2]
             rest = shift_m - (shares - planned)[:, None] * sole_offset
             shifts = [self._clip_to_sole(rest, sole, half_size_m[name]) for name, sole in soles.items()]
@@ -100,6 +101,14 @@ class CapturePointFeedback:
         half = np.array(half_size_m) - self.edge_m
         low, high = np.minimum(-half - sole.pressure_m, 0.0), np.maximum(half - sole.pressure_m, 0.0)
         return np.asarray(np.minimum(np.maximum(shift_m @ sole.rotation[:2, :2], low), high))
+
+
+@lru_cache(maxsize=8)
+def _even_shares(least: float, most: float) -> Float[np.ndarray, "n"]:
+    """``_N_SHARES`` shares from ``least`` to ``most``, which are nearly always the same."""
+    shares = np.linspace(least, most, _N_SHARES)
+    shares.flags.writeable = False
+    return shares
 
 
 def _pressure_m(sole: Sole) -> Vector3:

@@ -40,6 +40,7 @@ class PhysicsReplay(ReplayControl):
     ) -> Replay:
         """Replay ``motion`` with the given disturbances and hold its last posture.
 
+        A motion that is still being computed (``motion.arrival``) is followed as it arrives, with the same result.
         ``watch`` receives the samples as they are simulated. With ``resume``, a plan that was left for a recovery is
         resumed once the robot rests; no time passes in the simulation while it is planned. Without, the replay ends
         there.
@@ -57,7 +58,8 @@ class PhysicsReplay(ReplayControl):
             if watch is not None and (stepper.samples - watched >= PROGRESS_INTERVAL or stepper.has_ended):
                 watch(*stepper.log.samples_from(watched))
                 watched = stepper.samples
-        return stepper.to_replay(time.perf_counter() - started)
+        waited_s = 0.0 if motion.arrival is None else motion.arrival.waited_s
+        return stepper.to_replay(time.perf_counter() - started - waited_s)
 
 
 def replay_with_defaults(

@@ -15,7 +15,7 @@ from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.conventions import GRAVITY_M_S2, Angles, Series, Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.limb_kinematics import LimbKinematics
-from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.motion import MotionArrival, WholeBodyMotion
 from stridelab.wholebody.replay.capturability import Capturability
 from stridelab.wholebody.replay.dcm_feedback import (
     CapturePointFeedback,
@@ -31,6 +31,8 @@ from stridelab.wholebody.replay.step_adjustment import AdaptiveClock, Stepping
 
 _MIN_LOAD_N = 30.0
 """Lower bound of a sole's load in the ankle feedback."""
+_AHEAD_S = 1.5
+"""A motion that is still being computed is followed so far behind: all but a hundredth of a sole's reach is known."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +69,10 @@ class StabiliserRun:
             else HandForceControl(stabiliser.grip, self._kinematics, self._hands, self._dt_s)
         )
         self._integral_m, self._body_off_m = np.zeros(2), np.zeros(2)
-        half = {name: ankle.half_size_m for name, ankle in self._ankles.items() if name in self._soles}
-        self._capturable = Capturability.of_motion(motion, half, stabiliser.capture.edge_m)
-        self.pace = AdaptiveClock(stabiliser.stepping, self._capturable, motion.rate_hz)
+        self._half_size_m = {name: ankle.half_size_m for name, ankle in self._ankles.items() if name in self._soles}
+        self._ahead = round(_AHEAD_S * motion.rate_hz)
+        complete = None if motion.arrival is None else self._complete_capturability
+        self.pace = AdaptiveClock(stabiliser.stepping, self._capturability_from(0), motion.rate_hz, complete)
 
     def compute_corrections(self, measured: SensedState) -> tuple[Angles, Angles]:
         """Angles (rad) and torques (N m) to add at the sample of ``pace``; the last sample is a standing posture."""
@@ -90,9 +93,31 @@ class StabiliserRun:
             angles, tau = angles + hand_angles, tau + hand_tau
         return angles, tau
 
+    def receive_motion(self, arrival: MotionArrival) -> None:
+        """Wait for the part of the motion that the next sample needs."""
+        ahead = self.pace.sample_index + self._ahead
+        arrival.wait_for_samples(ahead)
+        known = self.pace.margins.known
+        if known < min(ahead, arrival.total):
+            self.pace.margins = self._capturability_from(self.pace.sample_index)
+
+    def _capturability_from(self, first: int) -> Capturability:
+        """Capturability of the whole motion, or, while it is computed, of its samples from ``first`` on."""
+        motion, inside_m = self._motion, self._settings.capture.edge_m
+        known = None if motion.arrival is None else motion.arrival.arrived
+        return Capturability.of_motion(motion, self._half_size_m, inside_m, first, known)
+
+    def _complete_capturability(self) -> Capturability:
+        """Capturability of the whole motion, after waiting for it."""
+        if self._motion.arrival is not None:
+            self._motion.arrival.wait_for_samples(self._motion.arrival.total)
+        return self._capturability_from(0)
+
     def _hand_references_n(self, contacts: Mapping[str, Contact], planned_n: Mapping[str, Vector3]) -> dict[str, float]:
         """Normal force reference of every hand in contact; the planned one if no sole is in contact."""
         grip = self._settings.grip
+        if not planned_n:
+            return {}
         soles_m = [contacts[name].placement.position_m for name in self._soles if name in contacts]
         normal_n = {name: float(f @ contacts[name].placement.rotation[:, 2]) for name, f in planned_n.items()}
         if grip is None or not soles_m:
@@ -110,12 +135,13 @@ class StabiliserRun:
             return tau
         ground_m = sum(float(sole.position_m[2]) for sole in soles.values()) / len(soles)
         w = pendulum_rate(float(measured.com_m[2]) - ground_m)
-        margins, ended = self._capturable, i == len(motion.time_s) - 1
+        ended = i == len(motion.time_s) - 1
         capture_m = measured.com_m[:2] + measured.com_v_m_s[:2] / w
         soles_m = {name: self._kinematics.contact_placement(name).position_m for name in progress}
         grip = self._settings.grip
         hand_shift_m = 0.0 if grip is None or not any(name in contacts for name in self._hands) else grip.pressure_m
         pace.update_rate(capture_m, soles_m, progress, hand_shift_m)
+        margins = pace.margins
         # while the clock pauses, the reference is rest at the capture point, from which the plan can continue
         pause_share = 0.0 if ended else 1.0 - min(max(pace.rate, 0.0), 1.0)
         reference_m = motion.com_reference_m[i, :2] if ended else margins.capture_m[i]

@@ -11,7 +11,7 @@ the edge of the sole. Its distance beyond the support of both soles, or, if the 
 step; the rate with the smallest step is used.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,10 +64,21 @@ class ConstantClock:
 
 
 class AdaptiveClock:
-    """Adaptive clock: position in the plan (samples), rate, and offset of every sole from its planned position."""
+    """Adaptive clock: position in the plan (samples), rate, and offset of every sole from its planned position.
 
-    def __init__(self, stepping: Stepping, capturable: Capturability, rate_hz: float) -> None:
-        self._settings, self._margins, self._dt_s = stepping, capturable, 1.0 / rate_hz
+    ``margins`` is the capturability of the motion; ``complete`` waits for that of the whole motion, where a decision
+    needs it.
+    """
+
+    def __init__(
+        self,
+        stepping: Stepping,
+        capturable: Capturability,
+        rate_hz: float,
+        complete: Callable[[], Capturability] | None = None,
+    ) -> None:
+        self._settings, self.margins, self._dt_s = stepping, capturable, 1.0 / rate_hz
+        self._complete = complete
         self._last = len(capturable.capture_m) - 1
         self._lost_s = 0.0
         self.sample, self.rate = 0.0, 1.0
@@ -85,7 +96,7 @@ class AdaptiveClock:
     def reference_off_m(self) -> Shift:
         """Shift of the capture point reference by the offsets of the soles."""
         i = self.sample_index
-        moved = (self._margins.weight[name][i] * off for name, off in self.off_m.items())
+        moved = (self.margins.weight[name][i] * off for name, off in self.off_m.items())
         return np.asarray(sum(moved, start=np.zeros(2)))
 
     def update_rate(
@@ -102,20 +113,23 @@ class AdaptiveClock:
             if progress[name] < by.fixed_from:
                 self.off_m[name] = np.zeros(2)
         reference_off_m = self.reference_off_m
-        e = capture_m - self._margins.capture_m[i] - reference_off_m
-        error_along = self._margins.directions[i] @ e
-        excess = np.where(error_along > by.least_m, error_along - by.share * self._margins.reach_m[i], 0.0)
+        e = capture_m - self.margins.capture_m[i] - reference_off_m
+        error_along = self.margins.directions[i] @ e
+        excess = np.where(error_along > by.least_m, error_along - by.share * self.margins.reach_m[i], 0.0)
+        if not self.margins.is_exact and self._complete is not None and excess.max() > 0.0:
+            self.margins = self._complete()  # the reach was a lower bound
+            excess = np.where(error_along > by.least_m, error_along - by.share * self.margins.reach_m[i], 0.0)
         self.excess_m = float(excess.max())
         if self.excess_m > 0.0 and not swinging:
             target_rate = float(not self._can_pause(i))
             if target_rate == 0.0 and not self._delay_exhausted:
-                beyond_m = self._margins.directions[i] @ (capture_m - reference_off_m)
-                self.excess_m = max(0.0, float((beyond_m - self._margins.capture_edge_m[i]).max()))
+                beyond_m = self.margins.directions[i] @ (capture_m - reference_off_m)
+                self.excess_m = max(0.0, float((beyond_m - self.margins.capture_edge_m[i]).max()))
         elif excess[1::2].max() > 0.0 and len(swinging) == 1 and len(progress) == 2:
             (name,) = swinging
             (stance,) = (other for other in progress if other != name)
             k = int(np.argmax(excess[1::2])) * 2 + 1
-            if float(self._margins.directions[i, k] @ (soles_m[name] - soles_m[stance])[:2]) > 0.0:
+            if float(self.margins.directions[i, k] @ (soles_m[name] - soles_m[stance])[:2]) > 0.0:
                 target_rate = self._plan_landing(name, stance, progress[name], capture_m, k, by.margin_m + hand_shift_m)
         if self._delay_exhausted:
             target_rate = max(target_rate, 1.0)
@@ -132,13 +146,13 @@ class AdaptiveClock:
         return self._lost_s > self._settings.most_lost_s
 
     def _can_pause(self, i: int) -> bool:
-        return float(self._margins.capture_distance_m[i]) < self._settings.still_m
+        return float(self.margins.capture_distance_m[i]) < self._settings.still_m
 
     def _plan_landing(
         self, name: str, stance: str, progress: float, capture_m: Shift, k: int, margin_m: float
     ) -> float:
         """Choose the clock rate until the landing and set the landing offset."""
-        by, margins, i = self._settings, self._margins, self.sample_index
+        by, margins, i = self._settings, self.margins, self.sample_index
         best_cost, best_rate, offset = np.inf, 1.0, 0.0
         for pace in (pace for pace in by.paces if pace > 0.0 or not self._delay_exhausted):
             j = margins.touch_down(name, i) if pace > 0.0 else margins.lift_off(name, i)
@@ -158,7 +172,7 @@ class AdaptiveClock:
 
     def _outward_excess_m(self, capture_m: Shift, stance: str, i: int, j: int, k: int, growth: float) -> float:
         """Distance of the capture point beyond its limit in direction k for a touch-down at sample j."""
-        margins, direction = self._margins, self._margins.directions[i, k]
+        margins, direction = self.margins, self.margins.directions[i, k]
         off = float(self.off_m[stance] @ direction)
         z, xi = float(margins.edge_m[i, k]) + off, float(capture_m @ direction)
         return (
@@ -170,13 +184,13 @@ class AdaptiveClock:
 
     def _shortfall_m(self, capture_m: Shift, i: int, j: int, k: int, growth: float) -> float:
         """Distance by which the capture point falls short in direction k, with the rearmost centre of pressure."""
-        can = self._margins
+        can = self.margins
         z, xi = -float(can.edge_m[i, (k + 2) % 4]), float(capture_m @ can.directions[i, k])
         return max(0.0, -self._capture_limit_m(j, (k + 2) % 4) - (z + (xi - z) * growth))
 
     def _capture_limit_m(self, j: int, k: int) -> float:
         """Limit of the capture point's coordinate in direction k at sample j."""
-        by, can = self._settings, self._margins
+        by, can = self._settings, self.margins
         if self._can_pause(j):
             return float(can.capture_edge_m[j, k])
         return float(can.capture_m[j] @ can.directions[j, k]) + by.share * float(can.reach_m[j, k])

@@ -13,7 +13,7 @@ from stridelab.conventions import Angles, Vector3
 from stridelab.dynamics.spatial import length_of
 from stridelab.errors import InvalidInput
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.motion import MotionArrival, WholeBodyMotion
 from stridelab.wholebody.recovery.leg_geometry import LegGeometry
 from stridelab.wholebody.recovery.recovery import JointCommand, Recovery, RecoveryRun
 from stridelab.wholebody.recovery.walking import WalkCommand, WalkRun
@@ -192,6 +192,8 @@ class ReplayStepper:
     def advance(self) -> int:
         """Carry out one sample; returns its index in the motion."""
         motion, simulation = self.motion, self.simulation
+        if motion.arrival is not None:
+            self._receive_motion(motion.arrival)
         i, rate = self._pace.sample_index, self._pace.rate * float(self._pace.sample_index < self._last_sample)
         forward, v_target = motion.tau_nm[i], rate * motion.v[i][6:]
         q_target = motion.q[i][7:] + (self._pace.sample - i) * self._dt_s * motion.v[i][6:]
@@ -231,6 +233,13 @@ class ReplayStepper:
         elif left is not None:
             left = replace(left, missed_m=self._distance_from_end_m())
         return self.log.to_replay(not self.standing, self.torque_ratio, took_s, left)
+
+    def _receive_motion(self, arrival: MotionArrival) -> None:
+        """Wait for the part of a motion that the next sample needs."""
+        if self.stabilising is None:
+            arrival.wait_for_samples(self._pace.sample_index + 2)
+        else:
+            self.stabilising.receive_motion(arrival)
 
     def _new_predictor(self, expected_delay_s: float) -> DelayPredictor | None:
         """A predictor without a past; None where no delay is expected."""

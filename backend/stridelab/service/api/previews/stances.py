@@ -8,14 +8,14 @@ The request contains the support regions of the scenario validation, so that the
 """
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any, Final
 
 import numpy as np
 
 from stridelab.contacts.effector_geometry import effector_shapes
-from stridelab.contacts.scenario_io import sequence_of
+from stridelab.contacts.validation.validate import build_validated
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.loader import load_robot
 from stridelab.robots.visuals import link_poses
@@ -26,6 +26,8 @@ Json = dict[str, Any]
 
 TIME_LIMIT_S: Final = 4.0
 """Time limit of one request without its own; the phases that remain after it have no answer."""
+SEARCH_S: Final = 0.04
+"""Processor time of one search in a request; beyond it, and after the limit of the request, the search is paused."""
 DIGITS: Final = 5
 
 
@@ -35,15 +37,16 @@ def answer_request(question: Json) -> Json:
     ``phases`` are the fields of ``PhaseBody`` without its number, null for a phase not checked; ``shoes`` the faults of
     shoes without room, as ``where`` and ``message``.
 
-    The phase ``posture_of`` is checked first and always has an answer, then its neighbours. At least one phase that is
-    not cached is checked per request. Raises the errors of ``load_robot``.
+    The phase ``posture_of`` is checked first, then its neighbours. A request checks at least one phase that is not
+    cached, unless its search takes long: it then goes on in the next request. Raises the errors of ``load_robot``.
     """
+    until_s = time.monotonic() + (question.get("within_s") or TIME_LIMIT_S)
     check = _check_of(question["robot"])
+    shoes = _shoe_faults(check, question.get("scenario"))
     stances = stances_of(check, question["phases"])
     shown: int | None = question["posture_of"]
     order = sorted((k for k, stance in enumerate(stances) if stance is not None), key=lambda k: abs(k - (shown or 0)))
     answers: list[Json | None] = [None] * len(stances)
-    until_s = time.monotonic() + (question.get("within_s") or TIME_LIMIT_S)
     searched = 0
     for k in order:
         stance = stances[k]
@@ -53,8 +56,16 @@ def answer_request(question: Json) -> Json:
         if k != shown and not is_cached and searched and time.monotonic() > until_s:
             continue
         searched += not is_cached
-        answers[k] = _stance_answer(check, check.check_stance(stance), shown=k == shown)
-    return {"phases": answers, "shoes": _shoe_faults(check, question.get("scenario"))}
+        verdict = check.continue_search(stance, _search_limit(until_s))
+        if verdict is not None:
+            answers[k] = _stance_answer(check, verdict, shown=k == shown)
+    return {"phases": answers, "shoes": shoes}
+
+
+def _search_limit(until_s: float) -> Callable[[], bool]:
+    """Whether a search that begins now has to be paused."""
+    begun_s = time.process_time()
+    return lambda: time.monotonic() > until_s and time.process_time() - begun_s > SEARCH_S
 
 
 def stances_of(check: StanceCheck, phases: Sequence[Json]) -> list[Stance | None]:
@@ -81,10 +92,13 @@ def stances_of(check: StanceCheck, phases: Sequence[Json]) -> list[Stance | None
 
 
 def _shoe_faults(check: StanceCheck, scenario: Json | None) -> list[Json]:
-    """Faults of shoes without room, which a plan would be refused for; none for a scenario that is invalid already."""
+    """Faults of shoes without room, which a plan would be refused for; none for a scenario that is invalid already.
+
+    A scenario in the request has been validated, which takes several times as long as the rest.
+    """
     if scenario is None:
         return []
-    sequence = sequence_of(scenario, effector_shapes(check.robot.name))
+    sequence = build_validated(scenario, effector_shapes(check.robot.name))
     return [{"where": fault.where, "message": fault.message} for fault in shoe_faults(check.robot, sequence)]
 
 

@@ -22,8 +22,9 @@ async def add_body_checks(
 ) -> ScenarioCheck:
     """Add the whole-body answers to ``validation.phases``; unreachable stances and shoes without room to its errors.
 
-    Phases that are not reached ``within_s`` are not checked, except ``posture_of``; null is the limit of the child. The
-    check is skipped for an unknown robot. ``ask_body`` takes the robot and the request; its errors are raised.
+    Phases that are not reached ``within_s`` are not checked; ``posture_of`` is the first, and null is the limit of the
+    child. The check is skipped for an unknown robot. ``ask_body`` takes the robot and the request; its errors are
+    raised.
     """
     if any(fault.where == "robot" for fault in validation.errors):
         return validation

@@ -96,7 +96,9 @@ async def check_scenario(
     within_s: Annotated[
         float | None,
         Query(
-            gt=0.0, le=4.0, description="time for phases other than `posture_of` that are not cached; 4 s if omitted"
+            gt=0.0,
+            le=4.0,
+            description="time for phases that are not cached; a search may take 40 ms more; 4 s if omitted",
         ),
     ] = None,
 ) -> ScenarioCheck:

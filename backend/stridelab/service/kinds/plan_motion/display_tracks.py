@@ -29,6 +29,7 @@ POSE_COLUMNS = ("px", "py", "pz", "qw", "qx", "qy", "qz")
 FORCE_COLUMNS = ("px", "py", "pz", "fx", "fy", "fz")
 
 _MIN_FORCE_N = 1e-9
+_REPLAY: Final = "replay_"
 
 
 class DisplayTracks(NamedTuple):
@@ -119,13 +120,16 @@ def write_display(
     return *written, ArtifactFile(DESCRIPTION_FILE, JSON)
 
 
-def add_replay_tracks(folder: Path, replayed: DisplayTracks) -> tuple[ArtifactFile, ...]:
-    """Write ``replay_poses.f32`` and ``replay_forces.f32``, of the same shape, and add them to ``poses.json``."""
-    written = _write_tracks(folder, replayed, "replay_")
+def write_replay_tracks(folder: Path, replayed: DisplayTracks) -> tuple[ArtifactFile, ...]:
+    """Write ``replay_poses.f32`` and ``replay_forces.f32``, of the same shape as those of the motion."""
+    return _write_tracks(folder, replayed, _REPLAY)
+
+
+def describe_replay_tracks(folder: Path) -> None:
+    """Add the tracks of the replay to ``poses.json``."""
     about = json.loads((folder / DESCRIPTION_FILE).read_text(encoding="utf-8"))
-    poses, forces = (file.name for file in written)
-    _write_description(folder, about | {"replay": {"poses": poses, "forces": forces}})
-    return written
+    files = {"poses": f"{_REPLAY}poses.f32", "forces": f"{_REPLAY}forces.f32"}
+    _write_description(folder, about | {"replay": files})
 
 
 def _write_tracks(folder: Path, tracks: DisplayTracks, prefix: str) -> tuple[ArtifactFile, ...]:

@@ -20,12 +20,13 @@ from stridelab.service.kinds.plan_motion.display_tracks import (
     JSON,
     RAW,
     DisplayTracks,
-    add_replay_tracks,
+    describe_replay_tracks,
     display_forces,
     display_frames,
     display_poses,
     replay_tracks,
     write_display,
+    write_replay_tracks,
 )
 from stridelab.service.kinds.plan_motion.joint_trajectory import joint_columns, write_trajectory
 from stridelab.service.kinds.plan_motion.tables import (
@@ -104,15 +105,24 @@ def _film_stride(motion: WholeBodyMotion, frames: Int[np.ndarray, "f"]) -> int:
 def write_replay(folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "Replay") -> tuple[ArtifactFile, ...]:
     """``replay.npz``: ``time_s``, ``q``, ``v`` in pinocchio's order and the total contact force per effector.
 
-    ``replay.parquet`` with its CSV twin: the CoM and the forces as columns. The tracks for viewers are added to those
-    that ``write_motion`` has written for ``motion``.
+    ``replay.parquet`` with its CSV twin: the CoM and the forces as columns. The tracks for viewers are described beside
+    those that ``write_motion`` has written for ``motion``.
     """
+    written = write_replay_data(folder, robot, motion, replay)
+    describe_replay_tracks(folder)
+    return written
+
+
+def write_replay_data(
+    folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "Replay"
+) -> tuple[ArtifactFile, ...]:
+    """The files of ``write_replay``, which may precede those of the motion, as the tracks are not described."""
     frames = display_frames(len(motion.time_s), motion.rate_hz)
     replayed = replay_tracks(robot, replay, motion.time_s[frames], tuple(motion.forces_n))
     forces = {f"forces_{effector}": track for effector, track in replay.forces_n.items()}
     arrays = {"time_s": replay.time_s, "q": replay.q, "v": replay.v, **forces}
     tables = write_table(folder, "replay", replay_columns(replay), {})
-    return *add_replay_tracks(folder, replayed), write_arrays(folder / "replay.npz", arrays), *tables
+    return *write_replay_tracks(folder, replayed), write_arrays(folder / "replay.npz", arrays), *tables
 
 
 def write_mcap(folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "Replay | None") -> ArtifactFile:

@@ -14,6 +14,7 @@ from stridelab.robots.visuals import link_names, link_poses
 from stridelab.schemas.plans import CertificateCheck, CertificateSummary
 from stridelab.schemas.previews import LinkPoses, PartialCertificate, PartialMotion, PartialPlan, PartialReplay
 from stridelab.service.kinds.partial_results import PartialWriter
+from stridelab.wholebody.motion import WholeBodyMotion
 
 FRAMES_HZ: Final = 25.0
 MIN_INTERVAL_S: Final = 0.2
@@ -24,9 +25,9 @@ _DECIMALS: Final = 4
 class PartialPlanWriter(PlanWatcher):
     """Writes what it receives as parts."""
 
-    def __init__(self, writer: PartialWriter) -> None:
+    def __init__(self, writer: PartialWriter, robot: Robot | None = None) -> None:
         self._writer = writer
-        self._robot: Robot | None = None
+        self._robot = robot
         self._run = 0
         self._motion = _FrameBuffer()
         self._replay = _FrameBuffer()
@@ -39,7 +40,7 @@ class PartialPlanWriter(PlanWatcher):
         part = PartialPlan(robot=robot.name, links=links, duration_s=sequence.duration_s, phase_ends_s=ends_s)
         self._writer.write(part)
 
-    def on_pass(self) -> None:
+    def on_pass(self, robot: Robot, motion: WholeBodyMotion) -> None:
         """Begin a new run of the body."""
         self._flush_motion()
         self._run += 1

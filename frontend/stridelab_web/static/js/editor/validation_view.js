@@ -14,7 +14,7 @@ import {
 } from "./validation_text.js";
 
 const MIN_INTERVAL_MS = 120;
-const BODY_S = 0.08; // the chosen phase is checked first; others follow in further requests
+const BODY_S = 0.03; // the chosen phase is checked first; others, and long searches, follow in further requests
 // Requests the validation of a scenario while it is edited: one request at a time; of those that wait, only the latest.
 class ValidationQueue {
   // Calls `onResult(check, scenario)` with each result, or `onFailure(sentence)`. `query()` is the query of the address:
