@@ -16,7 +16,7 @@ import numpy as np
 
 from stridelab.contacts.effector_geometry import EffectorShape
 from stridelab.contacts.planner.foothold_regions import Region, foothold_regions
-from stridelab.contacts.planner.milp import PlacedSchedule, StepProgram
+from stridelab.contacts.planner.milp import PlacedSchedule, PlanningBudget, StepProgram
 from stridelab.contacts.planner.obstacles import Obstacle, obstacles_met
 from stridelab.contacts.planner.pruning import fewest_moves, first_gap, prune_schedule
 from stridelab.contacts.planner.schedule import SAME_M, RegionLookup, Schedule, StartAndGoal, build_schedule
@@ -34,6 +34,8 @@ STEPS_MAX: Final = 60
 """Longest plan, in steps."""
 TURN_MAX_RAD: Final = math.radians(12.0)
 """Largest heading change of a step."""
+MISS_S: Final = 1.0
+"""Least processor time for the search of the step that misses its limits."""
 LEVEL_MOVE_SHARE: Final = 0.7
 """Duration of a level step relative to a step to another height."""
 
@@ -51,7 +53,7 @@ class ContactPlan:
 
 @dataclass(frozen=True)
 class ContactPlanner:
-    """Contact planner of one robot, given its effectors and its limits; times out after ``seconds``."""
+    """Contact planner of one robot, given its effectors and its limits; times out after ``seconds`` of processor time."""
 
     effectors: Mapping[str, EffectorShape]
     limits: RobotLimits
@@ -68,10 +70,11 @@ class ContactPlanner:
         misses), ``contacts-too-far`` (more than 60 steps), ``contact-plan-timeout``.
         """
         began = time.process_time()
-        task_stances, until = task_ends(task, self.effectors), time.monotonic() + self.seconds
+        budget = PlanningBudget(self.seconds)
+        task_stances = task_ends(task, self.effectors)
         obstacles: tuple[Obstacle, ...] = ()
         while True:
-            plan, met = self._plan_around(task, task_stances, obstacles, until, report_progress)
+            plan, met = self._plan_around(task, task_stances, obstacles, budget, report_progress)
             if not met:
                 return replace(plan, solve_time_s=time.process_time() - began)
             obstacles += met
@@ -81,7 +84,7 @@ class ContactPlanner:
         task: Mapping[str, Any],
         task_stances: TaskEnds,
         obstacles: tuple[Obstacle, ...],
-        until: float,
+        budget: PlanningBudget,
         report_progress: Progress,
     ) -> tuple[ContactPlan, tuple[Obstacle, ...]]:
         """Plan around ``obstacles``; return the plan and the further obstacles that it meets."""
@@ -95,10 +98,9 @@ class ContactPlanner:
         for k, plan in enumerate(self._candidate_schedules(ends, rooms, least)):
             report_progress(min(0.9, k / (2 * self.extra_steps + 2)), f"{len(plan.feet) - 1} steps")
             program = StepProgram(plan, self.limits, ends)
-            left_s = until - time.monotonic()
-            if left_s <= 0.0:
+            if budget.is_spent:
                 raise _timeout_error(self.seconds)
-            answer = program.solve(left_s)
+            answer = program.solve(budget)
             if answer.x is not None:
                 placed = program.placements_of(answer)
                 if met := self._further_obstacles(draft, plan, placed, obstacles):
@@ -108,7 +110,7 @@ class ContactPlanner:
             if not answer.proven:
                 raise _timeout_error(self.seconds)
             steps = len(plan.feet) - 1
-        raise self._unreachable_error(ends, rooms, steps, until)
+        raise self._unreachable_error(ends, rooms, steps, budget)
 
     def prepare_task(self, task: Mapping[str, Any]) -> tuple[StartAndGoal, RegionLookup, int]:
         """Return ends, foothold regions and the minimum number of steps. Raises ``InvalidInput`` as ``plan``."""
@@ -194,7 +196,7 @@ class ContactPlanner:
             raise NotEstimable("contacts-unreachable", message, [Fault(f"terrain[{gap.to_surface}]", text)])
 
     def _unreachable_error(
-        self, ends: StartAndGoal, regions_at: RegionLookup, steps: int, until: float
+        self, ends: StartAndGoal, regions_at: RegionLookup, steps: int, budget: PlanningBudget
     ) -> NotEstimable:
         """The error that names the worst step of the plan with the least total violation of its limits."""
         if ends.obstacles:
@@ -204,7 +206,7 @@ class ContactPlanner:
             message = f"There is no way to the goal in {steps} steps."
             return NotEstimable("contacts-unreachable", message, [Fault("goal", "out of reach")])
         program = StepProgram(relaxed_schedule, self.limits, ends, slack=True)
-        answer = program.solve(max(1.0, until - time.monotonic()))
+        answer = program.solve(budget, MISS_S)
         if answer.x is None or program.slack is None:
             return _timeout_error(self.seconds)
         worst = int(np.argmax(answer.x[list(program.slack)]))
@@ -291,4 +293,5 @@ def _no_way_round(names: Sequence[str]) -> NotEstimable:
 
 
 def _timeout_error(seconds: float) -> NotEstimable:
-    return NotEstimable("contact-plan-timeout", f"The planner found no sequence of contacts within {seconds:g} s.")
+    message = f"The planner found no sequence of contacts within {seconds:g} s of processor time."
+    return NotEstimable("contact-plan-timeout", message)
