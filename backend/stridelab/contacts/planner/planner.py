@@ -53,7 +53,7 @@ class ContactPlan:
 
 @dataclass(frozen=True)
 class ContactPlanner:
-    """Contact planner of one robot, given its effectors and its limits; times out after ``seconds`` of processor time."""
+    """Contact planner of one robot, given its effectors and its limits; ``seconds`` limits its processor time."""
 
     effectors: Mapping[str, EffectorShape]
     limits: RobotLimits
