@@ -62,7 +62,7 @@ class Settings:
     posture_weight: Mapping[str, float] | None = None
     free_arm: float = 4.0
     force_weight: float = 1e-3
-    hand_force_weight: float = 0.3
+    hand_force_weight: float = 1.0
     hand_weight: float = 0.3
     ankle_weight: float = 4.0
     ankle_acts_rad: float = 0.1
