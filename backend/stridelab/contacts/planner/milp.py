@@ -30,7 +30,7 @@ from scipy.sparse import csr_array
 from stridelab.contacts.effector_geometry import EffectorReach
 from stridelab.contacts.planner.foothold_regions import Region
 from stridelab.contacts.planner.obstacles import compatible_places
-from stridelab.contacts.planner.schedule import Node, Schedule, StartAndGoal
+from stridelab.contacts.planner.schedule import CUT_M, Node, Schedule, StartAndGoal, Transition
 from stridelab.contacts.planner.step_limits import BALL_COVER, DIRECTIONS, RobotLimits, ball_rows, heading_frame
 from stridelab.conventions import Rotation, Series, Vector3
 from stridelab.dynamics.spatial import Placement
@@ -192,6 +192,9 @@ class StepProgram:
             for k in range(2, len(plan.feet) + 1):
                 for before in plan.walk[k - 2 : k]:
                     self._keep_clear(before, plan.walk[k])
+            for standing, moving in zip(plan.feet, plan.feet[1:], strict=False):
+                for cut in ends.forbidden:
+                    self._avoid_transition(standing, moving, cut)
 
     def solve(self, budget: PlanningBudget, least_s: float = 0.0) -> MilpResult:
         """Solve the program within ``budget``, as ``LinearProgram.solve``."""
@@ -321,6 +324,24 @@ class StepProgram:
                 self.program.add_row([], low=1.0)  # both places are given: there is no solution
             elif not free.all():
                 self.program.add_row([*chosen, *others], high=float(bool(chosen) and bool(others)))
+
+    def _avoid_transition(self, standing: int, moving: int, cut: Transition) -> None:
+        """Keep a foot, standing or moving, away from a forbidden transition in one of four horizontal directions."""
+        if self.plan.nodes[moving].effector != cut.foot:
+            return
+        apart: Terms = []
+        for i, place_m in ((standing, cut.standing_m), (moving, cut.landing_m)):
+            fixed, p = self.plan.nodes[i].fixed, self.columns[i].p
+            if fixed is not None:
+                if np.abs(fixed.position_m - place_m)[:2].max() >= CUT_M:
+                    return  # this step is another one
+                continue
+            for axis, sign in product((0, 1), (1.0, -1.0)):
+                (is_apart,) = self.program.add_variables(1, 0.0, 1.0, integer=True)
+                low = CUT_M + sign * float(place_m[axis] - self.origin[axis])
+                self.program.add_row([(p[axis], sign), (is_apart, -self.big_m)], low - self.big_m)
+                apart.append((is_apart, 1.0))
+        self.program.add_row(apart, low=1.0)
 
     def _add_deviation(self, node: Node, region: Region, h: int, u: Columns) -> None:
         """Add the deviation of a position in ``region`` from even steps; hands count along the path only."""

@@ -19,7 +19,14 @@ from stridelab.contacts.planner.foothold_regions import Region, foothold_regions
 from stridelab.contacts.planner.milp import PlacedSchedule, PlanningBudget, StepProgram
 from stridelab.contacts.planner.obstacles import Obstacle, obstacles_met
 from stridelab.contacts.planner.pruning import fewest_moves, first_gap, prune_schedule
-from stridelab.contacts.planner.schedule import SAME_M, RegionLookup, Schedule, StartAndGoal, build_schedule
+from stridelab.contacts.planner.schedule import (
+    SAME_M,
+    RegionLookup,
+    Schedule,
+    StartAndGoal,
+    Transition,
+    build_schedule,
+)
 from stridelab.contacts.planner.start_goal import TaskEnds, scenario_without_phases, task_ends
 from stridelab.contacts.planner.step_limits import RobotLimits, heading_frame
 from stridelab.contacts.swing import LEVEL_M
@@ -60,10 +67,15 @@ class ContactPlanner:
     seconds: float = 60.0
     extra_steps: int = 6
 
-    def plan(self, task: Mapping[str, Any], report_progress: Progress = lambda _share, _message: None) -> ContactPlan:
+    def plan(
+        self,
+        task: Mapping[str, Any],
+        report_progress: Progress = lambda _share, _message: None,
+        forbidden: Sequence[Transition] = (),
+    ) -> ContactPlan:
         """Plan ``{robot, terrain, start, goal, friction?, name?}``, fields as in a scenario and its phases.
 
-        ``report_progress`` is called with the progress.
+        ``report_progress`` is called with the progress. Steps keep away from the ``forbidden`` transitions.
 
         Raises ``InvalidInput`` (``stance-invalid``) for an invalid start or goal, naming the contact, and
         ``NotEstimable``: ``contacts-unreachable`` (no sequence of steps; names the gap or the step and by how much it
@@ -71,10 +83,10 @@ class ContactPlanner:
         """
         began = time.process_time()
         budget = PlanningBudget(self.seconds)
-        task_stances = task_ends(task, self.effectors)
+        task_stances, cuts = task_ends(task, self.effectors), tuple(forbidden)
         obstacles: tuple[Obstacle, ...] = ()
         while True:
-            plan, met = self._plan_around(task, task_stances, obstacles, budget, report_progress)
+            plan, met = self._plan_around(task, task_stances, (obstacles, cuts), budget, report_progress)
             if not met:
                 return replace(plan, solve_time_s=time.process_time() - began)
             obstacles += met
@@ -83,12 +95,14 @@ class ContactPlanner:
         self,
         task: Mapping[str, Any],
         task_stances: TaskEnds,
-        obstacles: tuple[Obstacle, ...],
+        avoided: tuple[tuple[Obstacle, ...], tuple[Transition, ...]],
         budget: PlanningBudget,
         report_progress: Progress,
     ) -> tuple[ContactPlan, tuple[Obstacle, ...]]:
-        """Plan around ``obstacles``; return the plan and the further obstacles that it meets."""
+        """Plan around obstacles and transitions; return the plan and the further obstacles that it meets."""
+        obstacles, forbidden = avoided
         ends, rooms, least = self._prepare_ends(task_stances, obstacles)
+        ends = replace(ends, forbidden=forbidden)
         draft = task_stances.draft
         if least > STEPS_MAX:
             message = f"The goal is at least {least} steps away; a plan has at most {STEPS_MAX} steps."
@@ -199,6 +213,9 @@ class ContactPlanner:
         self, ends: StartAndGoal, regions_at: RegionLookup, steps: int, budget: PlanningBudget
     ) -> NotEstimable:
         """The error that names the worst step of the plan with the least total violation of its limits."""
+        if ends.forbidden:
+            message = "There is no way to the goal without the transitions that the body cannot carry out."
+            return NotEstimable("contacts-unreachable", message, [Fault("goal", "out of reach")])
         if ends.obstacles:
             return _no_way_round([obstacle.name for obstacle in ends.obstacles])
         relaxed_schedule = build_schedule(ends, self.limits, regions_at, steps, self.limits.defaults.first_foot)

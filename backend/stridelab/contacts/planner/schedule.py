@@ -13,10 +13,14 @@ import numpy as np
 from stridelab.contacts.planner.foothold_regions import Region
 from stridelab.contacts.planner.obstacles import Obstacle, OutsideEdges, placement_edges
 from stridelab.contacts.planner.step_limits import RobotLimits
+from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
 
 SAME_M: Final = 1e-4
 """Placements that differ by less are equal (m, and entries of rotations)."""
+
+CUT_M: Final = 0.04
+"""Least horizontal distance of the places of a step from those of a forbidden transition."""
 
 Stance = Mapping[str, Placement]
 
@@ -70,14 +74,27 @@ class Schedule:
 
 
 @dataclass(frozen=True, eq=False)
+class Transition:
+    """A step of ``foot`` to ``landing_m`` while the other foot stands at ``standing_m`` (world axes)."""
+
+    foot: str
+    standing_m: Vector3
+    landing_m: Vector3
+
+
+@dataclass(frozen=True, eq=False)
 class StartAndGoal:
-    """Start and goal with their headings; the robot turns by ``turn_rad`` in between, around the ``obstacles``."""
+    """Start and goal with their headings; the robot turns by ``turn_rad`` in between, around the ``obstacles``.
+
+    Steps keep away from the ``forbidden`` transitions.
+    """
 
     start: Stance
     goal: Stance
     yaw_rad: float
     turn_rad: float
     obstacles: tuple[Obstacle, ...] = ()
+    forbidden: tuple[Transition, ...] = ()
 
     @staticmethod
     def from_stances(start: Stance, goal: Stance, feet: tuple[str, str]) -> "StartAndGoal":
