@@ -6,6 +6,7 @@ from typing import Any, Final
 from stridelab.contacts.effector_geometry import EffectorShape, effector_shapes
 from stridelab.contacts.planner.planner import ContactPlan, ContactPlanner
 from stridelab.contacts.planner.schedule import Transition
+from stridelab.contacts.planner.step_limits import heading_frame
 from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.course import Bar, Block, Course, Element, Flight, Gap, Level, Ramp, Stones
 from stridelab.contacts.validation.validate import validate_scenario
@@ -38,7 +39,8 @@ def plan_contacts(request: PlanContactsInput, progress: ProgressCallback) -> Pla
     """Plan the contacts of ``request``; the scenario of the summary passes the validation.
 
     With ``certify``, the motion of the plan is computed and certified. The step at which a certificate fails is
-    forbidden in the next plan. If none passes, the scenario is the first one, of all plans the nearest to even steps.
+    forbidden in the next plan, and with it all that go as far in the same direction. If none passes, the scenario is
+    the first one, of all plans the nearest to even steps.
 
     Raises ``InvalidInput`` (``stance-invalid``), ``NotEstimable`` (``contacts-unreachable``, ``contacts-too-far``,
     ``contact-plan-timeout``, ``contact-plan-refused``), and ``NotFound`` (``robot-not-found``,
@@ -120,7 +122,9 @@ def _transition_at(scenario: Mapping[str, Any], planner: ContactPlanner, phase: 
     other = sequence.phases[k].contacts.get(next(name for name in feet if name != foot))
     if landing is None or other is None:
         return None
-    return Transition(foot, other.placement.position_m, landing.placement.position_m)
+    axes = heading_frame(float(sequence.headings_rad[k]))
+    ahead_m, left_m, _ = axes.T @ (landing.placement.position_m - other.placement.position_m)
+    return Transition(foot, (float(ahead_m), float(left_m)))
 
 
 def compose_course(request: CourseInput, effectors: Mapping[str, EffectorShape]) -> PlanContactsInput:

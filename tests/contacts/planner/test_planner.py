@@ -10,6 +10,7 @@ import pytest
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.planner import milp
 from stridelab.contacts.planner.planner import ContactPlan, ContactPlanner
+from stridelab.contacts.planner.schedule import Transition
 from stridelab.contacts.planner.step_limits import BALL_COVER
 from stridelab.contacts.scenarios.stairs import flat_walk, six_stairs, stairs_with_rail
 from stridelab.contacts.validation.validate import validate_scenario
@@ -250,6 +251,30 @@ def test_a_goal_too_far_is_refused_at_once() -> None:
     with pytest.raises(NotEstimable) as refusal:
         PLANNER.plan(task([box("ground", (-1.0, 60.0), 0.0)], 50.0, 0.0))
     assert refusal.value.code == "contacts-too-far"
+
+
+def test_no_step_goes_as_far_as_a_forbidden_one() -> None:
+    """The right foot's steps of a flat walk are shorter by a quarter, and the others take over what they lack."""
+    request = of_scenario(flat_walk())
+
+    def longest_m(forbidden: tuple[Transition, ...]) -> float:
+        phases = PLANNER.plan(request, forbidden=forbidden).scenario["phases"]
+        ahead = [{c["effector"]: c["position_m"][0] for c in phase["contacts"]} for phase in phases]
+        return float(max(x["right_foot"] - x["left_foot"] for x in ahead if len(x) == 2))
+
+    before_m = longest_m(())
+    assert before_m > 0.25
+    cut = Transition("right_foot", (before_m, -PLANNER.limits.defaults.width_m))
+    assert longest_m((cut,)) == pytest.approx(0.75 * before_m, abs=1e-6)
+
+
+def test_where_no_step_is_left_the_transitions_are_blamed() -> None:
+    standing = PLANNER.limits.defaults.width_m
+    cuts = [Transition(foot, (0.05, side * standing)) for foot, side in (("left_foot", 1.0), ("right_foot", -1.0))]
+    with pytest.raises(NotEstimable) as refusal:
+        PLANNER.plan(of_scenario(flat_walk()), forbidden=cuts)
+    assert refusal.value.code == "contacts-unreachable"
+    assert "transitions that the body cannot carry out" in refusal.value.message
 
 
 class BusyMachine:

@@ -30,7 +30,7 @@ from scipy.sparse import csr_array
 from stridelab.contacts.effector_geometry import EffectorReach
 from stridelab.contacts.planner.foothold_regions import Region
 from stridelab.contacts.planner.obstacles import compatible_places
-from stridelab.contacts.planner.schedule import CUT_M, Node, Schedule, StartAndGoal, Transition
+from stridelab.contacts.planner.schedule import CUT_SHARE, Node, Schedule, StartAndGoal, Transition
 from stridelab.contacts.planner.step_limits import BALL_COVER, DIRECTIONS, RobotLimits, ball_rows, heading_frame
 from stridelab.conventions import Rotation, Series, Vector3
 from stridelab.dynamics.spatial import Placement
@@ -326,22 +326,18 @@ class StepProgram:
                 self.program.add_row([*chosen, *others], high=float(bool(chosen) and bool(others)))
 
     def _avoid_transition(self, standing: int, moving: int, cut: Transition) -> None:
-        """Keep a foot, standing or moving, away from a forbidden transition in one of four horizontal directions."""
-        if self.plan.nodes[moving].effector != cut.foot:
+        """Let a step go less far than a forbidden transition, in its direction from a neutral stance."""
+        nodes, feet = self.plan.nodes, self.limits.feet
+        is_given = nodes[standing].fixed is not None and nodes[moving].fixed is not None
+        if nodes[moving].effector != cut.foot or is_given:
             return
-        apart: Terms = []
-        for i, place_m in ((standing, cut.standing_m), (moving, cut.landing_m)):
-            fixed, p = self.plan.nodes[i].fixed, self.columns[i].p
-            if fixed is not None:
-                if np.abs(fixed.position_m - place_m)[:2].max() >= CUT_M:
-                    return  # this step is another one
-                continue
-            for axis, sign in product((0, 1), (1.0, -1.0)):
-                (is_apart,) = self.program.add_variables(1, 0.0, 1.0, integer=True)
-                low = CUT_M + sign * float(place_m[axis] - self.origin[axis])
-                self.program.add_row([(p[axis], sign), (is_apart, -self.big_m)], low - self.big_m)
-                apart.append((is_apart, 1.0))
-        self.program.add_row(apart, low=1.0)
+        side = 1.0 if cut.foot == feet[0] else -1.0
+        neutral = np.array([0.0, side * self.limits.defaults.width_m])
+        away = np.array(cut.offset_m) - neutral
+        n = heading_frame(nodes[moving].yaw_rad)[:, :2] @ away
+        apart = [(self.columns[moving].p, 1.0), (self.columns[standing].p, -1.0)]
+        terms = [t for p, sign in apart for t in zip(p, sign * n, strict=True)]
+        self.program.add_row(terms, high=float(away @ neutral + CUT_SHARE * away @ away))
 
     def _add_deviation(self, node: Node, region: Region, h: int, u: Columns) -> None:
         """Add the deviation of a position in ``region`` from even steps; hands count along the path only."""

@@ -75,7 +75,7 @@ class ContactPlanner:
     ) -> ContactPlan:
         """Plan ``{robot, terrain, start, goal, friction?, name?}``, fields as in a scenario and its phases.
 
-        ``report_progress`` is called with the progress. Steps keep away from the ``forbidden`` transitions.
+        ``report_progress`` is called with the progress. No step goes as far as a ``forbidden`` transition.
 
         Raises ``InvalidInput`` (``stance-invalid``) for an invalid start or goal, naming the contact, and
         ``NotEstimable``: ``contacts-unreachable`` (no sequence of steps; names the gap or the step and by how much it

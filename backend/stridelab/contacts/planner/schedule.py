@@ -13,14 +13,13 @@ import numpy as np
 from stridelab.contacts.planner.foothold_regions import Region
 from stridelab.contacts.planner.obstacles import Obstacle, OutsideEdges, placement_edges
 from stridelab.contacts.planner.step_limits import RobotLimits
-from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
 
 SAME_M: Final = 1e-4
 """Placements that differ by less are equal (m, and entries of rotations)."""
 
-CUT_M: Final = 0.04
-"""Least horizontal distance of the places of a step from those of a forbidden transition."""
+CUT_SHARE: Final = 0.75
+"""Share of a forbidden transition's distance from a neutral stance up to which steps may go in its direction."""
 
 Stance = Mapping[str, Placement]
 
@@ -75,18 +74,17 @@ class Schedule:
 
 @dataclass(frozen=True, eq=False)
 class Transition:
-    """A step of ``foot`` to ``landing_m`` while the other foot stands at ``standing_m`` (world axes)."""
+    """A step of ``foot`` to ``offset_m``, ahead of and to the left of the other foot (heading frame)."""
 
     foot: str
-    standing_m: Vector3
-    landing_m: Vector3
+    offset_m: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class StartAndGoal:
     """Start and goal with their headings; the robot turns by ``turn_rad`` in between, around the ``obstacles``.
 
-    Steps keep away from the ``forbidden`` transitions.
+    No step goes as far in its direction as a ``forbidden`` transition of the same foot.
     """
 
     start: Stance
