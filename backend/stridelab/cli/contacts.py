@@ -38,11 +38,20 @@ def plan_contacts(
             help="A JSON file with terrain, start and goal; a scenario, whose ends are used; or a course of obstacles."
         ),
     ],
+    certify: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            max=6,
+            help="Compute and certify the motion of up to N plans; each avoids the step that failed before.",
+        ),
+    ] = 0,
     delivery: Delivery,
 ) -> None:
     """Find a sequence of contacts over a terrain, from a stance to a goal stance; needs no server."""
     title = Path(task).stem
-    job_task = PlanContactsTask(input=task_of(read_document(task), title))
+    request = task_of(read_document(task), title)
+    job_task = PlanContactsTask(input=request.model_copy(update={"certify": certify or request.certify}))
     deliver_result(
         f"{title}-contacts",
         delivery,
@@ -83,6 +92,10 @@ def show_planned(result: JobResult, target: Path) -> None:
             if contact.effector not in {earlier.effector for earlier in before.contacts}:
                 x, y, z = contact.position_m
                 out.print(f"{escape(contact.effector):<11} to ({x:.3f}, {y:.3f}, {z:.3f})")
+    if summary.certified is not None:
+        for failure in summary.failures:
+            out.print(f"not certified: {escape(failure)}")
+        out.print("The motion of this plan is certified." if summary.certified else "No plan is certified.")
     show_remarks(summary.warnings)
     show_files(result, target)
     out.print(f"To plan the motion: stridelab plan {escape(str(target / 'scenario.json'))}")

@@ -349,7 +349,8 @@ class StanceInput(Contract):
 class PlanContactsInput(Contract):
     """Input of ``plan-contacts``: stances ``start`` and ``goal``, each with both feet.
 
-    A hand with a contact in either of them may use the rails.
+    A hand with a contact in either of them may use the rails. ``certify`` is the largest number of plans of which the
+    motion is computed and certified: where one fails, the next has to avoid the step at which it failed.
     """
 
     robot: Annotated[str, Field(min_length=1, max_length=60)]
@@ -358,13 +359,15 @@ class PlanContactsInput(Contract):
     goal: StanceInput
     friction: Friction = 0.3
     name: OneLine | None = None
+    certify: Annotated[int, Field(ge=0, le=6)] = 0
 
 
 class PlanContactsSummary(Contract):
     """Summary of ``plan-contacts``: a scenario that passes ``POST /scenarios/check``.
 
     ``objective_m`` is the total deviation of the placements from even steps; ``programs`` is the number of
-    mixed-integer programs solved, one per number of steps and leading foot.
+    mixed-integer programs solved, one per number of steps and leading foot. With ``certify``, ``certified`` states
+    whether the motion passes its certificate, and ``failures`` names phase and checks of every plan that did not.
     """
 
     scenario: Scenario
@@ -374,6 +377,8 @@ class PlanContactsSummary(Contract):
     programs: int
     solve_time_s: float
     warnings: list[Remark]
+    certified: bool | None = None
+    failures: list[str] = Field(default_factory=list)
 
 
 class PlanMotionTask(Contract):

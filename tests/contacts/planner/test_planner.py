@@ -1,13 +1,16 @@
 """The contact planner: what it returns the judge lets pass, and where it finds nothing there is nothing."""
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.planner import milp
 from stridelab.contacts.planner.planner import ContactPlan, ContactPlanner
+from stridelab.contacts.planner.schedule import Transition
 from stridelab.contacts.planner.step_limits import BALL_COVER
 from stridelab.contacts.scenarios.stairs import flat_walk, six_stairs, stairs_with_rail
 from stridelab.contacts.validation.validate import validate_scenario
@@ -248,3 +251,80 @@ def test_a_goal_too_far_is_refused_at_once() -> None:
     with pytest.raises(NotEstimable) as refusal:
         PLANNER.plan(task([box("ground", (-1.0, 60.0), 0.0)], 50.0, 0.0))
     assert refusal.value.code == "contacts-too-far"
+
+
+def test_no_step_goes_as_far_as_a_forbidden_one() -> None:
+    """The right foot's steps of a flat walk are shorter by a quarter, and the others take over what they lack."""
+    request = of_scenario(flat_walk())
+
+    def longest_m(forbidden: tuple[Transition, ...]) -> float:
+        phases = PLANNER.plan(request, forbidden=forbidden).scenario["phases"]
+        ahead = [{c["effector"]: c["position_m"][0] for c in phase["contacts"]} for phase in phases]
+        return float(max(x["right_foot"] - x["left_foot"] for x in ahead if len(x) == 2))
+
+    before_m = longest_m(())
+    assert before_m > 0.25
+    cut = Transition("right_foot", (before_m, -PLANNER.limits.defaults.width_m))
+    assert longest_m((cut,)) == pytest.approx(0.75 * before_m, abs=1e-6)
+
+
+def test_where_no_step_is_left_the_transitions_are_blamed() -> None:
+    standing = PLANNER.limits.defaults.width_m
+    cuts = [Transition(foot, (0.05, side * standing)) for foot, side in (("left_foot", 1.0), ("right_foot", -1.0))]
+    with pytest.raises(NotEstimable) as refusal:
+        PLANNER.plan(of_scenario(flat_walk()), forbidden=cuts)
+    assert refusal.value.code == "contacts-unreachable"
+    assert "transitions that the body cannot carry out" in refusal.value.message
+
+
+class BusyMachine:
+    """Clocks of a machine that gives the planner ``share`` of a core, and a solver that needs ``cpu_s`` of it."""
+
+    def __init__(self, share: float, cpu_s: float) -> None:
+        self.share, self.cpu_s = share, cpu_s
+        self.used_s = self.wall_s = 0.0
+        self.solve = milp.milp
+
+    def process_time(self) -> float:
+        return self.used_s
+
+    def monotonic(self) -> float:
+        return self.wall_s
+
+    def milp(self, *arguments: Any, options: dict[str, float], **more: Any) -> Any:
+        wall_s = min(options["time_limit"], self.cpu_s / self.share)
+        self.wall_s, self.used_s = self.wall_s + wall_s, self.used_s + wall_s * self.share
+        if wall_s < self.cpu_s / self.share:
+            return SimpleNamespace(x=None, status=milp.LIMIT_REACHED)
+        return self.solve(*arguments, **more)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5, 0.15])
+@pytest.mark.parametrize(("cpu_s", "code"), [(9.0, None), (11.0, "contact-plan-timeout")])
+def test_a_busy_machine_gives_the_same_answer(
+    monkeypatch: pytest.MonkeyPatch, share: float, cpu_s: float, code: str | None
+) -> None:
+    """A program of 9 s of processor time fits a budget of 10 s, one of 11 s does not, whatever else is computed."""
+    request = of_scenario(flat_walk())
+    machine = BusyMachine(share, cpu_s)
+    monkeypatch.setattr(milp, "time", machine)
+    monkeypatch.setattr(milp, "milp", machine.milp)
+    answer = planned(request, ContactPlanner(SHAPES, PLANNER.limits, seconds=10.0))
+    if code is None:
+        assert isinstance(answer, ContactPlan)
+        assert answer.scenario == PLANNER.plan(request).scenario
+    else:
+        assert isinstance(answer, NotEstimable)
+        assert answer.code == code
+        assert "10 s of processor time" in answer.message
+
+
+def test_wall_time_is_limited_as_a_safety(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process that gets 2 % of a core would need 450 s of wall time; it ends after about ten times its budget."""
+    machine = BusyMachine(0.02, 9.0)
+    monkeypatch.setattr(milp, "time", machine)
+    monkeypatch.setattr(milp, "milp", machine.milp)
+    answer = planned(of_scenario(flat_walk()), ContactPlanner(SHAPES, PLANNER.limits, seconds=10.0))
+    assert isinstance(answer, NotEstimable)
+    assert answer.code == "contact-plan-timeout"
+    assert machine.wall_s <= milp.WALL_PER_CPU_MAX * 10.0

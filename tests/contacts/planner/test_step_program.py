@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.contacts.effector_geometry import EffectorReach
 from stridelab.contacts.planner.foothold_regions import Region
-from stridelab.contacts.planner.milp import FREE_COST, LinearProgram, StepProgram
+from stridelab.contacts.planner.milp import FREE_COST, LinearProgram, PlanningBudget, StepProgram
 from stridelab.contacts.planner.schedule import StartAndGoal, build_schedule
 from stridelab.contacts.planner.step_limits import (
     BALL_COVER,
@@ -36,7 +36,7 @@ def test_a_program_of_a_textbook(whole: bool, x: list[float], objective: float) 
     )
     program.add_row([(first, 4.0), (second, 4.0), (first, 2.0)], high=24.0)
     program.add_row([(first, 1.0), (second, 2.0)], high=6.0)
-    answer = program.solve(10.0)
+    answer = program.solve(PlanningBudget(10.0))
     assert answer.x is not None
     assert answer.x == pytest.approx(x, abs=1e-6)
     assert (answer.objective, answer.proven) == (pytest.approx(objective), True)
@@ -49,7 +49,7 @@ def test_variables_are_free_unless_bounded() -> None:
     (z,) = program.add_variables(1, high=-5.0, cost=0.5)
     program.add_row([(x, 1.0)], low=-3.0)
     program.add_row([(x, 1.0), (z, 1.0)], low=-9.0)
-    answer = program.solve(10.0)
+    answer = program.solve(PlanningBudget(10.0))
     assert answer.x is not None
     assert answer.x == pytest.approx([-3.0, -2.0, -6.0])
 
@@ -58,7 +58,7 @@ def test_a_program_without_a_solution_is_proven_to_have_none() -> None:
     program = LinearProgram()
     (x,) = program.add_variables(1, 0.0, 1.0)
     program.add_row([(x, 1.0)], low=2.0)
-    answer = program.solve(10.0)
+    answer = program.solve(PlanningBudget(10.0))
     assert (answer.x, answer.objective, answer.proven) == (None, np.inf, True)
 
 
@@ -124,7 +124,7 @@ def solved(way: StartAndGoal, steps: int, floor: Region, *rails: Region) -> tupl
     )
     assert plan is not None
     program = StepProgram(plan, LIMITS, way)
-    placed = program.placements_of(program.solve(20.0))
+    placed = program.placements_of(program.solve(PlanningBudget(20.0)))
     chosen = [i for i, node in enumerate(plan.nodes) if node.fixed is None]
     places = [placed.placements[i] for i in chosen]
     assert [placed.regions[i] is None for i in chosen] == [at is None for at in places]
@@ -170,7 +170,7 @@ def test_with_slack_only_what_is_missing_counts_and_no_foot_is_left_out() -> Non
     assert plan is not None
     program = StepProgram(plan, LIMITS, way, slack=True)
     assert program.slack is not None
-    answer = program.solve(20.0)
+    answer = program.solve(PlanningBudget(20.0))
     assert answer.x is not None
     lacking_m = 1.9 - 0.7 * BALL_COVER
     assert answer.objective == pytest.approx(lacking_m)

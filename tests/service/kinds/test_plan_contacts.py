@@ -8,6 +8,7 @@ import pytest
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.errors import InvalidInput, NotEstimable, NotFound
+from stridelab.pipelines import plan_contacts as pipeline
 from stridelab.schemas.plans import PlanContactsSummary, PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.kinds.plan_contacts.run import run
@@ -58,3 +59,41 @@ def test_what_cannot_be_planned_is_refused_and_leaves_nothing(
         with_json(run)(task_, tmp_path, quiet)
     assert getattr(refusal.value, "code", None) == code
     assert list(tmp_path.iterdir()) == []
+
+
+def certified(
+    monkeypatch: pytest.MonkeyPatch, folder: Path, answers: list[tuple[str, int | None]], most: int = 3
+) -> tuple[PlanContactsSummary, list[Scenario]]:
+    """Summary of a plan whose certificates are ``answers``, and the scenarios that were certified."""
+    tried: list[Scenario] = []
+
+    def certify(scenario: Scenario, _progress: object) -> tuple[str, int | None]:
+        tried.append(scenario)
+        return answers[len(tried) - 1]
+
+    monkeypatch.setattr(pipeline, "_certificate_failure", certify)
+    outcome = with_json(run)(task_input(certify=most), folder, quiet)
+    return PlanContactsSummary.model_validate(outcome["summary"]), tried
+
+
+def test_the_step_at_which_a_certificate_fails_is_avoided(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    summary, tried = certified(monkeypatch, tmp_path, [("self_collision_pairs", 2), ("", None)])
+    assert (summary.certified, summary.failures) == (True, ["phases[2]: self_collision_pairs"])
+    assert summary.scenario == tried[1]
+    assert tried[0].phases != tried[1].phases
+
+
+def test_without_a_certified_plan_the_first_one_is_returned(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    summary, tried = certified(monkeypatch, tmp_path, [("com_error_max", 1), ("com_error_max", 1)], most=2)
+    assert (summary.certified, len(summary.failures), len(tried)) == (False, 2, 2)
+    assert summary.scenario == tried[0]
+
+
+def test_a_failure_without_a_phase_ends_the_search(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    summary, tried = certified(monkeypatch, tmp_path, [("plan-not-converged: no solution", None)])
+    assert (summary.certified, summary.failures, len(tried)) == (False, ["plan-not-converged: no solution"], 1)
+
+
+def test_without_the_request_no_motion_is_computed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    summary, tried = certified(monkeypatch, tmp_path, [], most=0)
+    assert (summary.certified, summary.failures, tried) == (None, [], [])

@@ -84,10 +84,13 @@ def test_torques_and_forces_move_the_body_as_it_moves(robot: str, name: str) -> 
 
 
 @pytest.mark.parametrize(("robot", "name"), WITH_A_HAND)
-def test_a_hand_bears_something_that_its_arm_can(robot: str, name: str) -> None:
+def test_a_hand_bears_what_is_planned_and_its_arm_can(robot: str, name: str) -> None:
+    """Corrections of the angular momentum are left to the soles."""
     result = carried_out(robot, name)
-    borne = np.linalg.norm(result.motion.forces_n["right_hand"].sum(axis=1), axis=1)
-    assert borne.max() > 3.0
+    borne_n = result.motion.forces_n["right_hand"][:, 0]
+    planned_n = np.array([result.plan.forces_at(float(t))["right_hand"][0] for t in result.motion.time_s])
+    assert np.linalg.norm(planned_n, axis=1).max() > 2.0
+    assert np.linalg.norm(borne_n - planned_n, axis=1).max() < 5.0
     assert 0.0 < result.value("hand_load_share_max") < 1.0
 
 

@@ -123,6 +123,28 @@ def test_a_hand_that_has_not_touched_anything_yet_is_led_to_its_first_contact(ta
     assert np.linalg.norm(result[touching] - place.position_m, axis=1).max() < 1e-3
 
 
+@pytest.mark.parametrize(
+    ("weight", "least_n", "most_n"), [(Settings().hand_force_weight, 0.0, 15.0), (1e-3, 80.0, 200.0)]
+)
+def test_a_hand_does_not_correct_the_momentum_of_the_limbs(
+    talos: Robot, weight: float, least_n: float, most_n: float
+) -> None:
+    """On one sole, with a swinging arm and no force planned on the hand. With the soles' weight it would take all."""
+    plan, body, v = sway(talos), RigidBody(talos), np.zeros(talos.model.nv)
+    v[[6 + talos.joint_names.index(joint) for joint in ("arm_left_1_joint", "arm_left_2_joint", "torso_2_joint")]] = 1.0
+    body.update(talos.q_reference, v)
+    hand = Contact("right_hand", Placement(body.frame_state("right_hand").position_m, np.eye(3)), "rail", 0.5, "point")
+    contacts = {"left_foot": plan.sequence.phases[0].contacts["left_foot"], "right_hand": hand}
+    forces_n = {**plan.forces_n, "right_hand": np.zeros((len(plan.com_a_m_s2), 1, 3))}
+    settings, still = replace(Settings(), hand_force_weight=weight), np.zeros(3)
+    programme = PhaseHierarchy(talos, body, contacts, {}, replace(plan, forces_n=forces_n), settings)
+    targets = SampleTargets(0.0, plan.reference_at(0.0), (np.eye(3), still, still))
+    result = solve_hierarchy(*programme.build_rows(targets))
+    assert result.failure is None
+    assert np.linalg.norm(body.l_nms) > 2.0
+    assert least_n <= np.linalg.norm(programme.forces_n(result.z)["right_hand"]) < most_n
+
+
 def test_without_contacts_the_body_falls(talos: Robot) -> None:
     """The CoM cannot be held, whatever level 1 asks for; the level is met as well as it can be, and that is g."""
     body = RigidBody(talos)

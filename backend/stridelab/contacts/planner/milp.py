@@ -17,6 +17,7 @@ Deviations are counted per region, ``d_ir >= |n (o_r - t_i) H_ir + n E_r u_ir|``
 regions costs as much as both, so that positions in the gap between them are not cheaper.
 """
 
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product
@@ -29,7 +30,7 @@ from scipy.sparse import csr_array
 from stridelab.contacts.effector_geometry import EffectorReach
 from stridelab.contacts.planner.foothold_regions import Region
 from stridelab.contacts.planner.obstacles import compatible_places
-from stridelab.contacts.planner.schedule import Node, Schedule, StartAndGoal
+from stridelab.contacts.planner.schedule import CUT_SHARE, Node, Schedule, StartAndGoal, Transition
 from stridelab.contacts.planner.step_limits import BALL_COVER, DIRECTIONS, RobotLimits, ball_rows, heading_frame
 from stridelab.conventions import Rotation, Series, Vector3
 from stridelab.dynamics.spatial import Placement
@@ -39,6 +40,43 @@ Terms = list[tuple[int, float]]
 """Pairs of column and coefficient; coefficients of the same column add up."""
 INFEASIBLE: Final = 2
 """Status of ``scipy.optimize.milp`` for a program that is proven to have no solution."""
+LIMIT_REACHED: Final = 1
+"""Its status for a program that ended at its time limit."""
+FULL_SHARE: Final = 0.8
+"""Share of the processor time from which a solve counts as having used all of it."""
+WALL_PER_CPU_MAX: Final = 10.0
+"""Largest wall time of a planning relative to its processor time."""
+
+
+class PlanningBudget:
+    """Processor time of one planning, of all threads of the process, counted from the construction on.
+
+    The result does not depend on what else the machine computes. Wall time is limited only as a safety, at
+    ``WALL_PER_CPU_MAX`` times the processor time, for a process that hardly gets any.
+    """
+
+    def __init__(self, cpu_s: float) -> None:
+        self.cpu_s, self._repeated_s = cpu_s, 0.0
+        self._began_cpu_s, self._began_wall_s = time.process_time(), time.monotonic()
+
+    @property
+    def cpu_left_s(self) -> float:
+        """Processor time left (s)."""
+        return self.cpu_s + self._repeated_s - (time.process_time() - self._began_cpu_s)
+
+    @property
+    def wall_left_s(self) -> float:
+        """Wall time left (s)."""
+        return WALL_PER_CPU_MAX * self.cpu_s - (time.monotonic() - self._began_wall_s)
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether either is used up."""
+        return self.cpu_left_s <= 0.0 or self.wall_left_s <= 0.0
+
+    def exclude_attempt(self, used_s: float) -> None:
+        """Do not count the processor time of an attempt that is repeated."""
+        self._repeated_s += used_s
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,18 +118,30 @@ class LinearProgram:
         self._row_low.append(low)
         self._row_high.append(high)
 
-    def solve(self, seconds: float) -> MilpResult:
-        """Solve to HiGHS' gap of 1e-4, or return the best solution within the time limit."""
+    def solve(self, budget: PlanningBudget, least_s: float = 0.0) -> MilpResult:
+        """Solve to HiGHS' gap of 1e-4, or return the best solution within the budget, of which ``least_s`` are left.
+
+        HiGHS limits wall time only. An attempt that ended there without its share of the processor is repeated with
+        as much wall time as the processor time of the budget takes.
+        """
         shape = (len(self._row_low), len(self._low))
         rows, columns, values = zip(*self._entries, strict=True)
         A = csr_array((values, (rows, columns)), shape=shape)
-        solution = milp(
-            np.array(self._cost),
-            integrality=np.array(self._whole),
-            bounds=Bounds(np.array(self._low), np.array(self._high)),
-            constraints=LinearConstraint(A, np.array(self._row_low), np.array(self._row_high)),
-            options={"time_limit": seconds},
-        )
+        cpu_s = wall_s = max(budget.cpu_left_s, least_s)
+        while True:
+            began_s = time.process_time()
+            solution = milp(
+                np.array(self._cost),
+                integrality=np.array(self._whole),
+                bounds=Bounds(np.array(self._low), np.array(self._high)),
+                constraints=LinearConstraint(A, np.array(self._row_low), np.array(self._row_high)),
+                options={"time_limit": wall_s},
+            )
+            used_s, wall_left_s = time.process_time() - began_s, budget.wall_left_s
+            if solution.status != LIMIT_REACHED or used_s >= FULL_SHARE * cpu_s or wall_left_s <= 0.0:
+                break
+            budget.exclude_attempt(used_s)
+            wall_s = min(wall_left_s, wall_s * max(2.0, cpu_s / max(used_s, 1e-3)))
         if solution.x is None:
             return MilpResult(None, np.inf, solution.status == INFEASIBLE)
         return MilpResult(np.asarray(solution.x), float(solution.fun), proven=True)
@@ -142,10 +192,13 @@ class StepProgram:
             for k in range(2, len(plan.feet) + 1):
                 for before in plan.walk[k - 2 : k]:
                     self._keep_clear(before, plan.walk[k])
+            for standing, moving in zip(plan.feet, plan.feet[1:], strict=False):
+                for cut in ends.forbidden:
+                    self._avoid_transition(standing, moving, cut)
 
-    def solve(self, seconds: float) -> MilpResult:
-        """Solve the program within ``seconds``."""
-        return self.program.solve(seconds)
+    def solve(self, budget: PlanningBudget, least_s: float = 0.0) -> MilpResult:
+        """Solve the program within ``budget``, as ``LinearProgram.solve``."""
+        return self.program.solve(budget, least_s)
 
     def placements_of(self, result: MilpResult) -> PlacedSchedule:
         """Extract the placements from a solution."""
@@ -271,6 +324,20 @@ class StepProgram:
                 self.program.add_row([], low=1.0)  # both places are given: there is no solution
             elif not free.all():
                 self.program.add_row([*chosen, *others], high=float(bool(chosen) and bool(others)))
+
+    def _avoid_transition(self, standing: int, moving: int, cut: Transition) -> None:
+        """Let a step go less far than a forbidden transition, in its direction from a neutral stance."""
+        nodes, feet = self.plan.nodes, self.limits.feet
+        is_given = nodes[standing].fixed is not None and nodes[moving].fixed is not None
+        if nodes[moving].effector != cut.foot or is_given:
+            return
+        side = 1.0 if cut.foot == feet[0] else -1.0
+        neutral = np.array([0.0, side * self.limits.defaults.width_m])
+        away = np.array(cut.offset_m) - neutral
+        n = heading_frame(nodes[moving].yaw_rad)[:, :2] @ away
+        apart = [(self.columns[moving].p, 1.0), (self.columns[standing].p, -1.0)]
+        terms = [t for p, sign in apart for t in zip(p, sign * n, strict=True)]
+        self.program.add_row(terms, high=float(away @ neutral + CUT_SHARE * away @ away))
 
     def _add_deviation(self, node: Node, region: Region, h: int, u: Columns) -> None:
         """Add the deviation of a position in ``region`` from even steps; hands count along the path only."""

@@ -16,10 +16,17 @@ import numpy as np
 
 from stridelab.contacts.effector_geometry import EffectorShape
 from stridelab.contacts.planner.foothold_regions import Region, foothold_regions
-from stridelab.contacts.planner.milp import PlacedSchedule, StepProgram
+from stridelab.contacts.planner.milp import PlacedSchedule, PlanningBudget, StepProgram
 from stridelab.contacts.planner.obstacles import Obstacle, obstacles_met
 from stridelab.contacts.planner.pruning import fewest_moves, first_gap, prune_schedule
-from stridelab.contacts.planner.schedule import SAME_M, RegionLookup, Schedule, StartAndGoal, build_schedule
+from stridelab.contacts.planner.schedule import (
+    SAME_M,
+    RegionLookup,
+    Schedule,
+    StartAndGoal,
+    Transition,
+    build_schedule,
+)
 from stridelab.contacts.planner.start_goal import TaskEnds, scenario_without_phases, task_ends
 from stridelab.contacts.planner.step_limits import RobotLimits, heading_frame
 from stridelab.contacts.swing import LEVEL_M
@@ -34,6 +41,8 @@ STEPS_MAX: Final = 60
 """Longest plan, in steps."""
 TURN_MAX_RAD: Final = math.radians(12.0)
 """Largest heading change of a step."""
+MISS_S: Final = 1.0
+"""Least processor time for the search of the step that misses its limits."""
 LEVEL_MOVE_SHARE: Final = 0.7
 """Duration of a level step relative to a step to another height."""
 
@@ -51,27 +60,33 @@ class ContactPlan:
 
 @dataclass(frozen=True)
 class ContactPlanner:
-    """Contact planner of one robot, given its effectors and its limits; times out after ``seconds``."""
+    """Contact planner of one robot, given its effectors and its limits; ``seconds`` limits its processor time."""
 
     effectors: Mapping[str, EffectorShape]
     limits: RobotLimits
     seconds: float = 60.0
     extra_steps: int = 6
 
-    def plan(self, task: Mapping[str, Any], report_progress: Progress = lambda _share, _message: None) -> ContactPlan:
+    def plan(
+        self,
+        task: Mapping[str, Any],
+        report_progress: Progress = lambda _share, _message: None,
+        forbidden: Sequence[Transition] = (),
+    ) -> ContactPlan:
         """Plan ``{robot, terrain, start, goal, friction?, name?}``, fields as in a scenario and its phases.
 
-        ``report_progress`` is called with the progress.
+        ``report_progress`` is called with the progress. No step goes as far as a ``forbidden`` transition.
 
         Raises ``InvalidInput`` (``stance-invalid``) for an invalid start or goal, naming the contact, and
         ``NotEstimable``: ``contacts-unreachable`` (no sequence of steps; names the gap or the step and by how much it
         misses), ``contacts-too-far`` (more than 60 steps), ``contact-plan-timeout``.
         """
         began = time.process_time()
-        task_stances, until = task_ends(task, self.effectors), time.monotonic() + self.seconds
+        budget = PlanningBudget(self.seconds)
+        task_stances, cuts = task_ends(task, self.effectors), tuple(forbidden)
         obstacles: tuple[Obstacle, ...] = ()
         while True:
-            plan, met = self._plan_around(task, task_stances, obstacles, until, report_progress)
+            plan, met = self._plan_around(task, task_stances, (obstacles, cuts), budget, report_progress)
             if not met:
                 return replace(plan, solve_time_s=time.process_time() - began)
             obstacles += met
@@ -80,12 +95,14 @@ class ContactPlanner:
         self,
         task: Mapping[str, Any],
         task_stances: TaskEnds,
-        obstacles: tuple[Obstacle, ...],
-        until: float,
+        avoided: tuple[tuple[Obstacle, ...], tuple[Transition, ...]],
+        budget: PlanningBudget,
         report_progress: Progress,
     ) -> tuple[ContactPlan, tuple[Obstacle, ...]]:
-        """Plan around ``obstacles``; return the plan and the further obstacles that it meets."""
+        """Plan around obstacles and transitions; return the plan and the further obstacles that it meets."""
+        obstacles, forbidden = avoided
         ends, rooms, least = self._prepare_ends(task_stances, obstacles)
+        ends = replace(ends, forbidden=forbidden)
         draft = task_stances.draft
         if least > STEPS_MAX:
             message = f"The goal is at least {least} steps away; a plan has at most {STEPS_MAX} steps."
@@ -95,10 +112,9 @@ class ContactPlanner:
         for k, plan in enumerate(self._candidate_schedules(ends, rooms, least)):
             report_progress(min(0.9, k / (2 * self.extra_steps + 2)), f"{len(plan.feet) - 1} steps")
             program = StepProgram(plan, self.limits, ends)
-            left_s = until - time.monotonic()
-            if left_s <= 0.0:
+            if budget.is_spent:
                 raise _timeout_error(self.seconds)
-            answer = program.solve(left_s)
+            answer = program.solve(budget)
             if answer.x is not None:
                 placed = program.placements_of(answer)
                 if met := self._further_obstacles(draft, plan, placed, obstacles):
@@ -108,7 +124,7 @@ class ContactPlanner:
             if not answer.proven:
                 raise _timeout_error(self.seconds)
             steps = len(plan.feet) - 1
-        raise self._unreachable_error(ends, rooms, steps, until)
+        raise self._unreachable_error(ends, rooms, steps, budget)
 
     def prepare_task(self, task: Mapping[str, Any]) -> tuple[StartAndGoal, RegionLookup, int]:
         """Return ends, foothold regions and the minimum number of steps. Raises ``InvalidInput`` as ``plan``."""
@@ -194,9 +210,12 @@ class ContactPlanner:
             raise NotEstimable("contacts-unreachable", message, [Fault(f"terrain[{gap.to_surface}]", text)])
 
     def _unreachable_error(
-        self, ends: StartAndGoal, regions_at: RegionLookup, steps: int, until: float
+        self, ends: StartAndGoal, regions_at: RegionLookup, steps: int, budget: PlanningBudget
     ) -> NotEstimable:
         """The error that names the worst step of the plan with the least total violation of its limits."""
+        if ends.forbidden:
+            message = "There is no way to the goal without the transitions that the body cannot carry out."
+            return NotEstimable("contacts-unreachable", message, [Fault("goal", "out of reach")])
         if ends.obstacles:
             return _no_way_round([obstacle.name for obstacle in ends.obstacles])
         relaxed_schedule = build_schedule(ends, self.limits, regions_at, steps, self.limits.defaults.first_foot)
@@ -204,7 +223,7 @@ class ContactPlanner:
             message = f"There is no way to the goal in {steps} steps."
             return NotEstimable("contacts-unreachable", message, [Fault("goal", "out of reach")])
         program = StepProgram(relaxed_schedule, self.limits, ends, slack=True)
-        answer = program.solve(max(1.0, until - time.monotonic()))
+        answer = program.solve(budget, MISS_S)
         if answer.x is None or program.slack is None:
             return _timeout_error(self.seconds)
         worst = int(np.argmax(answer.x[list(program.slack)]))
@@ -291,4 +310,5 @@ def _no_way_round(names: Sequence[str]) -> NotEstimable:
 
 
 def _timeout_error(seconds: float) -> NotEstimable:
-    return NotEstimable("contact-plan-timeout", f"The planner found no sequence of contacts within {seconds:g} s.")
+    message = f"The planner found no sequence of contacts within {seconds:g} s of processor time."
+    return NotEstimable("contact-plan-timeout", message)

@@ -18,6 +18,9 @@ from stridelab.dynamics.spatial import Placement
 SAME_M: Final = 1e-4
 """Placements that differ by less are equal (m, and entries of rotations)."""
 
+CUT_SHARE: Final = 0.75
+"""Share of a forbidden transition's distance from a neutral stance up to which steps may go in its direction."""
+
 Stance = Mapping[str, Placement]
 
 
@@ -70,14 +73,26 @@ class Schedule:
 
 
 @dataclass(frozen=True, eq=False)
+class Transition:
+    """A step of ``foot`` to ``offset_m``, ahead of and to the left of the other foot (heading frame)."""
+
+    foot: str
+    offset_m: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
 class StartAndGoal:
-    """Start and goal with their headings; the robot turns by ``turn_rad`` in between, around the ``obstacles``."""
+    """Start and goal with their headings; the robot turns by ``turn_rad`` in between, around the ``obstacles``.
+
+    No step goes as far in its direction as a ``forbidden`` transition of the same foot.
+    """
 
     start: Stance
     goal: Stance
     yaw_rad: float
     turn_rad: float
     obstacles: tuple[Obstacle, ...] = ()
+    forbidden: tuple[Transition, ...] = ()
 
     @staticmethod
     def from_stances(start: Stance, goal: Stance, feet: tuple[str, str]) -> "StartAndGoal":

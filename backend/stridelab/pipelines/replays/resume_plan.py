@@ -31,7 +31,7 @@ MAX_TRIES: Final = 3
 REACH_S: Final = 1.5
 """Time on both soles before hands touch again."""
 PLANNING_S: Final = 10.0
-"""Time limit of the contact planner."""
+"""Processor time of the contact planner."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,6 +40,9 @@ class Settings:
 
     ``posture_weight`` is per group of joints; arms without contact or swing get ``free_arm`` times the weight.
     ``contact_margin_m`` shrinks the rectangle of a surface, so that the centre of pressure stays inside the real sole.
+    ``force_weight`` is that of the planned forces on soles, ``hand_force_weight`` that of those on hands: the angular
+    momentum is an error of the whole body's limbs, which soles correct by their centre of pressure. A hand that
+    corrects it takes its arm to the limits of its torques, from one sample to the next (docs/theory/whole-body.md).
     ``ankle_acts_rad`` is the distance from the end of an ankle's range at which the rest of the body begins to make
     room for it (``tasks.range_task``).
     ``range_share``, ``joint_margin_rad``, ``velocity_share`` and ``torque_share`` keep the motion inside the limits
@@ -59,6 +62,7 @@ class Settings:
     posture_weight: Mapping[str, float] | None = None
     free_arm: float = 4.0
     force_weight: float = 1e-3
+    hand_force_weight: float = 1.0
     hand_weight: float = 0.3
     ankle_weight: float = 4.0
     ankle_acts_rad: float = 0.1
@@ -132,9 +136,12 @@ class PhaseHierarchy:
         self._G = np.zeros((n_cone + 2 * na, nv + nf))
         self._lower = np.full(n_cone + 2 * na, -np.inf)
         self._upper = np.zeros(n_cone + 2 * na)
+        self._force_weights = np.empty(nf)
         row, column = 0, nv
-        for cone in cones:
+        for name, cone in zip(contacts, cones, strict=True):
             m, n = cone.G.shape
+            weight = settings.force_weight if self._surface[name] else settings.hand_force_weight
+            self._force_weights[column - nv : column - nv + n] = weight
             self._G[row : row + m, column : column + n] = cone.G
             self._upper[row : row + m] = cone.upper
             row, column = row + m, column + n
@@ -239,7 +246,7 @@ class PhaseHierarchy:
         assert self._plan is not None, "only rows without a plan's forces are built without a plan"
         forces_n = self._plan.forces_at(instant.time_s)
         planned = np.concatenate([*(forces_n[name].ravel() for name in self._contacts), np.zeros(0)])
-        weighted.append((s.force_weight, tasks.force_task(planned, self._nv)))
+        weighted.append((self._force_weights, tasks.force_task(planned, self._nv)))
         return tasks.stack_weighted(weighted, self._nz)
 
     def _inequality_rows(self, J_f: Float[np.ndarray, "nf nv"]) -> Inequalities:

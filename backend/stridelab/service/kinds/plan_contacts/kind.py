@@ -9,7 +9,8 @@ KIND = JobKind(
     name="plan-contacts",
     title="Contact plan",
     description="Plans contacts from a stance to a goal stance over a terrain; the scenario in the summary passes "
-    "`POST /scenarios/check`.",
+    "`POST /scenarios/check`. With `certify`, the motion of the plan is computed and certified, and a step at which "
+    "the certificate fails is avoided in the next plan.",
     examples={
         "walk": {
             "summary": "Half a metre forward on a flat floor",
@@ -19,5 +20,6 @@ KIND = JobKind(
     input_model=PlanContactsInput,
     summary_model=PlanContactsSummary,
     stage=stage_input,
-    timeout_s=120.0,
+    timeout_s=900.0,
+    memory_mb=4096,
 )
