@@ -57,7 +57,8 @@ class Walking:
 
     A swing takes ``swing_s``, the time on both soles ``both_s``, the shift before the first step ``shift_s``. The
     command is followed with ``slew`` (m/s2, rad/s2), within ``limits``. Places cost ``place``, the capture point at the
-    landing ``capture``, and times ``time`` times their squared deviation. Soles stay ``apart_m`` from each other, and
+    landing ``capture``, and times ``time`` times their squared deviation. Soles stay ``apart_m`` from each other, their
+    centres at ``narrowest`` of their usual distance or more (shoes may be wider than soles), and
     land at most ``longest`` of the leg's length ahead and ``widest`` of it aside. The walk is given up for a recovery
     where the capture point at the landing would be off by more than ``lost_m``. It stops where the ground does not go
     on level for two steps.
@@ -75,6 +76,7 @@ class Walking:
     apart_m: float = 0.02
     longest: float = 0.7
     widest: float = 0.6
+    narrowest: float = 0.5
     lost_m: float = 0.12
 
 
@@ -241,7 +243,9 @@ class WalkRun(RecoveryRun):
     def _within_reach(self, place_m: Shift, stance_m: Shift, side: float) -> Shift:
         """The nearest place that the leg reaches without coming near to the standing sole."""
         x, y = self._base.axes.T @ (place_m - stance_m)
-        near = 2.0 * float(self._legs.half_m[1]) + self._walking.apart_m
+        near = max(
+            2.0 * float(self._legs.half_m[1]) + self._walking.apart_m, self._walking.narrowest * self._legs.spacing_m
+        )
         far, ahead = self._walking.widest * self._legs.leg_m, self._walking.longest * self._legs.leg_m
         y = side * min(max(side * y, near), far)
         return np.asarray(stance_m + self._base.axes @ np.array([min(max(x, -0.8 * ahead), ahead), y]))
