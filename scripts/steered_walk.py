@@ -51,12 +51,14 @@ def main(
                 break
             ticks.append(velocity_between(start, pose_of(live), TICK_S))
             recovering_s += TICK_S * live.is_recovering
-        if live.time_s >= said_s:
-            out.print(f"{live.time_s / 60.0:.1f} minutes, {live.frame().steps} steps")
-            said_s += 60.0
         if len(ticks) > round(STARTED_S / TICK_S):
             wanted.append(np.array([command.ahead_m_s, command.left_m_s, command.turn_rad_s]))
             done.append(np.mean(ticks[round(STARTED_S / TICK_S) :], axis=0))
+        if live.time_s >= said_s:
+            out.print(f"{live.time_s / 60.0:.1f} minutes, {live.frame().steps} steps, {recovering_s:.1f} s of recovery")
+            for line in tracking_lines(np.array(wanted), np.array(done)):
+                out.print(f"  {line}")
+            said_s += 60.0
     frame, took_s = live.frame(), time.process_time() - began
     ended = "no fall" if live.fall is None else live.fall.summary
     out.print(f"{robot}, seed {seed}: {live.time_s / 60.0:.2f} of {minutes:g} minutes; {ended}")

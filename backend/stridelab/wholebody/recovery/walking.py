@@ -64,8 +64,8 @@ class Walking:
     on level for two steps.
     """
 
-    swing_s: float = 0.6
-    both_s: float = 0.16
+    swing_s: float = 0.42
+    both_s: float = 0.1
     shift_s: float = 0.7
     slew: tuple[float, float, float] = (0.4, 0.3, 0.8)
     limits: WalkCommand = field(default_factory=lambda: WalkCommand(0.4, 0.2, 0.5))
