@@ -1,7 +1,6 @@
 """The tour of a public benchmark, walked by the steered walk of this project."""
 
 import csv
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
@@ -167,4 +166,4 @@ def add_row(file: Path, run: TourRun) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(typer.run(main))
+    typer.run(main)

@@ -13,7 +13,7 @@ def test_a_circle_has_the_velocity_of_its_command(turn_rad_s: float) -> None:
     heading = 3.13 + turn_rad_s * time_s
     velocity = np.stack([0.4 * np.cos(heading) - 0.2 * np.sin(heading), 0.4 * np.sin(heading) + 0.2 * np.cos(heading)])
     way_m = np.trapezoid(velocity, time_s, axis=1)
-    end = np.array([*way_m, np.angle(np.exp(1j * heading[-1]))])
+    end = np.append(way_m, np.angle(np.exp(1j * heading[-1])))
     found = velocity_between(np.array([0.0, 0.0, 3.13]), end, 0.1)
     assert found == pytest.approx([0.4, 0.2, turn_rad_s], abs=1e-4)
 
