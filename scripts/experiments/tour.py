@@ -133,7 +133,7 @@ def draw_punches(run_id: int, robot: Robot) -> list[Push]:
 def moved_link(robot: Robot, joint: str) -> str:
     """The first link that a joint moves."""
     index = robot.model.getJointId(joint)
-    return next(f.name for f in robot.model.frames if f.parentJoint == index and f.type == pin.FrameType.BODY)
+    return str(next(f.name for f in robot.model.frames if f.parentJoint == index and f.type == pin.FrameType.BODY))
 
 
 class ArmWalk:

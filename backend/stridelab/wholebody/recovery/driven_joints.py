@@ -40,7 +40,7 @@ class DrivenJoints:
     def torques_nm(self, q_rad: Angles, v_rad_s: Angles) -> Float[np.ndarray, "n"]:
         """Torques of the servo at angles and rates ``(na,)`` of all actuated joints."""
         tau = self.kp_nm_rad * (self.target_rad - q_rad[self.at]) - self.kd_nms_rad * v_rad_s[self.at]
-        return np.clip(tau, -self._limit_nm, self._limit_nm)
+        return np.asarray(np.clip(tau, -self._limit_nm, self._limit_nm))
 
     def motion_rows(self, body: RigidBody, nz: int) -> Rows:
         """Rows of the equations of motion for the driven joints, padded with zeros to ``nz`` unknowns."""
