@@ -1,4 +1,4 @@
-.PHONY: serve test coverage check check-native push-basin terrains chaos orphans fuzz mutants bench docs lock load soak
+.PHONY: serve test coverage check check-native push-basin g1-tour terrains chaos orphans fuzz mutants bench docs lock load soak
 
 # Where the environment forbids to keep compiled modules, every process compiles all libraries anew: 7.8 s of imports for a plan, not 2.4.
 unexport PYTHONDONTWRITEBYTECODE
@@ -35,6 +35,9 @@ orphans:  ## how long the job of a killed worker waits for another one (ARGS=kil
 
 push-basin:  ## which pushes a walking robot survives in physics (ARGS="long-stride --speed 0.2 --pushes 50")
 	@scripts/push-basin $(ARGS)
+
+g1-tour:  ## the tour of a public benchmark of G1, steered, punched (ARGS="--runs 8 --first 0")
+	@scripts/g1-tour $(ARGS)
 
 terrains:  ## random terrains for three robots, planned, certified, replayed; writes docs/theory/terrains.md (ARGS="--seed 7 --number 60")
 	@scripts/terrains $(ARGS)

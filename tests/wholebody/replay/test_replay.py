@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -327,6 +328,27 @@ def test_pushes_act_on_their_link_and_add_up(robot: Robot, link: str | None) -> 
     assert simulation.com_state()[1][:2] * robot.mass_kg == pytest.approx([6.0, 6.0], rel=5e-3)
     moved_m = np.linalg.norm((simulation.contact_placement("left_hand").position_m - start_m)[:2])
     assert (moved_m > 0.02) == (link is not None)
+
+
+def test_a_push_at_a_joint_turns_its_link_as_its_lever_says(robot: Robot) -> None:
+    """The force at the origin of the body: its moment about the robot's CoM is the rate of the angular momentum."""
+    q = robot.q_reference.copy()
+    q[2] += 2.0
+    built = build_simulation(robot, ground(), 0.3, FEET)
+    body, force_n = built.body_of("arm_left_4_link"), np.array([30.0, 0.0, 0.0])
+    momenta = []
+    for at_joint in (False, True):
+        simulation = Simulation(built, q)
+        data, com_m = simulation._data, simulation.com_state()[0]
+        point_m = data.xpos[body] if at_joint else data.xipos[body]
+        expected_nms = 0.001 * np.cross(point_m - com_m, force_n)
+        simulation.apply_forces([(body, force_n)], [at_joint])
+        simulation.step(np.zeros(len(robot.joint_names)), np.zeros(len(robot.locked)))
+        simulation.refresh_derived()
+        mujoco.mj_subtreeVel(built.model, data)
+        assert data.subtree_angmom[1] == pytest.approx(expected_nms, abs=3e-5)
+        momenta.append(expected_nms)
+    assert np.linalg.norm(momenta[1] - momenta[0]) > 5e-4, "the two points differ"
 
 
 def test_a_push_on_a_link_that_does_not_exist_is_refused(robot: Robot) -> None:

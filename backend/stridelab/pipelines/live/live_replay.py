@@ -5,6 +5,7 @@ recovery it stands where it came to rest while the rest of its plan is computed 
 it is steered, it walks at the commanded velocity where the ground is level.
 """
 
+import math
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -13,6 +14,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from stridelab.conventions import Vector3
 from stridelab.errors import InvalidInput
 from stridelab.pipelines.live.fall import Strain, explain_fall
 from stridelab.pipelines.live.horizon import predict_horizon
@@ -34,6 +36,7 @@ from stridelab.schemas.live.messages import (
     LiveSteer,
 )
 from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.recovery.driven_joints import DrivenJoints
 from stridelab.wholebody.recovery.recovery import Recovery
 from stridelab.wholebody.recovery.walking import WalkCommand, WalkRun
 from stridelab.wholebody.replay.dcm_feedback import pendulum_rate
@@ -94,6 +97,18 @@ class LiveReplay:
         return self._stepper.time_s
 
     @property
+    def base_pose(self) -> tuple[Vector3, float]:
+        """Position (m) and heading (rad) of the base link."""
+        q, _ = self._stepper.simulation.coordinates()
+        x, y, z, w = q[3:7]
+        return q[:3].copy(), math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+    @property
+    def is_recovering(self) -> bool:
+        """Whether the robot steps to stay upright, rather than as planned or commanded."""
+        return self._current_activity() == "recovery"
+
+    @property
     def has_stopped(self) -> bool:
         """Whether nothing moves any more after a fall."""
         return self.fall is not None and (self._has_diverged or self.time_s > self.fall.time_s + COLLAPSE_S)
@@ -105,16 +120,23 @@ class LiveReplay:
 
     def push_link(self, push: LivePush) -> None:
         """Push now. Raises ``InvalidInput`` (``link-not-found``, ``too-many-pushes``)."""
-        added = Push(self.time_s, push.impulse_ns, link=push.link)
+        self.add_push(Push(self.time_s, push.impulse_ns, link=push.link))
+        self._push_number = -1 if push.number is None else push.number
+
+    def add_push(self, push: Push) -> None:
+        """Add a push that begins now or later. Raises as ``push_link``."""
         self._stepper.drop_ended_pushes()
         if sum(one.end_s > self.time_s for one in self._pushes) >= MAX_PUSHES:
             raise InvalidInput("too-many-pushes", f"{MAX_PUSHES} pushes act at this moment already.")
-        self._stepper.add_push(added)
-        self._pushes = [*self._pushes[-20:], added]
-        self._strain = Strain()
+        self._stepper.add_push(push)
+        self._pushes = [*self._pushes[-20:], push]
+        self._strain, self._push_number = Strain(), -1
         self._resuming.cancel_planning()
         self._pushed_link = self._drawn.get(self._stepper.simulation.built.body_of(push.link))
-        self._push_number = -1 if push.number is None else push.number
+
+    def leave_joints(self, driven: DrivenJoints) -> None:
+        """Leave joints to their own servo from now on."""
+        self._stepper.leave_joints(driven)
 
     def steer(self, command: LiveSteer, hold_s: float = STEER_HOLD_S) -> None:
         """Walk at a commanded velocity, for ``hold_s``. Raises ``InvalidInput`` (``robot-cannot-steer``)."""

@@ -25,6 +25,7 @@ from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows, solv
 from stridelab.wholebody.control.rigid_body import RigidBody
 from stridelab.wholebody.control.task_stack import PhaseHierarchy, Settings
 from stridelab.wholebody.control.tasks import Gain
+from stridelab.wholebody.recovery.driven_joints import DrivenJoints
 from stridelab.wholebody.recovery.swing_aim import AimedSwing
 
 _FREE = 1e5
@@ -94,7 +95,7 @@ class Balance(NamedTuple):
 
 
 class BalanceRows(PhaseHierarchy):
-    """Rows of one set of contacts."""
+    """Rows of one set of contacts; ``driven`` joints move by their own servo."""
 
     def __init__(
         self,
@@ -104,9 +105,12 @@ class BalanceRows(PhaseHierarchy):
         weights: BalanceWeights,
         settings: Settings,
         avoidance: CollisionAvoidance | None,
+        driven: DrivenJoints | None = None,
     ) -> None:
         super().__init__(robot, body, contacts, {}, None, settings, avoidance)
-        self._weights = weights
+        self._weights, self._driven = weights, driven
+        if driven is not None:
+            self._posture_weights[driven.at] = 0.0
         n = sum(len(points) for points in self._points.values())
         even_n = np.zeros((n, 3))
         even_n[:, 2] = GRAVITY_M_S2 * robot.mass_kg / max(n, 1)
@@ -128,6 +132,21 @@ class BalanceRows(PhaseHierarchy):
             bounds = Inequalities(bounds.G, lower, upper)
             result = solve_hierarchy(equality, [level], bounds)
         return Balance(result.z[: self._nv], self.torques_nm(result.z), given_up == 0)
+
+    def _level_0(self, J_f: Float[np.ndarray, "nf nv"]) -> Rows:
+        rows = super()._level_0(J_f)
+        if self._driven is None:
+            return rows
+        driven = self._driven.motion_rows(self._body, self._nz)
+        return Rows(np.vstack([rows.A, driven.A]), np.concatenate([rows.b, driven.b]))
+
+    def _inequality_rows(self, J_f: Float[np.ndarray, "nf nv"]) -> Inequalities:
+        bounds = super()._inequality_rows(J_f)
+        if self._driven is not None:
+            for rows in (self._torque, self._joint):
+                at = rows.start + self._driven.at
+                bounds.lower[at], bounds.upper[at] = -_FREE, _FREE
+        return bounds
 
     def _weighted_rows(self, targets: BalanceTargets) -> Rows:
         body, w, zero = self._body, self._weights, np.zeros(3)
@@ -155,6 +174,8 @@ class BalanceRows(PhaseHierarchy):
         if self._avoidance is not None:
             self._avoidance.update(body)
             rows, weights = self._avoidance.task_rows()
+            if self._driven is not None:  # the body does not flee from joints that come near on their own
+                weights = weights * ~np.any(rows.A[:, 6 + self._driven.at] != 0.0, axis=1)
             weighted.append((weights, rows))
         return tasks.stack_weighted(weighted, self._nz)
 

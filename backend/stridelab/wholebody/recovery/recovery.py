@@ -26,6 +26,7 @@ from stridelab.wholebody.recovery.balance_rows import (
     LevelHeading,
     recovery_settings,
 )
+from stridelab.wholebody.recovery.driven_joints import DrivenJoints
 from stridelab.wholebody.recovery.footholds import Footholds
 from stridelab.wholebody.recovery.leg_geometry import LegGeometry
 from stridelab.wholebody.recovery.step_choice import (
@@ -129,6 +130,7 @@ class RecoveryRun:
         self.left_plan_s, self.steps, self.steps_before, self._still_s = measured.time_s, 0, 0, 0.0
         self._time_s = measured.time_s
         self._contacts: dict[str, Contact] = {}
+        self._driven: DrivenJoints | None = None
         self._swing: AimedSwing | None = None
         self._step: Step | None = None
         self._body.update(measured.q, measured.v)
@@ -147,6 +149,11 @@ class RecoveryRun:
         for name in legs.side:
             if name not in self._contacts:
                 self._lift_off(name, measured)
+        self._state_rows()
+
+    def leave_joints(self, driven: DrivenJoints | None) -> None:
+        """Leave joints to their own servo from now on."""
+        self._driven = driven
         self._state_rows()
 
     @property
@@ -215,7 +222,7 @@ class RecoveryRun:
 
     def _state_rows(self) -> None:
         self._rows = BalanceRows(
-            self._robot, self._body, self._contacts, self._by.weights, self._limits, self._avoidance
+            self._robot, self._body, self._contacts, self._by.weights, self._limits, self._avoidance, self._driven
         )
 
     def _check_landing(self, swing: AimedSwing, measured: SensedState) -> None:

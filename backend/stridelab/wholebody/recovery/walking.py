@@ -57,13 +57,15 @@ class Walking:
 
     A swing takes ``swing_s``, the time on both soles ``both_s``, the shift before the first step ``shift_s``. The
     command is followed with ``slew`` (m/s2, rad/s2), within ``limits``. Places cost ``place``, the capture point at the
-    landing ``capture``, and times ``time`` times their squared deviation. Soles stay ``apart_m`` from each other, and
-    land at most ``longest`` of the leg's length ahead. The walk is given up for a recovery where the capture point at
-    the landing would be off by more than ``lost_m``. It stops where the ground does not go on level for two steps.
+    landing ``capture``, and times ``time`` times their squared deviation. Soles stay ``apart_m`` from each other, their
+    centres at ``narrowest`` of their usual distance or more (shoes may be wider than soles), and
+    land at most ``longest`` of the leg's length ahead and ``widest`` of it aside. The walk is given up for a recovery
+    where the capture point at the landing would be off by more than ``lost_m``. It stops where the ground does not go
+    on level for two steps.
     """
 
-    swing_s: float = 0.6
-    both_s: float = 0.16
+    swing_s: float = 0.42
+    both_s: float = 0.1
     shift_s: float = 0.7
     slew: tuple[float, float, float] = (0.4, 0.3, 0.8)
     limits: WalkCommand = field(default_factory=lambda: WalkCommand(0.4, 0.2, 0.5))
@@ -73,6 +75,8 @@ class Walking:
     times: tuple[float, ...] = (0.7, 0.8, 0.9, 1.0, 1.1)
     apart_m: float = 0.02
     longest: float = 0.7
+    widest: float = 0.6
+    narrowest: float = 0.5
     lost_m: float = 0.12
 
 
@@ -239,8 +243,10 @@ class WalkRun(RecoveryRun):
     def _within_reach(self, place_m: Shift, stance_m: Shift, side: float) -> Shift:
         """The nearest place that the leg reaches without coming near to the standing sole."""
         x, y = self._base.axes.T @ (place_m - stance_m)
-        near = 2.0 * float(self._legs.half_m[1]) + self._walking.apart_m
-        far, ahead = 0.6 * self._legs.leg_m, self._walking.longest * self._legs.leg_m
+        near = max(
+            2.0 * float(self._legs.half_m[1]) + self._walking.apart_m, self._walking.narrowest * self._legs.spacing_m
+        )
+        far, ahead = self._walking.widest * self._legs.leg_m, self._walking.longest * self._legs.leg_m
         y = side * min(max(side * y, near), far)
         return np.asarray(stance_m + self._base.axes @ np.array([min(max(x, -0.8 * ahead), ahead), y]))
 
@@ -250,7 +256,8 @@ class WalkRun(RecoveryRun):
         Sideways the sole of that side does both steps' way, the other one comes beside it.
         """
         step_s, side, v = self._swing_s + self._both_s, self._legs.side[name], self._velocity
-        outwards_m = 2.0 * step_s * max(side * v.left_m_s, 0.0)
+        widest_m = self._walking.widest * self._legs.leg_m - self._legs.spacing_m
+        outwards_m = min(2.0 * step_s * max(side * v.left_m_s, 0.0), widest_m)
         return np.array([step_s * v.ahead_m_s, side * (self._legs.spacing_m + outwards_m)])
 
     def _turn_of_step(self) -> float:

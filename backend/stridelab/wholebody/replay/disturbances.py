@@ -19,13 +19,15 @@ from stridelab.errors import Fault, InvalidInput
 class Push:
     """A constant force at the centre of mass of ``link``: ``impulse_ns`` (world axes) over ``duration_s``.
 
-    It starts ``time_s`` after the start of the replay. None is the trunk.
+    It starts ``time_s`` after the start of the replay. None is the trunk. With ``at_joint``, the force acts at the
+    joint that moves the link, instead of at its centre of mass.
     """
 
     time_s: float
     impulse_ns: tuple[float, float, float]
     duration_s: float = 0.1
     link: str | None = None
+    at_joint: bool = False
 
     @property
     def end_s(self) -> float:

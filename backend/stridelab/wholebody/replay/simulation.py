@@ -94,12 +94,18 @@ class Simulation:
         self.strained_joint = int(ratios.argmax())
         return float(ratios[self.strained_joint])
 
-    def apply_forces(self, forces: Sequence[tuple[int, Vector3]]) -> None:
-        """Set the forces (N, world axes) at the centres of mass of bodies for the following steps; those of one add."""
+    def apply_forces(self, forces: Sequence[tuple[int, Vector3]], at_joint: Sequence[bool] = ()) -> None:
+        """Set the forces (N, world axes) at the centres of mass of bodies for the following steps; those of one add.
+
+        Where ``at_joint`` is true, the force acts at the origin of the body, which is the joint that moves it.
+        """
+        data = self._data
         for body, _ in forces:
-            self._data.xfrc_applied[body, :3] = 0.0
-        for body, force_n in forces:
-            self._data.xfrc_applied[body, :3] += force_n
+            data.xfrc_applied[body] = 0.0
+        for (body, force_n), is_at_joint in zip(forces, at_joint or [False] * len(forces), strict=True):
+            data.xfrc_applied[body, :3] += force_n
+            if is_at_joint:
+                data.xfrc_applied[body, 3:] += cross(data.xpos[body] - data.xipos[body], force_n)
 
     def refresh_derived(self) -> None:
         """Update all derived quantities to the coordinates after the last step.

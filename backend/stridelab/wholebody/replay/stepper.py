@@ -14,6 +14,8 @@ from stridelab.dynamics.spatial import length_of
 from stridelab.errors import InvalidInput
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import MotionArrival, WholeBodyMotion
+from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.recovery.driven_joints import DrivenJoints
 from stridelab.wholebody.recovery.leg_geometry import LegGeometry
 from stridelab.wholebody.recovery.recovery import JointCommand, Recovery, RecoveryRun
 from stridelab.wholebody.recovery.walking import WalkCommand, WalkRun
@@ -76,6 +78,7 @@ class ReplayStepper:
         self._resumptions = 0
         self._blend: JointBlend | None = None
         self._last_nm = np.zeros(len(self._kp))
+        self._driven: DrivenJoints | None = None
 
     @property
     def time_s(self) -> float:
@@ -148,7 +151,14 @@ class ReplayStepper:
                 raise InvalidInput("robot-cannot-steer", "Only a robot that walks on two soles can be steered.")
             measured = self.measured_state()
             self.recovering = WalkRun(*self._recovery_arguments(self._physics.recovery, self._legs, measured))
+            self.recovering.leave_joints(self._driven)
         self.recovering.command = command
+
+    def leave_joints(self, driven: DrivenJoints | None) -> None:
+        """Leave joints to their own servo from now on, which a steered walk takes into account."""
+        self._driven = driven
+        if self.recovering is not None:
+            self.recovering.leave_joints(driven)
 
     def measured_state(self) -> SensedState:
         """What the sensors and the state estimator say now."""
@@ -290,11 +300,14 @@ class ReplayStepper:
             if command is not None:
                 v_command = command.v_rad_s + j * dt_s * command.a_rad_s2
                 tau = command.tau_nm + damping_share * self._kd * (v_command - v_read)
+            if self._driven is not None:
+                tau[self._driven.at] = self._driven.torques_nm(q_read, v_read)
             if noise:
                 tau = tau * (1.0 + noise * self._rng.normal(size=len(tau)))
             if self._pushed:
                 time_s = start_s + j * dt_s
-                simulation.apply_forces([(body, push.force_n(time_s)) for body, push in self._pushed])
+                forces = [(body, push.force_n(time_s)) for body, push in self._pushed]
+                simulation.apply_forces(forces, [push.at_joint for _, push in self._pushed])
             locked_tau = simulation.locked_torques_nm(
                 physics.arm_share * physics.stiffness, physics.arm_share * physics.damping
             )
