@@ -14,7 +14,6 @@ from stridelab.dynamics.spatial import length_of
 from stridelab.errors import InvalidInput
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import MotionArrival, WholeBodyMotion
-from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.recovery.driven_joints import DrivenJoints
 from stridelab.wholebody.recovery.leg_geometry import LegGeometry
 from stridelab.wholebody.recovery.recovery import JointCommand, Recovery, RecoveryRun
