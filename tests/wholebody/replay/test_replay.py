@@ -14,15 +14,14 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.motion import MotionArrival, WholeBodyMotion
+from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.dcm_feedback import CapturePointFeedback, Sole, ankle_torques_nm, ankles_of
 from stridelab.wholebody.replay.disturbances import Disturbances, Push, SensorNoise
 from stridelab.wholebody.replay.mujoco_model import build_simulation
 from stridelab.wholebody.replay.replay import PhysicsReplay, Replay
 from stridelab.wholebody.replay.replay_control import DelayPredictor
-from stridelab.wholebody.replay.sensors import JointReadings, SensedState, SimulatedSensors, as_sensed
+from stridelab.wholebody.replay.sensors import JointReadings, SensedState, SimulatedSensors
 from stridelab.wholebody.replay.simulation import Simulation
-from stridelab.wholebody.replay.stepper import ReplayStepper
 
 RATE_HZ = 250.0
 FEET = ("left_foot", "right_foot")
@@ -393,39 +392,3 @@ def test_a_rate_that_does_not_fit_the_steps_is_refused(robot: Robot) -> None:
     with pytest.raises(InvalidInput) as refusal:
         played(robot, replace(motion, rate_hz=300.0))
     assert refusal.value.code == "replay-rate"
-
-
-def test_a_motion_that_arrives_is_replayed_alike_in_every_bit(
-    robot: Robot, two_steps: tuple[ContactSequence, object, WholeBodyMotion]
-) -> None:
-    """Samples arrive 25 at a time; a push, whose outcome depends on all that lies ahead, waits for the rest."""
-    sequence, _, motion = two_steps
-    growing = ("q", "v", "a", "tau_nm", "com_m", "com_v_m_s", "l_nms")
-    references = ("com_reference_m", "com_v_reference_m_s", "l_reference_nms")
-    filled = {name: np.zeros_like(getattr(motion, name)) for name in (*growing, *references)}
-    forces_n = {name: np.zeros_like(force) for name, force in motion.forces_n.items()}
-
-    def receive() -> int:
-        new = slice(arrival.arrived, arrival.arrived + 25)
-        for name, values in filled.items():
-            values[new] = getattr(motion, name)[new]
-        for name, values in forces_n.items():
-            values[new] = motion.forces_n[name][new]
-        return min(new.stop, arrival.total)
-
-    arrival = MotionArrival(len(motion.time_s), 0, receive)
-    arrival.wait_for_samples(1)
-    arriving = replace(motion, **filled, forces_n=forces_n, arrival=arrival)
-    pushed = Disturbances(pushes=(Push(0.3, (0.0, 60.0, 0.0)),))
-    one, other = (
-        ReplayStepper(PhysicsReplay(), robot, sequence, each, as_sensed, pushed) for each in (motion, arriving)
-    )
-    for _ in range(75):
-        one.advance()
-        other.advance()
-    assert not arrival.is_complete
-    for _ in range(75):
-        one.advance()
-        other.advance()
-    assert arrival.is_complete
-    np.testing.assert_array_equal(other.log.samples_from(0)[1], one.log.samples_from(0)[1])

@@ -1,18 +1,22 @@
 """What the soles can still undo, and what is done where they cannot: the plan waits, hurries, or steps aside."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.motion import MotionArrival, WholeBodyMotion
 from stridelab.wholebody.replay.capturability import Capturability
 from stridelab.wholebody.replay.dcm_feedback import ankles_of, pendulum_rate
 from stridelab.wholebody.replay.disturbances import Disturbances, Push
 from stridelab.wholebody.replay.replay import PhysicsReplay
+from stridelab.wholebody.replay.sensors import as_sensed
 from stridelab.wholebody.replay.stabiliser import Stabiliser, swing_progress
 from stridelab.wholebody.replay.step_adjustment import AdaptiveClock, Stepping
+from stridelab.wholebody.replay.stepper import ReplayStepper
 
 LEFT, BACKWARDS = 1, 2
 NEVER = Stepping(least_m=9.0)
@@ -191,3 +195,39 @@ def test_a_clock_waits_for_the_whole_motion_where_its_reach_may_be_exceeded(
     assert unknown.excess_m == known.excess_m
     assert unknown.rate == known.rate
     assert (known.excess_m > 0.0) == waits
+
+
+def test_a_motion_that_arrives_is_replayed_alike_in_every_bit(
+    talos: Robot, two_steps: tuple[ContactSequence, CentroidalPlan, WholeBodyMotion]
+) -> None:
+    """Samples arrive 25 at a time; a push, whose outcome depends on all that lies ahead, waits for the rest."""
+    sequence, _, motion = two_steps
+    growing = ("q", "v", "a", "tau_nm", "com_m", "com_v_m_s", "l_nms")
+    references = ("com_reference_m", "com_v_reference_m_s", "l_reference_nms")
+    filled = {name: np.zeros_like(getattr(motion, name)) for name in (*growing, *references)}
+    forces_n = {name: np.zeros_like(force) for name, force in motion.forces_n.items()}
+
+    def receive() -> int:
+        new = slice(arrival.arrived, arrival.arrived + 25)
+        for name, values in filled.items():
+            values[new] = getattr(motion, name)[new]
+        for name, values in forces_n.items():
+            values[new] = motion.forces_n[name][new]
+        return min(new.stop, arrival.total)
+
+    arrival = MotionArrival(len(motion.time_s), 0, receive)
+    arrival.wait_for_samples(1)
+    arriving = replace(motion, **filled, forces_n=forces_n, arrival=arrival)
+    pushed = Disturbances(pushes=(Push(0.3, (0.0, 60.0, 0.0)),))
+    one, other = (
+        ReplayStepper(PhysicsReplay(), talos, sequence, each, as_sensed, pushed) for each in (motion, arriving)
+    )
+    for _ in range(75):
+        one.advance()
+        other.advance()
+    assert not arrival.is_complete
+    for _ in range(75):
+        one.advance()
+        other.advance()
+    assert arrival.is_complete
+    np.testing.assert_array_equal(other.log.samples_from(0)[1], one.log.samples_from(0)[1])

@@ -41,6 +41,8 @@ from stridelab.wholebody.motion import LEVELS, MotionWatcher, SolverFailure, Who
 _CENTROIDAL = ("com_m", "com_v_m_s", "l_nms", "com_reference_m", "com_v_reference_m_s", "l_reference_nms")
 _MAX_SPEED_RAD_S = 30.0
 _MAX_COM_ERROR_M = 0.3
+Allocate = Callable[[tuple[int, ...]], Float[np.ndarray, "..."]]
+"""Makes an array of zeros of a shape."""
 _REPORT_SAMPLES = 25
 """Progress and new samples are reported after this many samples."""
 
@@ -62,7 +64,7 @@ class WholeBodyController:
         progress: Progress | None = None,
         watch: MotionWatcher | None = None,
         begin: Callable[[WholeBodyMotion], None] | None = None,
-        allocate: Callable[[tuple[int, ...]], np.ndarray] = np.zeros,
+        allocate: Allocate = np.zeros,
     ) -> WholeBodyMotion:
         """Follow ``plan`` over ``sequence``; deterministic. ``watch`` receives the samples as they are solved.
 
@@ -100,7 +102,7 @@ class _ControllerRun:
         robot: Robot,
         sequence: ContactSequence,
         plan: CentroidalPlan,
-        allocate: Callable[[tuple[int, ...]], np.ndarray],
+        allocate: Allocate,
     ) -> None:
         self._controller, self._robot, self._sequence, self._plan = controller, robot, sequence, plan
         n = round(sequence.duration_s * controller.rate_hz) + 1

@@ -1,6 +1,7 @@
 """A replay in a second process is that of this one, and its parts follow those of this process."""
 
 import contextlib
+from multiprocessing import Pipe
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from stridelab.robots.loader import load_robot
 from stridelab.schemas.plans import PlanMotionInput
 from stridelab.service.jobs.partial_results import CHUNK
 from stridelab.service.kinds.partial_results import PARTIAL_FOLDER, chunk_name
-from stridelab.service.kinds.plan_motion.replay_beside import ReplayBeside
+from stridelab.service.kinds.plan_motion.replay_beside import ReplayBeside, ReplayInbox
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.motion import WholeBodyMotion, shared_zeros
 from stridelab.wholebody.replay.replay import replay_with_defaults
@@ -54,3 +55,28 @@ def test_a_replay_beside_the_body_is_that_of_the_whole_motion(tmp_path: Path) ->
     times_s = [t for name in names for t in CHUNK.validate_json((tmp_path / PARTIAL_FOLDER / name).read_bytes()).time_s]
     assert times_s == sorted(times_s)
     assert len(times_s) == pytest.approx(25 * float(replay.time_s[-1]), abs=2)
+
+
+def test_messages_that_were_read_while_a_part_was_written_are_not_waited_for() -> None:
+    """The sender is closed: waiting for a further message is an ``EOFError``."""
+    inbox, outbox = Pipe(duplex=False)
+    received = ReplayInbox(inbox, 50)
+    assert received.released_part() == 0
+    for message in (("samples", 100), ("samples", 200)):
+        outbox.send(message)
+    assert received.released_part() == 0
+    assert received.wait_for_samples() == 200
+    for message in (("parts", 7), ("samples", 300)):
+        outbox.send(message)
+    outbox.close()
+    assert received.wait_for_samples() == 300
+    written: list[int] = []
+
+    def write() -> bool:
+        written.append(received.first_part)
+        return True
+
+    received.wait_for_release(write)
+    assert written == [7]
+    with pytest.raises(EOFError):
+        received.wait_for_samples()

@@ -10,6 +10,7 @@ the second process writes follow those of this one, and are therefore held back 
 from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -48,10 +49,10 @@ class ReplayBeside:
     ) -> None:
         self._request, self._robot, self._motion, self._folder = request, robot, motion, folder
         self._fraction = shared_zeros((1,))
-        self._inbox, self._outbox = Pipe(duplex=False)
-        self._arrived, self._first_part = arrived, 0
+        inbox, self._outbox = Pipe(duplex=False)
+        self._inbox = ReplayInbox(inbox, arrived)
         self._work = WorkBeside(self._run_replay)
-        self._inbox.close()
+        inbox.close()
 
     @staticmethod
     def is_possible() -> bool:
@@ -90,37 +91,52 @@ class ReplayBeside:
     def _run_replay(self) -> "tuple[Replay, tuple[ArtifactFile, ...]]":
         """Replay the motion, in the second process."""
         self._outbox.close()
-        arrival = MotionArrival(len(self._motion.time_s), self._arrived, self._receive_samples)
-        parts = _HeldParts(self._folder, self._released_part)
+        inbox = self._inbox
+        arrival = MotionArrival(len(self._motion.time_s), inbox.arrived, inbox.wait_for_samples)
+        parts = _HeldParts(self._folder, inbox.released_part)
         watcher = PartialPlanWriter(parts, self._robot)
         motion = replace(self._motion, arrival=arrival)
         replay = replay_motion(self._request, self._robot, motion, self._note_progress, watcher)
         watcher.flush_replay()
         files = write_replay_data(self._folder, self._robot, self._motion, replay)
-        while parts.holds_parts:
-            self._read_message()
-            parts.write_held()
+        inbox.wait_for_release(parts.write_held)
         return replay, files
 
     def _note_progress(self, fraction: float, _message: str) -> None:
         self._fraction[0] = fraction
 
-    def _receive_samples(self) -> int:
-        self._read_message()
-        return self._arrived
 
-    def _released_part(self) -> int:
-        """The number of the first part of this process, or 0."""
-        while self._first_part == 0 and self._inbox.poll():
+class ReplayInbox:
+    """What the second process has received: ``arrived`` samples, and ``first_part``, its number or 0."""
+
+    def __init__(self, connection: Connection, arrived: int) -> None:
+        self._connection = connection
+        self.arrived, self.first_part, self._told = arrived, 0, arrived
+
+    def wait_for_samples(self) -> int:
+        """The number of samples, when it is larger than the one that this returned before."""
+        while self.arrived <= self._told:  # it may have been read while a part was written
             self._read_message()
-        return self._first_part
+        self._told = self.arrived
+        return self.arrived
+
+    def released_part(self) -> int:
+        """The number of the first part, or 0; does not wait."""
+        while self._connection.poll():
+            self._read_message()
+        return self.first_part
+
+    def wait_for_release(self, write: Callable[[], bool]) -> None:
+        """Wait for the number of the first part, unless ``write`` returns that there is nothing to write."""
+        while not write():
+            self._read_message()
 
     def _read_message(self) -> None:
-        kind, number = self._inbox.recv()
+        kind, number = self._connection.recv()
         if kind == _SAMPLES:
-            self._arrived = number
+            self.arrived = number
         else:
-            self._first_part = number
+            self.first_part = number
 
 
 class _HeldParts(PartialWriter):
@@ -131,22 +147,17 @@ class _HeldParts(PartialWriter):
         self._released = released
         self._held: list[BaseModel] = []
 
-    @property
-    def holds_parts(self) -> bool:
-        """Whether there are parts that are not written."""
-        return bool(self._held)
-
     def write(self, chunk: BaseModel) -> None:
         """Write the part, or hold it."""
         self._held.append(chunk)
         self.write_held()
 
-    def write_held(self) -> None:
-        """Write what is held, if it may be written."""
+    def write_held(self) -> bool:
+        """Write what is held, if it may be written; whether nothing is held any more."""
         first = self._released()
-        if first == 0:
-            return
-        self.next_number = max(self.next_number, first)
-        for chunk in self._held:
-            super().write(chunk)
-        self._held.clear()
+        if first > 0:
+            self.next_number = max(self.next_number, first)
+            for chunk in self._held:
+                super().write(chunk)
+            self._held.clear()
+        return not self._held
