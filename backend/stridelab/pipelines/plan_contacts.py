@@ -52,7 +52,8 @@ def plan_contacts(request: PlanContactsInput, progress: ProgressCallback) -> Pla
     task = request.model_dump(mode="json", exclude={"certify"})
     share = PLAN_SHARE if request.certify else 1.0
     plan = planner.plan(task, lambda fraction, message: progress(share * fraction, message))
-    certified, failures = None, []
+    certified: bool | None = None
+    failures: list[str] = []
     if request.certify:
         plan, certified, failures = _certified_plan(planner, task, plan, request.certify, progress)
     report = validate_scenario(plan.scenario, effectors)
