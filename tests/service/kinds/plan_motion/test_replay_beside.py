@@ -34,7 +34,7 @@ def test_a_replay_beside_the_body_is_that_of_the_whole_motion(tmp_path: Path) ->
             processes.callback(begun[0].end_process)
 
         def tell(time_s: np.ndarray, _q: np.ndarray) -> None:
-            begun[0].tell_samples(round(time_s[-1] * 250.0) + 1)
+            begun[0].send_samples(round(time_s[-1] * 250.0) + 1)
 
         motion = WholeBodyController().run(robot, plan.sequence, plan, None, tell, begin, shared_zeros)
         assert list((tmp_path / PARTIAL_FOLDER).iterdir()) == []

@@ -59,8 +59,8 @@ class ReplayBeside:
         """Whether this process may use a second core and can fork."""
         return usable_cores() > 1 and WorkBeside.is_possible()
 
-    def tell_samples(self, arrived: int) -> None:
-        """Tell the process how many samples there are."""
+    def send_samples(self, arrived: int) -> None:
+        """Send the number of samples that there are."""
         self._send(_SAMPLES, arrived)
 
     def show_parts(self, number: int) -> None:
@@ -111,13 +111,13 @@ class ReplayInbox:
 
     def __init__(self, connection: Connection, arrived: int) -> None:
         self._connection = connection
-        self.arrived, self.first_part, self._told = arrived, 0, arrived
+        self.arrived, self.first_part, self._returned = arrived, 0, arrived
 
     def wait_for_samples(self) -> int:
         """The number of samples, when it is larger than the one that this returned before."""
-        while self.arrived <= self._told:  # it may have been read while a part was written
+        while self.arrived <= self._returned:  # it may have been read while a part was written
             self._read_message()
-        self._told = self.arrived
+        self._returned = self.arrived
         return self.arrived
 
     def released_part(self) -> int:

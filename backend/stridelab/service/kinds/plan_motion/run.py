@@ -74,7 +74,7 @@ class _JobWatcher(PartialPlanWriter):
         super().on_samples(time_s, q)
         self._solved += len(time_s)
         if self.replay_beside is not None:
-            self.replay_beside.tell_samples(self._solved)
+            self.replay_beside.send_samples(self._solved)
         elif self._pass is not None:
             robot, motion = self._pass
             if self._solved >= BEGINS_AFTER_S * motion.rate_hz and not needs_replanning(motion.sequence):
