@@ -78,11 +78,11 @@ def _certified_plan(
     for attempt in range(most):
         begun, share = PLAN_SHARE + (1 - PLAN_SHARE) * attempt / most, (1 - PLAN_SHARE) / most
 
-        def tell(fraction: float, message: str, begun: float = begun, share: float = share) -> None:
+        def report_attempt(fraction: float, message: str, begun: float = begun, share: float = share) -> None:
             progress(begun + share * fraction, message)
 
         scenario = Scenario.model_validate(plan.scenario)
-        failure, phase = _certificate_failure(scenario, tell)
+        failure, phase = _certificate_failure(scenario, report_attempt)
         if not failure:
             return plan, True, failures
         failures.append(failure if phase is None else f"phases[{phase}]: {failure}")

@@ -133,7 +133,7 @@ class PlanWatcher:
     def on_plan(self, robot: Robot, sequence: ContactSequence) -> None:
         """The centroidal plan over ``sequence`` is solved."""
 
-    def allocate(self, shape: tuple[int, ...]) -> np.ndarray:
+    def allocate_zeros(self, shape: tuple[int, ...]) -> np.ndarray:
         """Zeros for an array of a motion of the whole body."""
         return np.zeros(shape)
 
@@ -205,7 +205,9 @@ def plan_motion(
         robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, progress: ProgressCallback | None
     ) -> WholeBodyMotion:
         begin = partial(watcher.on_pass, robot)
-        return WholeBodyController().run(robot, sequence, plan, progress, watcher.on_samples, begin, watcher.allocate)
+        return WholeBodyController().run(
+            robot, sequence, plan, progress, watcher.on_samples, begin, watcher.allocate_zeros
+        )
 
     motion, certificate, stopped = None, None, None
     passes: tuple[Pass, ...] = ()

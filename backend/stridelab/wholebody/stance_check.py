@@ -144,7 +144,7 @@ class StanceCheck:
         return result
 
     def continue_search(self, stance: Stance, is_over: Callable[[], bool]) -> StanceResult | None:
-        """Check ``stance`` until ``is_over``, which is asked between two solves, of about 10 ms each.
+        """Check ``stance`` until ``is_over``, evaluated between two solves of about 10 ms each.
 
         None if there is no result until then; the search goes on in the next call with the same stance. Raises as
         ``check_stance``.

@@ -41,7 +41,7 @@ def test_the_exponents_that_made_the_walks_lie_in_their_intervals() -> None:
     for seed in range(6):
         hierarchy = fit_hierarchy(simulated_walks(1.0, 0.25, seed), "R")
         for column, truth in ((0, 1.0), (1, 0.25)):
-            low, high = hierarchy.interval(column)
+            low, high = hierarchy.exponent_interval(column)
             held[column] += low <= truth <= high
     assert min(held.values()) >= 5, "of six"
 
@@ -58,7 +58,9 @@ def test_predicted_coefficients_follow_the_exponent_and_the_scatter_between_peop
     assert abs(float(np.median(none.predicted_r))) < 0.2
     assert float(np.median(alike.predicted_r)) > 0.7
     between = fit_hierarchy(simulated_walks(1.0, 0.0, 1, people=60, tau=0.02), "R")
-    assert max(none.tail, alike.tail) < 0.1 < between.tail, "0.67 lies between both"
+    assert max(none.two_sided_probability, alike.two_sided_probability) < 0.1 < between.two_sided_probability, (
+        "0.67 lies between both"
+    )
 
 
 def test_too_few_adults_are_refused(tmp_path: Path) -> None:

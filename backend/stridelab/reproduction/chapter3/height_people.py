@@ -60,7 +60,7 @@ class WalkMeans:
     values_m: Mapping[str, float]
 
     @property
-    def froude(self) -> float:
+    def froude_number(self) -> float:
         """v^2 / (g l)."""
         return self.speed_m_s**2 / (GRAVITY_M_S2 * LEG_SHARE * self.height_m)
 
@@ -77,13 +77,13 @@ class Hierarchy:
     refits: Float[np.ndarray, "draws 4"]
     predicted_r: Series
 
-    def interval(self, column: int) -> tuple[float, float]:
+    def exponent_interval(self, column: int) -> tuple[float, float]:
         """95 % interval of b (0) or c (1) over the refits."""
         low, high = np.percentile(self.refits[:, column], (2.5, 97.5)).tolist()
         return low, high
 
     @property
-    def tail(self) -> float:
+    def two_sided_probability(self) -> float:
         """Two-sided probability of a coefficient at least as far out as the printed one."""
         above_it = float(np.mean(self.predicted_r >= THESIS_R[f"{self.letter}_m"]))
         return 2.0 * min(above_it, 1.0 - above_it)
@@ -176,7 +176,7 @@ def fit_hierarchy(walks: Sequence[WalkMeans], letter: str) -> Hierarchy:
     adults = [group for group in groups if group[0].height_m >= ADULT_M]
     if len(adults) < 3:
         raise NotEstimable("no-adults", f"Three adults are needed, {len(adults)} have a walk.")
-    model = _fit(groups, letter)
+    model = _fit_model(groups, letter)
     rng = np.random.default_rng(SEED)
     laboratories = sorted({lab for lab, _ in numbers})
     members = [[k for k, (lab, _) in enumerate(numbers) if lab == laboratory] for laboratory in laboratories]
@@ -185,7 +185,7 @@ def fit_hierarchy(walks: Sequence[WalkMeans], letter: str) -> Hierarchy:
     while len(refits) < DRAWS:
         drawn = [groups[k] for of in members for k in rng.choice(of, len(of))]
         try:
-            refit = _fit(drawn, letter)
+            refit = _fit_model(drawn, letter)
         except NotEstimable:
             continue
         own_speed = [group[0] for group in drawn if group[0].height_m >= ADULT_M]
@@ -193,17 +193,17 @@ def fit_hierarchy(walks: Sequence[WalkMeans], letter: str) -> Hierarchy:
             continue
         b, c = refit.effect("height").value, refit.effect("froude").value
         refits.append((b, c, refit.subject_sd, refit.step_sd))
-        predicted.append(_predicted_coefficient(*refits[-1], [walk.froude for walk in own_speed], rng))
+        predicted.append(_predicted_coefficient(*refits[-1], [walk.froude_number for walk in own_speed], rng))
     return Hierarchy(letter, model, np.array(refits), np.array(predicted))
 
 
-def _fit(groups: Sequence[Sequence[WalkMeans]], letter: str) -> MixedModel:
+def _fit_model(groups: Sequence[Sequence[WalkMeans]], letter: str) -> MixedModel:
     """The model of log R, or log r, one list of walks per person."""
     rows = [(k, walk) for k, group in enumerate(groups) for walk in group]
     of = [walk for _, walk in rows]
     effects = {
         "height": np.log([walk.height_m / REFERENCE_M for walk in of]),
-        "froude": np.log([walk.froude for walk in of]),
+        "froude": np.log([walk.froude_number for walk in of]),
     }
     for laboratory in sorted({walk.laboratory for walk in of})[1:]:
         effects[laboratory] = np.array([float(walk.laboratory == laboratory) for walk in of])
@@ -233,12 +233,14 @@ def _claims(hierarchy: Hierarchy, walks: Sequence[WalkMeans], n: int) -> list[Cl
         ).says(
             f"{letter} is correlated to the size of the subjects",
             f"Exponent b of the height at equal Froude number, in {letter} ~ h^b Fr^c; bodies that move alike have 1. "
-            f"c = {froude.value:.2f} [{hierarchy.interval(1)[0]:.2f}, {hierarchy.interval(1)[1]:.2f}].",
+            f"c = {froude.value:.2f} [{hierarchy.exponent_interval(1)[0]:.2f}, {hierarchy.exponent_interval(1)[1]:.2f}].",
             n=n,
-            interval=hierarchy.interval(0),
+            interval=hierarchy.exponent_interval(0),
             where="figure 3.7",
         ),
-        Measured(f"{letter}_coefficient", printed, hierarchy.tail, "1", at_least(UNLIKELY, "ours")).says(
+        Measured(
+            f"{letter}_coefficient", printed, hierarchy.two_sided_probability, "1", at_least(UNLIKELY, "ours")
+        ).says(
             f"{letter}: a coefficient of {printed:g} among sixteen people",
             f"Two-sided probability of the printed coefficient by the model; 95 % of the coefficients lie from "
             f"{low:.2f} to {high:.2f}, their median is {float(np.median(hierarchy.predicted_r)):.2f}.",
@@ -253,11 +255,11 @@ def _effects_table(hierarchies: Sequence[Hierarchy]) -> dict[str, Column]:
     return {
         "parameter": np.array([each.letter for each in hierarchies]),
         "height": np.array([each.model.effect("height").value for each in hierarchies]),
-        "height_low": np.array([each.interval(0)[0] for each in hierarchies]),
-        "height_high": np.array([each.interval(0)[1] for each in hierarchies]),
+        "height_low": np.array([each.exponent_interval(0)[0] for each in hierarchies]),
+        "height_high": np.array([each.exponent_interval(0)[1] for each in hierarchies]),
         "froude": np.array([each.model.effect("froude").value for each in hierarchies]),
-        "froude_low": np.array([each.interval(1)[0] for each in hierarchies]),
-        "froude_high": np.array([each.interval(1)[1] for each in hierarchies]),
+        "froude_low": np.array([each.exponent_interval(1)[0] for each in hierarchies]),
+        "froude_high": np.array([each.exponent_interval(1)[1] for each in hierarchies]),
         "between_people": np.array([each.model.subject_sd for each in hierarchies]),
         "between_walks": np.array([each.model.step_sd for each in hierarchies]),
     }

@@ -59,9 +59,9 @@ class _JobWatcher(PartialPlanWriter):
         self.wait_for_files: Callable[[], tuple[ArtifactFile, ...]] | None = None
         processes.callback(self._end_replay)
 
-    def allocate(self, shape: tuple[int, ...]) -> np.ndarray:
+    def allocate_zeros(self, shape: tuple[int, ...]) -> np.ndarray:
         """Zeros in memory that a replay can share."""
-        return shared_zeros(shape) if self._can_replay else super().allocate(shape)
+        return shared_zeros(shape) if self._can_replay else super().allocate_zeros(shape)
 
     def on_pass(self, robot: Robot, motion: WholeBodyMotion) -> None:
         """End the replay of the pass before."""
