@@ -78,7 +78,7 @@ class Hierarchy:
     predicted_r: Series
 
     def exponent_interval(self, column: int) -> tuple[float, float]:
-        """95 % interval of b (0) or c (1) over the refits."""
+        """95 % interval of the exponent b (0) or c (1) over the refits."""
         low, high = np.percentile(self.refits[:, column], (2.5, 97.5)).tolist()
         return low, high
 
@@ -226,14 +226,14 @@ def _claims(hierarchy: Hierarchy, walks: Sequence[WalkMeans], n: int) -> list[Cl
     letter = hierarchy.letter
     printed = THESIS_R[f"{letter}_m"]
     low, high = np.percentile(hierarchy.predicted_r, (2.5, 97.5)).tolist()
-    froude = hierarchy.model.effect("froude")
+    froude, (least, most) = hierarchy.model.effect("froude"), hierarchy.exponent_interval(1)
     return [
         Measured(
             f"{letter}_exponent", "correlated", hierarchy.model.effect("height").value, "1", above(0.0, "words")
         ).says(
             f"{letter} is correlated to the size of the subjects",
             f"Exponent b of the height at equal Froude number, in {letter} ~ h^b Fr^c; bodies that move alike have 1. "
-            f"c = {froude.value:.2f} [{hierarchy.exponent_interval(1)[0]:.2f}, {hierarchy.exponent_interval(1)[1]:.2f}].",
+            f"c = {froude.value:.2f} [{least:.2f}, {most:.2f}].",
             n=n,
             interval=hierarchy.exponent_interval(0),
             where="figure 3.7",
