@@ -1,10 +1,12 @@
 """The real chain in a browser: a foothold of a sample is dragged, its copy is planned, and the robot stands on it."""
 
+import json
 import math
+from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page
 
 from stridelab.centroidal.native.availability import NativeUnavailable, native_availability
 from stridelab.schemas.scenarios import Scenario
@@ -13,27 +15,40 @@ from stridelab_web.scene.plan_frames import read_motion
 from support.browser.page import Service, Tab, drag, few_pictures, nodes, opened, until
 
 FOOT = "leg_right_6_link"
+BASE = "/robot/base_link"
 PLANNED_WITHIN_MS = 240_000
-COM = "/support/com"
-GHOST_MESHES = """name => {
-    const node = document.querySelector("iframe").contentWindow.__viserMutable.nodeRefFromName[name];
-    let shown = 0;
-    node.traverse(part => { shown += part.isMesh && part.layers.mask ? 1 : 0; });
-    return shown;
+RECORD_PLANNING = """([ghost, base]) => {
+    const record = (name, value) => {
+        const list = JSON.parse(sessionStorage.getItem(name) ?? "[]");
+        if (list.at(-1) !== value) sessionStorage.setItem(name, JSON.stringify([...list, value]));
+    };
+    const nodes = () => document.querySelector("iframe").contentWindow.__viserMutable.nodeRefFromName;
+    const place = () => record("base", nodes()[base].position.toArray().map(x => x.toFixed(4)).join(" "));
+    const shown = () => {
+        let meshes = 0;
+        nodes()[ghost]?.traverse(part => { meshes += part.isMesh && part.layers.mask ? 1 : 0; });
+        return meshes;
+    };
+    const look = () => {
+        record("messages", document.querySelector("[data-said]").textContent);
+        record("certificate", document.querySelector("[data-plan-certificate]")?.textContent ?? "");
+        const playing = document.querySelector("[data-playing]")?.dataset.playing ?? "";
+        record("playing", playing);
+        if (playing === "body" || playing === "replay") place();
+        if (playing === "replay" && shown()) record("ghosts", shown());
+    };
+    new MutationObserver(look).observe(document.body,
+        { attributes: true, childList: true, characterData: true, subtree: true });
+    setInterval(look, 50);
 }"""
-
-RECORD_MESSAGES = """() => {
-    const line = document.querySelector("[data-said]");
-    window.messages = [];
-    const record = () => window.messages.push(line.textContent);
-    new MutationObserver(record).observe(line, { childList: true, characterData: true, subtree: true });
-}"""
-"""Each message, however short its time on the page is."""
+"""What the page shows while it plans, however short its time; it outlives the page, which another one follows."""
 COM_MOVES, BODY_MOVES = "The centre of mass moves as planned, solved in", "The body moves as far as it is solved."
 
 
-def has_message(page: Page, beginning: str) -> bool:
-    return any(beginning in text for text in page.evaluate("() => window.messages"))
+def recorded(page: Page, name: str) -> list[Any]:
+    """All values that ``RECORD_PLANNING`` has recorded under this name, in their order."""
+    values: list[Any] = json.loads(page.evaluate("name => sessionStorage.getItem(name) ?? '[]'", name))
+    return values
 
 
 def test_from_a_sample_over_a_dragged_foothold_to_the_robot_that_walks_on_it(tab: Tab, service: Service) -> None:
@@ -51,28 +66,21 @@ def test_from_a_sample_over_a_dragged_foothold_to_the_robot_that_walks_on_it(tab
     assert math.dist(stored.contact.position_m, target) < 0.01
     assert math.dist(stored.contact.position_m, third.contact.position_m) > 0.02
 
-    start = nodes(page, COM)[COM]["position"]
     addresses: list[str] = []
     page.on("framenavigated", lambda frame: addresses.append(frame.url))
-    page.evaluate(RECORD_MESSAGES)
+    page.evaluate(RECORD_PLANNING, [f"/ghost/{FOOT}", BASE])
     page.get_by_role("button", name="Plan", exact=True).click()
-    if not isinstance(native_availability(), NativeUnavailable):  # without it there is no motion before the plan
-        until(page, lambda: math.dist(nodes(page, COM)[COM]["position"], start) > 0.01)
-        until(page, lambda: has_message(page, COM_MOVES))
     with few_pictures(page):
-        page.wait_for_selector("[data-playing=body]", timeout=PLANNED_WITHIN_MS)
-    before = nodes(page, f"/robot/{FOOT}")[f"/robot/{FOOT}"]["position"]
-    until(page, lambda: math.dist(nodes(page, f"/robot/{FOOT}")[f"/robot/{FOOT}"]["position"], before) > 1e-3)
-    certificate = page.locator("[data-plan-certificate]")
-    with few_pictures(page):
-        expect(certificate).to_contain_text("Certified: all", timeout=PLANNED_WITHIN_MS)
-        page.wait_for_selector("[data-playing=replay]", timeout=PLANNED_WITHIN_MS)
-        assert page.evaluate(GHOST_MESHES, f"/ghost/{FOOT}") > 0
-        messages = page.evaluate("() => window.messages")
-        if not isinstance(native_availability(), NativeUnavailable):
-            order = [next(k for k, text in enumerate(messages) if what in text) for what in (COM_MOVES, BODY_MOVES)]
-            assert order[0] < order[1], "the motion of the CoM is shown before the plan is computed"
         page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
+    assert any("Certified: all" in text for text in recorded(page, "certificate"))
+    assert len(set(recorded(page, "base"))) > 1, "the body moves before the plan is complete"
+    assert recorded(page, "ghosts"), "the replay is a ghost beside the body"
+    messages, playing = recorded(page, "messages"), recorded(page, "playing")
+    assert playing.index("body") < playing.index("replay")
+    if not isinstance(native_availability(), NativeUnavailable):  # without it there is no motion before the plan
+        assert playing.index("path") < playing.index("body")
+        order = [next(k for k, text in enumerate(messages) if what in text) for what in (COM_MOVES, BODY_MOVES)]
+        assert order[0] < order[1], "the motion of the CoM is shown before the plan is computed"
     page.wait_for_selector("[data-player][data-ready]", timeout=90_000)
     job_id = page.url.partition("plan=")[2].partition("&")[0]
     assert any(f"planning={job_id}" in address for address in addresses)
