@@ -25,6 +25,7 @@ from stridelab.robots.robot import Robot
 from stridelab.wholebody.recovery.balance_rows import LevelHeading
 from stridelab.wholebody.recovery.leg_geometry import LegGeometry
 from stridelab.wholebody.recovery.recovery import Recovery, RecoveryRun
+from stridelab.wholebody.recovery.side_steps import WayCorrection, side_steps_m
 from stridelab.wholebody.recovery.step_choice import CORNERS, Shift, Step, nearest_in_hull
 from stridelab.wholebody.recovery.swing_aim import AimedSwing
 from stridelab.wholebody.replay.sensors import SensedState
@@ -61,7 +62,7 @@ class Walking:
     centres at ``narrowest`` of their usual distance or more (shoes may be wider than soles), and
     land at most ``longest`` of the leg's length ahead and ``widest`` of it aside. The walk is given up for a recovery
     where the capture point at the landing would be off by more than ``lost_m``. It stops where the ground does not go
-    on level for two steps.
+    on level for two steps. ``way_correction`` are the arguments of ``side_steps.WayCorrection``.
     """
 
     swing_s: float = 0.42
@@ -78,6 +79,7 @@ class Walking:
     widest: float = 0.6
     narrowest: float = 0.5
     lost_m: float = 0.12
+    way_correction: tuple[float, tuple[float, float], float] = (0.2, (0.8, 1.7), 0.04)
 
 
 class Foothold(NamedTuple):
@@ -110,6 +112,7 @@ class WalkRun(RecoveryRun):
         self._is_walking, self._rest_s, self._of_s, self._next = False, 0.0, 1.0, ""
         self._from_m = np.zeros(2)
         self._landed, self._sole_from_rad, self._is_blocked = 0, 0.0, False
+        self._aside_m, self._way = 0.0, WayCorrection(*self._walking.way_correction)
         super().__init__(settings, robot, legs, sequence, planned, measured, dt_s)
 
     @property
@@ -133,6 +136,8 @@ class WalkRun(RecoveryRun):
         self._sole = self._base
         if self._is_walking and self.steps != self._landed:
             self._landed = self.steps
+            left_m, right_m = map(self._place, self._legs.side)
+            self._way.add_landing(self._aside_m, 0.5 * (left_m + right_m), self._base.axes[:, 1])
             self._begin_shift(self._other(self._next), self._both_s)
             if self._velocity.is_rest and self._has_parallel_soles():
                 self._is_walking = False
@@ -144,6 +149,7 @@ class WalkRun(RecoveryRun):
                     next(n for n, s in self._legs.side.items() if s * side > 0.0 or not side), self._shift_s
                 )
                 self._is_walking = not self._is_blocked
+                self._way.begin_walk()
             return pressure_m
         self._rest_s -= self._dt_s
         stance_m = self._place(self._other(self._next))
@@ -243,22 +249,26 @@ class WalkRun(RecoveryRun):
     def _within_reach(self, place_m: Shift, stance_m: Shift, side: float) -> Shift:
         """The nearest place that the leg reaches without coming near to the standing sole."""
         x, y = self._base.axes.T @ (place_m - stance_m)
-        near = max(
-            2.0 * float(self._legs.half_m[1]) + self._walking.apart_m, self._walking.narrowest * self._legs.spacing_m
-        )
         far, ahead = self._walking.widest * self._legs.leg_m, self._walking.longest * self._legs.leg_m
-        y = side * min(max(side * y, near), far)
+        y = side * min(max(side * y, self._nearest_m), far)
         return np.asarray(stance_m + self._base.axes @ np.array([min(max(x, -0.8 * ahead), ahead), y]))
+
+    @property
+    def _nearest_m(self) -> float:
+        """Least distance of the middles of both soles from each other, sideways."""
+        by, half_m = self._walking, float(self._legs.half_m[1])
+        return max(2.0 * half_m + by.apart_m, by.narrowest * self._legs.spacing_m)
 
     def _displacement(self, name: str) -> Shift:
         """From the standing sole to the landing one in a walk at the present velocity, in the axes of the heading.
 
-        Sideways the sole of that side does both steps' way, the other one comes beside it.
+        Sideways as ``side_steps`` divides the way.
         """
         step_s, side, v = self._swing_s + self._both_s, self._legs.side[name], self._velocity
-        widest_m = self._walking.widest * self._legs.leg_m - self._legs.spacing_m
-        outwards_m = min(2.0 * step_s * max(side * v.left_m_s, 0.0), widest_m)
-        return np.array([step_s * v.ahead_m_s, side * (self._legs.spacing_m + outwards_m)])
+        way_m, widest_m = 2.0 * step_s * self._way.factor * abs(v.left_m_s), self._walking.widest * self._legs.leg_m
+        leading_m, trailing_m = side_steps_m(way_m, self._legs.spacing_m, self._nearest_m, widest_m)
+        aside_m = leading_m if side * v.left_m_s > 0.0 else trailing_m
+        return np.array([step_s * v.ahead_m_s, side * aside_m])
 
     def _turn_of_step(self) -> float:
         return (self._swing_s + self._both_s) * self._velocity.turn_rad_s
@@ -301,6 +311,7 @@ class WalkRun(RecoveryRun):
                 for v, to, most, a in changes
             )
         )
+        self._aside_m += self._velocity.left_m_s * self._dt_s
         rate = self._velocity.turn_rad_s if self._is_walking else 0.0
         self._base = LevelHeading(self._base.yaw_rad + rate * self._dt_s, rate)
         self._axes = self._base.axes
