@@ -73,9 +73,9 @@ def test_each_source_alone_is_propagated():
             estimate = ComplementaryFilter(priors=priors).estimate(geometric, wrench, 70.0)
             rms.append(((estimate.com_m - motion.com.at(estimate.time_s)) ** 2).mean(axis=0))
             stated.append((estimate.sd_m**2).mean(axis=0))
-        found, band = np.sqrt(np.mean(rms, axis=0)), np.sqrt(np.mean(stated, axis=0))
-        loudest = np.argmax(found)
-        assert band[loudest] == pytest.approx(found[loudest], rel=0.45), (name, found, band)
+        result, band = np.sqrt(np.mean(rms, axis=0)), np.sqrt(np.mean(stated, axis=0))
+        loudest = np.argmax(result)
+        assert band[loudest] == pytest.approx(result[loudest], rel=0.45), (name, result, band)
 
 
 def test_no_force_can_narrow_the_height():

@@ -1,4 +1,4 @@
-"""The delay between force and markers is found again when it was put there on purpose."""
+"""The delay between force and markers is estimated where it was put in on purpose."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -35,10 +35,10 @@ def test_an_injected_delay_is_recovered_to_two_milliseconds(late_s, heading):
         noisy = w.force_n + rng.normal(0, 5, (200, 3))
         return type(w)(t, noisy @ rotation.T, w.moment_nm @ rotation.T, w.complete, w.windows, latency_s)
 
-    found = estimate_latency(turned, wrench_at, motion.mass_kg)
-    assert found.latency_s == pytest.approx(late_s, abs=0.002)
-    assert 0.0002 < found.sd_s < 0.01
-    assert found.correlation > 0.8
+    result = estimate_latency(turned, wrench_at, motion.mass_kg)
+    assert result.latency_s == pytest.approx(late_s, abs=0.002)
+    assert 0.0002 < result.sd_s < 0.01
+    assert result.correlation > 0.8
 
 
 def test_the_standard_deviation_is_honest():
@@ -55,9 +55,9 @@ def test_the_standard_deviation_is_honest():
             w = motion.wrench_track(t, WINDOW, 0.018, latency_s)
             return type(w)(t, w.force_n + noise, w.moment_nm, w.complete, w.windows, latency_s)
 
-        found = estimate_latency(geometric, wrench_at, motion.mass_kg)
-        width_s = brentq(lambda w, sd_s=found.sd_s: repeated_sd_s(w) - sd_s, 0.0, 0.05)
-        z.append((found.latency_s - 0.018) / width_s)
+        result = estimate_latency(geometric, wrench_at, motion.mass_kg)
+        width_s = brentq(lambda w, sd_s=result.sd_s: repeated_sd_s(w) - sd_s, 0.0, 0.05)
+        z.append((result.latency_s - 0.018) / width_s)
     assert 0.7 < np.std(z) < 1.3
     assert np.mean(np.abs(z) < 1.96) > 0.85
 
@@ -102,7 +102,7 @@ def test_somebody_who_stands_has_no_latency_whatever_resembles_what_by_chance(se
 
 @pytest.mark.parametrize("late_s", [-0.3, -0.07, 0.07, 0.085, 0.15])
 def test_a_lag_at_the_edge_of_the_search_is_no_finding(late_s: float) -> None:
-    """Two swings as periodic as this resemble each other again after a period; what is found is never far out."""
+    """Two swings as periodic as this resemble each other again after a period; the estimate is never far out."""
     motion = walk()
     geometric = motion.geometric(T)
 

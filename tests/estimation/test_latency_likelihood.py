@@ -49,8 +49,8 @@ def likelihood(geometric: GeometricCom) -> ClockLikelihood:
 
 
 def likeliest_s(geometric: GeometricCom) -> float:
-    found = likelihood(geometric)
-    return float(found.lag_s[np.argmax(found.log_likelihood)])
+    likelihood_of_latency = likelihood(geometric)
+    return float(likelihood_of_latency.lag_s[np.argmax(likelihood_of_latency.log_likelihood)])
 
 
 @pytest.mark.parametrize("wrong", [-0.2, 0.0, 0.2])
@@ -97,10 +97,10 @@ def test_errors_of_the_table_are_a_mass_and_both_parts_of_its_lever() -> None:
     thigh = SegmentTrack(0.1, np.tile([0.02, 0.0, 0.85], (5, 1)))
     com = np.tile([0.0, 0.1, 0.9], (5, 1))
     whole = GeometricCom(T[:5], com, "made", {"l_thigh": thigh}, joints, (0.02, 0.02, 0.02))
-    found = _table_errors(whole, slice(1, 4))
+    result = _table_errors(whole, slice(1, 4))
     expected = [[0.002, -0.01, -0.005], [0.0, 0.0, -0.015], [0.002, 0.0, 0.0]]
-    assert [x.shape for x in found] == [(3, 3)] * 3
-    np.testing.assert_allclose([x[0] for x in found], expected, atol=1e-15)
+    assert [x.shape for x in result] == [(3, 3)] * 3
+    np.testing.assert_allclose([x[0] for x in result], expected, atol=1e-15)
     assert len(_table_errors(replace(whole, joint_centres_m={}), slice(1, 4))) == 1
 
 
@@ -121,9 +121,9 @@ def test_noise_that_is_looser_across_is_plain_noise_in_axes_that_are_scaled(monk
     motion, geometric = walk(), replace(body(0.0), segments={})
     wrench = motion.wrench_track(T, Window(0.4, 1.6), LATE_S)
     scaled = replace(geometric, com_m=geometric.com_m * scale), replace(wrench, force_n=wrench.force_n * scale)
-    found = []
+    result = []
     for (path, force), noise in (((geometric, wrench), PathNoise(lateral=2.0)), (scaled, PathNoise())):
         monkeypatch.setattr("stridelab.estimation.latency_likelihood._NOISES", (noise,))
         span = window_span(path, force)
-        found.append(clock_likelihood(path, force, span, motion.mass_kg, np.eye(3), LAGS_S).log_likelihood)
-    assert found[0] == pytest.approx(found[1], abs=1e-6)
+        result.append(clock_likelihood(path, force, span, motion.mass_kg, np.eye(3), LAGS_S).log_likelihood)
+    assert result[0] == pytest.approx(result[1], abs=1e-6)

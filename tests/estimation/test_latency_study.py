@@ -46,7 +46,7 @@ def trial(gait: str, noise: str, seed: int) -> StudyTrial:
 
 
 @pytest.mark.parametrize("gait", ["robot", "human"])
-def test_a_latency_put_in_is_found_to_two_milliseconds_in_four_seconds(gait: str) -> None:
+def test_a_latency_put_in_is_estimated_to_two_milliseconds_in_four_seconds(gait: str) -> None:
     trials = [trial(gait, "marker-like", seed) for seed in range(8)]
     errors = np.array([found(one).latency_s - one.noise.latency_s for one in trials])
     assert np.abs(errors).max() < 0.002
@@ -70,11 +70,11 @@ def test_the_noise_of_the_thesis_blurs_it_and_the_deviation_says_so() -> None:
 
 def test_a_second_of_nine_degrees_of_white_noise_tells_nothing_and_mostly_says_so() -> None:
     trials = [trial("robot", "white", seed).excerpt_between(0.5, 2.5, force_s=(0.5, 1.5)) for seed in range(8)]
-    told = [one for one in map(found_or_none, trials) if one is not None and one.sd_s < 0.003]
-    assert len(told) <= 1
+    reports = [one for one in map(latency_or_none, trials) if one is not None and one.sd_s < 0.003]
+    assert len(reports) <= 1
 
 
-def found_or_none(one: StudyTrial) -> Latency | None:
+def latency_or_none(one: StudyTrial) -> Latency | None:
     try:
         return found(one)
     except NotEstimable:

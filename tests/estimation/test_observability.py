@@ -42,8 +42,8 @@ def test_ranks_are_7_and_11_on_random_states() -> None:
 
 
 def test_free_fall_leaves_only_the_acceleration() -> None:
-    found = summarise_observability(estimate(np.tile(g, (100, 1))))
-    assert found.rank_force == 3
+    summary = summarise_observability(estimate(np.tile(g, (100, 1))))
+    assert summary.rank_force == 3
 
 
 def test_geometry_restores_all_but_the_bias_in_free_fall() -> None:
@@ -118,7 +118,7 @@ def test_skew_is_the_cross_product() -> None:
 
 def test_flight_inside_a_recording_is_seen_sample_by_sample() -> None:
     a = np.zeros((100, 3))
-    a[40:70] = g + np.array([0.0, 0.0, 0.5])  # plates that read 5 % of the weight while nobody stands on them
+    a[40:70] = g + np.array([0.0, 0.0, 0.5])  # plates that read 5 % of the weight while they are empty
     track = observability_track(estimate(a))
     flight = np.arange(100)[track.flight]
     assert flight.tolist() == list(range(40, 70))
@@ -127,10 +127,10 @@ def test_flight_inside_a_recording_is_seen_sample_by_sample() -> None:
     assert np.unique(track.rank_with_geometry[~track.flight]).tolist() == [11]
     assert np.isnan(track.direction[track.flight]).all()
     assert track.direction[~track.flight] == pytest.approx(np.tile([0.0, 0.0, 1.0], (70, 1)))
-    found = summarise_observability(estimate(a))
-    assert (found.rank_force, found.flight_s) == (3, pytest.approx(0.30))
-    assert "0.30 s there is no ground contact" in found.sentence
-    assert "7 of 9" in found.sentence
+    summary = summarise_observability(estimate(a))
+    assert (summary.rank_force, summary.flight_s) == (3, pytest.approx(0.30))
+    assert "0.30 s there is no ground contact" in summary.sentence
+    assert "7 of 9" in summary.sentence
 
 
 def test_the_hidden_direction_is_that_of_the_force_at_every_sample() -> None:
@@ -163,6 +163,6 @@ def test_the_ranks_do_not_depend_on_where_the_laboratory_has_its_origin() -> Non
     ],
 )
 def test_the_sentence_says_what_cannot_be_known(acceleration: np.ndarray, words: tuple[str, ...]) -> None:
-    said = summarise_observability(estimate(acceleration)).sentence
+    message = summarise_observability(estimate(acceleration)).sentence
     for word in words:
-        assert word in said
+        assert word in message

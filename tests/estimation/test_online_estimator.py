@@ -198,10 +198,10 @@ def test_the_band_is_the_spread_of_the_estimator(method, partial):
         com, _, sd = stepped(method.causal(70.0, TABLE_SD_M), t, g, f, nu)
         errors.append(com - c)
         bands.append(sd)
-    found, stated = np.array(errors), np.array(bands)
-    rms = np.sqrt((found**2).mean(axis=(0, 1)))
+    result, stated = np.array(errors), np.array(bands)
+    rms = np.sqrt((result**2).mean(axis=(0, 1)))
     assert np.sqrt((stated**2).mean(axis=(0, 1))) == pytest.approx(rms, rel=0.3)
-    coverage = (np.abs(found) < 1.96 * stated).mean(axis=(0, 1))
+    coverage = (np.abs(result) < 1.96 * stated).mean(axis=(0, 1))
     assert (coverage > 0.88).all()
 
 

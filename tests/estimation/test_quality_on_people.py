@@ -50,14 +50,14 @@ def judge(recording: Recording, *, mass_share: float = 1.0) -> Quality:
 
     latency_s = 0.0
     if recording.walking_direction is not None:
-        found = estimate_latency(geometric, wrench_at, mass_kg)
-        latency_s = found.latency_s if found.significant else 0.0
+        latency = estimate_latency(geometric, wrench_at, mass_kg)
+        latency_s = latency.latency_s if latency.significant else 0.0
     wrench = wrench_at(latency_s)
     estimate = Smoother().estimate(geometric, wrench, mass_kg)
     return assess_quality(Recorded(recording, landmarks, geometric, wrench, mass_kg), estimate)
 
 
-def test_there_are_people_whom_nobody_tuned_on() -> None:
+def test_there_are_people_without_any_tuning_on_them() -> None:
     assert len({path.parent.name for path in WALKS}) == 10
     assert len(WALKS) == 20
 

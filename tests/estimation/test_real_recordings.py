@@ -95,7 +95,7 @@ def test_the_force_is_late_by_what_other_signs_say(adults, faster, children):
         assert 0.014 < np.median([t.latency.latency_s for t in trials.values()]) < 0.022
     assert 0.008 < np.median([t.latency.latency_s for t in children.values()]) < 0.014
     change = [adults[s].latency.latency_s - faster[s].latency.latency_s for s in adults]
-    assert np.std(change) < 0.004  # the same person's delay, found twice
+    assert np.std(change) < 0.004  # the same person's delay, estimated twice
 
 
 def test_aligning_the_clocks_brings_geometry_and_force_together(adults):
@@ -111,7 +111,7 @@ def test_the_filter_agrees_with_the_force_within_one_percent_of_body_weight(adul
         share = np.mean([t.residual(AUTO) / (t.mass_kg * 9.81) for t in trials.values()], axis=0)
         assert (share < limit).all()
         thesis = np.mean([t.residual(THESIS) / (t.mass_kg * 9.81) for t in trials.values()], axis=0)
-        assert (thesis > share).all()  # 4 Hz trusts the force only where nobody walks
+        assert (thesis > share).all()  # 4 Hz trusts the force only where no walk is
 
 
 def test_the_correction_does_not_follow_the_speed_once_the_clocks_agree(adults, faster):
@@ -122,7 +122,7 @@ def test_the_correction_does_not_follow_the_speed_once_the_clocks_agree(adults, 
     assert change(aligned=False) > 0.005  # late force x speed: mistaken for an error of the table
 
 
-def test_standing_still_is_the_truth_for_the_bias_found_while_walking(gait, children):
+def test_standing_still_is_the_truth_for_the_bias_estimated_while_walking(gait, children):
     """Quiet standing on a plate: the mean centre of pressure is the horizontal CoM. Seven children."""
     misses, bands = [], []
     for name, trial in children.items():

@@ -62,9 +62,9 @@ def horizontal_error(estimator, geometric, wrench, mass_kg, truth):
 def test_the_latency_is_recovered(laboratory, table_error, tolerance_s):
     _, recordings = laboratory
     for geometric, wrench_at, mass_kg, _ in recordings(table_error):
-        found = estimate_latency(geometric, wrench_at, mass_kg)
-        assert found.latency_s == pytest.approx(LATE_S, abs=tolerance_s)
-        assert abs(found.latency_s - LATE_S) < 3 * found.sd_s
+        latency = estimate_latency(geometric, wrench_at, mass_kg)
+        assert latency.latency_s == pytest.approx(LATE_S, abs=tolerance_s)
+        assert abs(latency.latency_s - LATE_S) < 3 * latency.sd_s
 
 
 def test_force_improves_a_wrong_table_sideways_and_does_no_harm_forward(laboratory):

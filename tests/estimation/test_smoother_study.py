@@ -21,7 +21,7 @@ GAITS = ("robot", "human")
 
 
 def told(trial: StudyTrial, **changed: float) -> SmootherPriors:
-    """The sizes of the simulated noise, as the thesis' Kalman filter is told them; nothing about angular momentum."""
+    """The sizes of the simulated noise, which the thesis' Kalman filter is given; nothing about angular momentum."""
     noise = trial.noise
     stated = {
         "marker_m": float(np.mean(trial.noise_sd_m)),
@@ -116,10 +116,10 @@ def test_a_window_in_which_no_foot_stands_alone_for_long_is_refused():
     with pytest.raises(NotEstimable) as refused:
         Smoother().estimate(trial.geometric, trial.wrench, trial.mass_kg)
     assert refused.value.code == "no-single-support"
-    said = re.search(r"is (\d\.\d\d) s of a step of (\d\.\d\d) s\. At least one", refused.value.message)
-    assert said is not None
-    assert float(said[1]) < 0.5
-    assert float(said[2]) == pytest.approx(np.median(np.diff(changes)), rel=0.05)
+    message = re.search(r"is (\d\.\d\d) s of a step of (\d\.\d\d) s\. At least one", refused.value.message)
+    assert message is not None
+    assert float(message[1]) < 0.5
+    assert float(message[2]) == pytest.approx(np.median(np.diff(changes)), rel=0.05)
 
 
 def test_the_angular_momentum_of_the_segments_is_used_where_it_explains_the_moments():

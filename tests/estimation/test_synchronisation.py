@@ -1,4 +1,4 @@
-"""The clocks of force and markers: latency put in and found again, and independent signs of it on real walks."""
+"""The clocks of force and markers: latency that was put in, and independent signs of it on real walks."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -46,7 +46,7 @@ def walks() -> list[Walk]:
     return [HumanWalker(speed_m_s=speed, duration_s=3.0, seed=k).walk() for k, speed in enumerate((0.9, 1.2, 1.5))]
 
 
-def found_in(walk: Walk, seed: int, lab: str, late_s: float, table_error: float) -> Latency:
+def latency_in(walk: Walk, seed: int, lab: str, late_s: float, table_error: float) -> Latency:
     noise = MeasurementNoise(marker_m=0.001, mass_model=table_error, latency_s=late_s)
     recording = record(walk, noise, seed, lab=lab).recording  # type: ignore[arg-type]
     landmarks = dict(identify(list(recording.markers_m)).landmarks)
@@ -56,23 +56,23 @@ def found_in(walk: Walk, seed: int, lab: str, late_s: float, table_error: float)
 
 
 @pytest.mark.parametrize(("lab", "rms_ms"), [("walkway", 0.5), ("two_plates", 1.1)])
-def test_a_latency_put_in_is_found_to_two_milliseconds(walks: list[Walk], lab: str, rms_ms: float) -> None:
+def test_a_latency_put_in_is_estimated_to_two_milliseconds(walks: list[Walk], lab: str, rms_ms: float) -> None:
     """With the person's own segment table, and with one that errs by 20 % in every segment's mass and lever."""
     for table_error in (0.0, 0.2):
         cases = [(walk, 2 * k + j, late_s) for k, walk in enumerate(walks) for j, late_s in enumerate((-0.010, 0.018))]
-        found = [found_in(walk, seed, lab, late_s, table_error) for walk, seed, late_s in cases]
-        errors = np.array([one.latency_s - late_s for one, (_, _, late_s) in zip(found, cases, strict=True)])
+        result = [latency_in(walk, seed, lab, late_s, table_error) for walk, seed, late_s in cases]
+        errors = np.array([one.latency_s - late_s for one, (_, _, late_s) in zip(result, cases, strict=True)])
         assert np.abs(errors).max() < 0.002
         assert 1e3 * np.sqrt(np.mean(errors**2)) < rms_ms
-        z = errors / [one.sd_s for one in found]
+        z = errors / [one.sd_s for one in result]
         assert np.abs(z).max() < 3.0
         assert np.sqrt(np.mean(z**2)) < 1.6  # twelve trials; of 36 walks on two plates it is 0.9
 
 
-def test_no_latency_is_found_where_there_is_none(walks: list[Walk]) -> None:
-    found = [found_in(walk, 10 + seed, "two_plates", 0.0, 0.2) for seed, walk in enumerate(walks)]
-    assert all(REPEATABILITY_SD_S < one.sd_s < 0.002 for one in found), "no narrower than repeated trials of people"
-    assert not any(one.significant for one in found)
+def test_no_latency_is_estimated_where_there_is_none(walks: list[Walk]) -> None:
+    result = [latency_in(walk, 10 + seed, "two_plates", 0.0, 0.2) for seed, walk in enumerate(walks)]
+    assert all(REPEATABILITY_SD_S < one.sd_s < 0.002 for one in result), "no narrower than repeated trials of people"
+    assert not any(one.significant for one in result)
 
 
 def test_the_axes_of_the_laboratory_do_not_matter(walks: list[Walk]) -> None:
@@ -120,7 +120,7 @@ class Trial:
 
     def heel_stop_s(self) -> float:
         """When the heel of a landing foot stops going forward (15 % of the walking speed), after its plate's onset."""
-        found = []
+        result = []
         for plate in self.recording.plates:
             for onset_s, _ in loaded_intervals(plate, self.recording.force_rate_hz):
                 heel = self.landed_heel(plate, onset_s)
@@ -130,8 +130,8 @@ class Trial:
                 track = make_interp_spline(t, low_pass(heel, self.recording.marker_rate_hz, 10.0), k=5)
                 at = np.arange(onset_s - 0.08, onset_s + 0.08, 0.0005)
                 going = np.flatnonzero(track(at, 1)[:, 0] > 0.15 * self.speed_m_s)
-                found.append(float(at[going[-1]]) - onset_s)
-        return float(np.mean(found)) if found else np.nan
+                result.append(float(at[going[-1]]) - onset_s)
+        return float(np.mean(result)) if result else np.nan
 
     def landed_heel(self, plate: Plate, onset_s: float) -> np.ndarray | None:
         """The heel that is within 20 cm of the centre of pressure 50 ms after the onset; None where it is hidden."""
@@ -171,12 +171,12 @@ def load(path: Path) -> Trial:
 @pytest.fixture(scope="module")
 def adults(gait: Path) -> dict[str, tuple[Trial, Trial]]:
     """Each person at their own speed (C4) and faster (C5)."""
-    found = {}
+    result = {}
     for folder in sorted((gait / "rehazenter-adult-walking").iterdir()):
         own, fast = (sorted(folder.glob(f"*_{speed}_*.c3d")) for speed in ("C4", "C5"))
         if own and fast:
-            found[folder.name] = (load(own[0]), load(fast[0]))
-    return found
+            result[folder.name] = (load(own[0]), load(fast[0]))
+    return result
 
 
 @pytest.fixture(scope="module")
@@ -188,7 +188,7 @@ def lags_ms(trials: list[Trial]) -> np.ndarray:
     return 1e3 * np.array([[t.latency.along.lag_s, t.latency.vertical.lag_s, t.latency.latency_s] for t in trials])
 
 
-def test_each_axis_alone_has_the_median_that_was_found_before(adults, children) -> None:  # type: ignore[no-untyped-def]
+def test_each_axis_alone_has_the_median_of_before(adults, children) -> None:  # type: ignore[no-untyped-def]
     """Rehazenter 21 / 16 ms (C4) and 22 / 17 (C5), biomechZoo 14 / 8, along the walk and vertically."""
     own, fast = ([pair[k] for pair in adults.values()] for k in (0, 1))
     for trials, before in ((own, (21.0, 16.0)), (fast, (22.0, 17.0)), (children, (14.0, 8.0))):
@@ -229,9 +229,9 @@ def test_a_child_who_stands_has_no_latency(gait: Path) -> None:
 
 def test_which_latencies_are_taken_out(adults, children) -> None:  # type: ignore[no-untyped-def]
     """All but those of the one person whose clocks agree."""
-    kept = {name for name, pair in adults.items() if not any(trial.latency.significant for trial in pair)}
-    assert kept == {"2015026"}
-    assert all(pair[k].latency.significant for name, pair in adults.items() if name not in kept for k in (0, 1))
+    stored = {name for name, pair in adults.items() if not any(trial.latency.significant for trial in pair)}
+    assert stored == {"2015026"}
+    assert all(pair[k].latency.significant for name, pair in adults.items() if name not in stored for k in (0, 1))
     assert all(trial.latency.significant for trial in children)
 
 

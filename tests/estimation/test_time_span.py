@@ -65,7 +65,7 @@ def test_a_force_from_another_time_than_the_markers_is_refused(estimator) -> Non
 
 
 @pytest.mark.parametrize("mass_kg", [0.0, -70.0, float("nan"), 1e5])
-def test_a_mass_that_nobody_has_is_refused_by_name(mass_kg: float) -> None:
+def test_a_mass_that_no_person_has_is_refused_by_name(mass_kg: float) -> None:
     motion = walk()
     for estimator in ESTIMATORS:
         with pytest.raises(InvalidInput) as refusal:

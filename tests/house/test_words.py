@@ -25,10 +25,7 @@ VAGUE_FOLDERS = frozenset(
     f"tests/{folder}"
     for folder in (
         "browser",
-        "estimation",
         "frontend",
-        "pipelines",
-        "reproduction",
     )
 )
 """Folders of tests that still use these words more often; all others keep the limit."""

@@ -45,7 +45,7 @@ def test_a_significant_latency_is_taken_out_and_said(late_s: float) -> None:
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.0015])
-def test_what_cannot_be_told_from_zero_is_left_alone_and_said(late_s: float) -> None:
+def test_a_latency_like_zero_is_left_alone_with_a_remark(late_s: float) -> None:
     choice = chosen("apply", late_s)
     assert choice.trial_estimate is not None
     assert choice.applied_s == 0.0

@@ -1,4 +1,4 @@
-"""Durations left to the solver: chosen within their range, followed by the whole body, kept as a scenario."""
+"""Durations left to the solver: chosen within their range, followed by the whole body, stored as a scenario."""
 
 from pathlib import Path
 from typing import Any
@@ -30,13 +30,13 @@ def planned(folder: Path, **asked: Any) -> tuple[PlanMotionSummary, Scenario]:
 
 @pytest.mark.parametrize("formulation", ["forces", "wrench"])
 def test_the_solver_chooses_within_the_range_and_it_costs_less(tmp_path: Path, formulation: str) -> None:
-    summary, kept = planned(tmp_path, formulation=formulation, duration_range=(0.8, 1.3), whole_body=False)
+    summary, stored = planned(tmp_path, formulation=formulation, duration_range=(0.8, 1.3), whole_body=False)
     assert summary.converged
     assert summary.phase_durations is not None
     given = np.array([phase.given_s for phase in summary.phase_durations])
     chosen = np.array([phase.chosen_s for phase in summary.phase_durations])
     assert given.tolist() == [phase.duration_s for phase in short_walk().phases]
-    assert chosen.tolist() == [phase.duration_s for phase in kept.phases]
+    assert chosen.tolist() == [phase.duration_s for phase in stored.phases]
     assert (chosen / given).min() >= 0.8 - 1e-9
     assert (chosen / given).max() <= 1.3 + 1e-9
     assert np.abs(chosen / given - 1.0).max() > 0.1
@@ -46,23 +46,23 @@ def test_the_solver_chooses_within_the_range_and_it_costs_less(tmp_path: Path, f
     assert sum(summary.cost_terms.values()) < sum(as_given["cost_terms"].values())
 
 
-def test_the_body_follows_the_chosen_durations_and_the_scenario_kept_is_lawful(tmp_path: Path) -> None:
-    summary, kept = planned(tmp_path, replay=True)
+def test_the_body_follows_the_chosen_durations_and_the_stored_scenario_is_valid(tmp_path: Path) -> None:
+    summary, stored = planned(tmp_path, replay=True)
     assert summary.certificate is not None
     assert summary.certificate.passed
     assert summary.replay is not None
     assert summary.replay.completed
-    assert kept.model_copy(update={"phases": []}) == short_walk().model_copy(update={"phases": []})
-    report, _ = validate_and_build(kept.model_dump(mode="json"), effector_shapes(kept.robot))
+    assert stored.model_copy(update={"phases": []}) == short_walk().model_copy(update={"phases": []})
+    report, _ = validate_and_build(stored.model_dump(mode="json"), effector_shapes(stored.robot))
     assert not report.faults
-    ends_s = np.cumsum([phase.duration_s for phase in kept.phases])
+    ends_s = np.cumsum([phase.duration_s for phase in stored.phases])
     for table in ("centroidal", "motion"):
         rows = pq.read_table(tmp_path / f"{table}.parquet", columns=["time_s", "phase"]).to_pydict()
         time_s, phase = np.array(rows["time_s"][:-1]), np.array(rows["phase"][:-1])
-        told_apart = np.abs(time_s[:, None] - ends_s).min(axis=1) > 1e-5  # beside an end rounding decides
-        assert (phase == np.searchsorted(ends_s, time_s + 1e-6))[told_apart].all(), table
-        assert told_apart.mean() > 0.5
-    again = plan_motion.run(plan_task(kept), tmp_path, quiet).summary
+        distinct = np.abs(time_s[:, None] - ends_s).min(axis=1) > 1e-5  # beside an end rounding decides
+        assert (phase == np.searchsorted(ends_s, time_s + 1e-6))[distinct].all(), table
+        assert distinct.mean() > 0.5
+    again = plan_motion.run(plan_task(stored), tmp_path, quiet).summary
     assert again["objective"] == pytest.approx(summary.objective, abs=0.1)  # on a grid of its own
 
 
@@ -93,18 +93,18 @@ def test_what_cannot_be_chosen_is_named(asked: dict[str, Any], named: str) -> No
 
 
 def test_circular_cones_want_the_native_solver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = plan_task(whole_body=False, free_durations=True, formulation="circular-cones")
+    task = plan_task(whole_body=False, free_durations=True, formulation="circular-cones")
     monkeypatch.setattr(plan_problem, "native_unavailable_reason", lambda: "It was not built.")
     with pytest.raises(NotEstimable) as refused:
-        plan_motion.run(asked, tmp_path, quiet)
+        plan_motion.run(task, tmp_path, quiet)
     assert refused.value.code == "solver-unavailable"
     assert refused.value.faults[0].where == "free_durations"
 
 
 @pytest.mark.skipif(isinstance(native_availability(), NativeUnavailable), reason="no native solver")
 def test_the_native_solver_chooses_them_in_circular_cones(tmp_path: Path) -> None:
-    asked = plan_task(short_walk(), whole_body=False, free_durations=True, formulation="circular-cones")
-    summary = PlanMotionSummary.model_validate(plan_motion.run(asked, tmp_path, quiet).summary)
+    task = plan_task(short_walk(), whole_body=False, free_durations=True, formulation="circular-cones")
+    summary = PlanMotionSummary.model_validate(plan_motion.run(task, tmp_path, quiet).summary)
     assert summary.solver == "native"
     assert summary.formulation == "circular-cones"
     assert summary.phase_durations is not None

@@ -29,7 +29,7 @@ NOT_BUILT = "It was not built."
 
 
 @pytest.mark.parametrize(
-    ("asked", "missing", "control", "solver", "cpu_s"),
+    ("requested", "missing", "control", "solver", "cpu_s"),
     [
         ({}, NOT_BUILT, PYRAMIDS, "casadi", DEFAULT_LIMITS.cpu_s),
         ({}, None, CircularCones(), "auto", DEFAULT_LIMITS.cpu_s),
@@ -56,7 +56,7 @@ NOT_BUILT = "It was not built."
 def test_options_reach_the_solver(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    asked: dict[str, Any],
+    requested: dict[str, Any],
     missing: str | None,
     control: Control,
     solver: str,
@@ -73,11 +73,11 @@ def test_options_reach_the_solver(
         raise NotEstimable("stopped", "far enough")
 
     monkeypatch.setattr(plan_centroidal, "solve", stopped)
-    told = RecordedProgress()
+    progress = RecordedProgress()
     with pytest.raises(NotEstimable, match="far enough"):
-        plan_motion.run(plan_task(node_rate_hz=12.5, **asked), tmp_path, told)
+        plan_motion.run(plan_task(node_rate_hz=12.5, **requested), tmp_path, progress)
     assert seen == [control, 12.5, solver, cpu_s]
-    assert told.messages[-1] == "centroidal: iteration 3, cost -1.25, infeasibility 2.1e-03"
+    assert progress.messages[-1] == "centroidal: iteration 3, cost -1.25, infeasibility 2.1e-03"
 
 
 def test_hands_are_bounded_by_their_arms_unless_the_wrench_is_the_control(
@@ -100,25 +100,28 @@ def test_hands_are_bounded_by_their_arms_unless_the_wrench_is_the_control(
 
 
 @pytest.mark.parametrize(
-    "asked", [{"formulation": "wrench"}, {"shape": "cubic"}, {"formulation": "circular-cones", "node_rate_hz": 20.0}]
+    "requested",
+    [{"formulation": "wrench"}, {"shape": "cubic"}, {"formulation": "circular-cones", "node_rate_hz": 20.0}],
 )
-def test_every_control_plans(tmp_path: Path, asked: dict[str, Any]) -> None:
-    told = RecordedProgress()
-    outcome = plan_motion.run(plan_task(whole_body=False, **asked), tmp_path, told)
+def test_every_control_plans(tmp_path: Path, requested: dict[str, Any]) -> None:
+    progress = RecordedProgress()
+    outcome = plan_motion.run(plan_task(whole_body=False, **requested), tmp_path, progress)
     summary = PlanMotionSummary.model_validate(outcome.summary)
     assert summary.converged
-    took_cones = asked.get("formulation", "circular-cones") if summary.solver == "native" else asked.get("formulation")
+    took_cones = (
+        requested.get("formulation", "circular-cones") if summary.solver == "native" else requested.get("formulation")
+    )
     assert summary.formulation == (took_cones or "forces")
     assert (summary.solver == "native") == (summary.solver_because is None)
-    assert summary.shape == asked.get("shape", "constant")
+    assert summary.shape == requested.get("shape", "constant")
     nodes = len(pq.read_table(tmp_path / "centroidal.parquet"))
-    assert nodes == 1 + round(summary.duration_s * asked.get("node_rate_hz", 10.0))
-    ticking = [m for m in told.messages if m.startswith("centroidal: iteration")]
+    assert nodes == 1 + round(summary.duration_s * requested.get("node_rate_hz", 10.0))
+    ticking = [m for m in progress.messages if m.startswith("centroidal: iteration")]
     assert len(ticking) >= summary.iterations
 
 
 @pytest.mark.parametrize(
-    ("asked", "shape"),
+    ("requested", "shape"),
     [
         ({}, "cubic"),
         ({"formulation": "circular-cones"}, "cubic"),
@@ -129,21 +132,21 @@ def test_every_control_plans(tmp_path: Path, asked: dict[str, Any]) -> None:
         ({"whole_body": False, "shape": "cubic"}, "cubic"),
     ],
 )
-def test_bodies_follow_splines_unless_something_else_is_asked_for(asked: dict[str, Any], shape: str) -> None:
-    assert plan_centroidal.force_shape(plan_task(**asked).input) == shape
+def test_bodies_follow_splines_unless_something_else_is_requested(requested: dict[str, Any], shape: str) -> None:
+    assert plan_centroidal.force_shape(plan_task(**requested).input) == shape
 
 
-@pytest.mark.parametrize("asked", [None, "cubic"])
-def test_without_splines_constants_stay_unless_splines_were_asked_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: str | None
+@pytest.mark.parametrize("requested", [None, "cubic"])
+def test_without_splines_constants_stay_unless_splines_were_requested(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, requested: str | None
 ) -> None:
     def stepping(problem: CentroidalProblem, *args: Any, **options: Any) -> CentroidalPlan:
-        found = solve(problem, *args, **options)
-        return found if problem.shape == "constant" else replace(found, converged=False, status="no way")
+        solution = solve(problem, *args, **options)
+        return solution if problem.shape == "constant" else replace(solution, converged=False, status="no way")
 
     monkeypatch.setattr(plan_centroidal, "solve", stepping)
-    task = plan_task(shape=asked)
-    if asked is not None:
+    task = plan_task(shape=requested)
+    if requested is not None:
         with pytest.raises(NotEstimable, match="no way") as refusal:
             plan_motion.run(task, tmp_path, RecordedProgress())
         assert refusal.value.code == "plan-not-converged"
@@ -153,15 +156,15 @@ def test_without_splines_constants_stay_unless_splines_were_asked_for(
     assert [remark.code for remark in summary.warnings] == ["forces-jump"]
 
 
-def test_chosen_durations_are_kept_by_the_splines(tmp_path: Path) -> None:
+def test_splines_do_not_change_chosen_durations(tmp_path: Path) -> None:
     task = plan_task(free_durations=True, duration_range=(0.8, 1.2))
     summary = PlanMotionSummary.model_validate(plan_motion.run(task, tmp_path, RecordedProgress()).summary)
     assert summary.shape == "cubic"
     assert summary.phase_durations is not None
     chosen_s = [phase.chosen_s for phase in summary.phase_durations]
     assert chosen_s != [phase.given_s for phase in summary.phase_durations]
-    kept = Scenario.model_validate_json((tmp_path / "scenario.json").read_text())
-    assert [phase.duration_s for phase in kept.phases] == chosen_s
+    stored = Scenario.model_validate_json((tmp_path / "scenario.json").read_text())
+    assert [phase.duration_s for phase in stored.phases] == chosen_s
 
 
 @pytest.mark.parametrize("solver", ["auto", "ipopt", "fatrop"])
@@ -175,7 +178,7 @@ def test_a_time_limit_ends_the_solver_and_says_so(tmp_path: Path, solver: str) -
 
 
 @pytest.mark.parametrize(
-    ("asked", "named"),
+    ("requested", "named"),
     [
         ({"formulation": "moments"}, "formulation"),
         ({"solver": "magic"}, "solver"),
@@ -188,6 +191,6 @@ def test_a_time_limit_ends_the_solver_and_says_so(tmp_path: Path, solver: str) -
         ({"time_limit_s": 301.0}, "time_limit_s"),
     ],
 )
-def test_options_out_of_range_are_named(asked: dict[str, Any], named: str) -> None:
+def test_options_out_of_range_are_named(requested: dict[str, Any], named: str) -> None:
     with pytest.raises(ValidationError, match=named):
-        plan_task(**asked)
+        plan_task(**requested)

@@ -1,4 +1,4 @@
-"""Sessions made by simulation, whose latency and mass are known: found from trials of which none knows them well."""
+"""Sessions made by simulation, whose latency and mass are known, from trials that do not show them well."""
 
 import re
 import shutil
@@ -37,14 +37,14 @@ class Made:
     facts: dict[str, RecordingFacts]
 
     def trials(self, own: str) -> tuple[TrialFacts, list[TrialFacts]]:
-        all_of_them = {name: TrialFacts(name, name, name, found) for name, found in self.facts.items()}
+        all_of_them = {name: TrialFacts(name, name, name, result) for name, result in self.facts.items()}
         return all_of_them[own], [one for name, one in all_of_them.items() if name != own]
 
     def values(self, own: str) -> SessionValues:
         one, others = self.trials(own)
-        found = session_values("s", one, others)
-        assert found is not None
-        return found
+        result = session_values("s", one, others)
+        assert result is not None
+        return result
 
 
 def put(folder: Path, name: str, recording: Recording) -> RecordingFacts:
@@ -56,15 +56,15 @@ def put(folder: Path, name: str, recording: Recording) -> RecordingFacts:
 def session(tmp_path_factory: pytest.TempPathFactory) -> Made:
     """Five times a walk over two plates, with other noise and another wrong table; markers of two are very noisy."""
     folder = tmp_path_factory.mktemp("session")
-    found = {}
+    result = {}
     walk = HumanWalker(mass_kg=MASS_KG, speed_m_s=1.2, duration_s=3.0, seed=4).walk()
     for k in range(5):
         marker_m = 0.006 if k < 2 else 0.001
         noise = MeasurementNoise(force_n=4.0, marker_m=marker_m, mass_model=0.2, latency_s=LATE_S)
         recording = record(walk, noise, k, lab="two_plates").recording
-        nobody = replace(recording, subject=Subject(recording.subject.height_m, None, recording.subject.sex))
-        found[f"walk{k}.c3d"] = put(folder, f"walk{k}.c3d", nobody)
-    return Made(folder, found)
+        unweighed = replace(recording, subject=Subject(recording.subject.height_m, None, recording.subject.sex))
+        result[f"walk{k}.c3d"] = put(folder, f"walk{k}.c3d", unweighed)
+    return Made(folder, result)
 
 
 def estimated(made: Made, own: str, folder: Path, session: SessionValues | None, **asked: object) -> EstimateComSummary:
@@ -79,13 +79,13 @@ def estimated(made: Made, own: str, folder: Path, session: SessionValues | None,
 
 
 def test_every_trial_states_its_clock_and_its_weight(session: Made) -> None:
-    for found in session.facts.values():
-        assert found.clock is not None
-        assert found.mass_from_force_kg is not None
-        assert found.mass_from_force_sd_kg is not None
-        assert found.simulated
-        assert not found.still
-        assert found.recorded_on is None
+    for result in session.facts.values():
+        assert result.clock is not None
+        assert result.mass_from_force_kg is not None
+        assert result.mass_from_force_sd_kg is not None
+        assert result.simulated
+        assert not result.still
+        assert result.recorded_on is None
 
 
 def test_the_session_knows_its_clock_better_than_its_worst_trial(session: Made) -> None:
@@ -134,9 +134,9 @@ def test_the_recorded_values_give_the_result_again(session: Made, tmp_path: Path
 
 
 def test_all_trials_of_a_session_have_one_latency_and_one_mass(session: Made, tmp_path: Path) -> None:
-    found = [estimated(session, name, tmp_path / name, session.values(name)) for name in sorted(session.facts)[2:]]
-    assert len({one.latency_applied_s for one in found}) == 1
-    assert len({one.mass_kg for one in found}) == 1
+    result = [estimated(session, name, tmp_path / name, session.values(name)) for name in sorted(session.facts)[2:]]
+    assert len({one.latency_applied_s for one in result}) == 1
+    assert len({one.mass_kg for one in result}) == 1
 
 
 @pytest.mark.parametrize(("wanted", "applied_s"), [("report", 0.0), (0.007, 0.007)])
@@ -274,8 +274,8 @@ def test_a_static_trial_of_unknown_labels_is_refused_or_said(whole: Recording, t
 
 
 def test_a_static_trial_whose_set_is_unknown_gives_what_it_shares_and_says_so(whole: Recording, tmp_path: Path) -> None:
-    kept = list(whole.markers_m)[:6]
-    poor = without(standing(whole), [label for label in whole.markers_m if label not in kept])
+    stored = list(whole.markers_m)[:6]
+    poor = without(standing(whole), [label for label in whole.markers_m if label not in stored])
     summary = with_static(tmp_path / "run", whole, poor, chosen=False)
     assert "static-set-unknown" in {remark.code for remark in summary.warnings}
 
@@ -297,21 +297,21 @@ def test_a_static_trial_of_the_same_body_is_not_doubted(whole: Recording, tmp_pa
     assert doubts(with_static(tmp_path / "run", whole, standing(whole), chosen=chosen)) == {}
 
 
-def test_a_static_trial_in_which_nobody_stands_still_is_said(whole: Recording, tmp_path: Path) -> None:
+def test_a_static_trial_without_standing_still_is_remarked_on(whole: Recording, tmp_path: Path) -> None:
     walking = replace(whole, plates=(), carried={})
-    found = doubts(with_static(tmp_path / "run", whole, walking, chosen=False))
-    assert set(found) == {"static-not-still"}
-    assert "static.c3d" in found["static-not-still"]
+    doubted = doubts(with_static(tmp_path / "run", whole, walking, chosen=False))
+    assert set(doubted) == {"static-not-still"}
+    assert "static.c3d" in doubted["static-not-still"]
 
 
 def test_a_static_trial_of_another_body_is_said(whole: Recording, tmp_path: Path) -> None:
     """A body a tenth taller, whose shank is 4 cm longer."""
     still = standing(whole)
     taller = replace(still, markers_m={label: 1.1 * track for label, track in still.markers_m.items()})
-    found = doubts(with_static(tmp_path / "run", whole, taller, chosen=False))
-    assert set(found) == {"static-other-body"}
-    assert "static.c3d" in found["static-other-body"]
-    assert re.search(r"_knee_lateral and ._ankle_lateral are \d+ mm apart there and \d+ mm here", str(found))
+    doubted = doubts(with_static(tmp_path / "run", whole, taller, chosen=False))
+    assert set(doubted) == {"static-other-body"}
+    assert "static.c3d" in doubted["static-other-body"]
+    assert re.search(r"_knee_lateral and ._ankle_lateral are \d+ mm apart there and \d+ mm here", str(doubted))
 
 
 def test_a_static_trial_of_other_labels_is_said(whole: Recording, tmp_path: Path) -> None:
@@ -319,10 +319,10 @@ def test_a_static_trial_of_other_labels_is_said(whole: Recording, tmp_path: Path
     names = {landmarks[f"{s}_{name}"]: f"{s.upper()}{label}" for name, label in PLUG_IN_GAIT.items() for s in "lr"}
     names |= {landmarks["c7"]: "C7", landmarks["jugular_notch"]: "CLAV"}
     static = without(standing(whole), [label for label in whole.markers_m if label not in names])
-    found = doubts(with_static(tmp_path / "run", whole, renamed(static, names), chosen=False))
-    assert set(found) == {"static-labels-differ"}
-    assert f"0 of the {len(landmarks)} labels" in found["static-labels-differ"]
-    assert "plug-in-gait" in found["static-labels-differ"]
+    doubted = doubts(with_static(tmp_path / "run", whole, renamed(static, names), chosen=False))
+    assert set(doubted) == {"static-labels-differ"}
+    assert f"0 of the {len(landmarks)} labels" in doubted["static-labels-differ"]
+    assert "plug-in-gait" in doubted["static-labels-differ"]
 
 
 def test_the_session_finds_its_static_trial(session: Made, whole: Recording, tmp_path: Path) -> None:
@@ -330,6 +330,6 @@ def test_the_session_finds_its_static_trial(session: Made, whole: Recording, tmp
     assert select_static_trial(own, others) is None
     still = put(tmp_path, "static.c3d", standing(whole))
     assert still.still
-    found = select_static_trial(own, [*others, TrialFacts("static.c3d", "static.c3d", "x", still)])
-    assert found is not None
-    assert found.recording_id == "static.c3d"
+    selected = select_static_trial(own, [*others, TrialFacts("static.c3d", "static.c3d", "x", still)])
+    assert selected is not None
+    assert selected.recording_id == "static.c3d"

@@ -79,8 +79,8 @@ def test_clusters_carry_the_joints_that_only_the_static_trial_marks(walk: Record
         com_m(tmp_path / "alone", clusters, None)
     assert refused.value.code == "unknown-marker-set"
     whole, _ = com_m(tmp_path / "whole", walk, None)
-    found, codes = com_m(tmp_path / "cast", clusters, static_of(walk))
-    assert np.nanmax(np.abs(found - whole)) < 0.001
+    result, codes = com_m(tmp_path / "cast", clusters, static_of(walk))
+    assert np.nanmax(np.abs(result - whole)) < 0.001
     assert "isb" in codes["named-by-static"]
     assert "QLTH1 (l_thigh_t1)" in codes["technical-clusters"]
     assert "l_knee_lateral" in codes["markers-rebuilt"]
@@ -91,9 +91,9 @@ def test_each_marker_belongs_to_the_segment_it_moves_with(walk: Recording) -> No
     left = {name: label for name, label in named.items() if name not in JOINTS}
     few = ("fibula_head", "tibial_tuberosity", "trochanter")
     left = {name: label for name, label in left.items() if name[2:] not in few}
-    found = technical_landmarks(without(walk, JOINTS), left, static_of(walk), {k: named[k] for k in (*left, *JOINTS)})
-    assert len([name for name in found if "_thigh_" in name or "_shank_" in name]) == len(found) == 16
-    for name, label in found.items():
+    result = technical_landmarks(without(walk, JOINTS), left, static_of(walk), {k: named[k] for k in (*left, *JOINTS)})
+    assert len([name for name in result if "_thigh_" in name or "_shank_" in name]) == len(result) == 16
+    for name, label in result.items():
         assert label.startswith((f"Q{name[0].upper()}{name[2:4].upper()}", *named.values()))
 
 
@@ -108,8 +108,8 @@ def test_markers_of_the_foot_do_not_carry_the_ankle(walk: Recording) -> None:
     both = replace(walk, markers_m={k: v for k, v in more.items() if k not in hidden})
     ankle = ("l_ankle_lateral", "l_ankle_medial", "l_fibula_head", "l_tibial_tuberosity")
     seen = {name: label for name, label in named.items() if name not in ankle}
-    found = technical_landmarks(both, seen, static_of(both), seen | {k: named[k] for k in ankle[:2]})
-    assert set(found.values()) == {named[name] for name in ankle[2:]}, "the shank's own markers, without a name here"
+    result = technical_landmarks(both, seen, static_of(both), seen | {k: named[k] for k in ankle[:2]})
+    assert set(result.values()) == {named[name] for name in ankle[2:]}, "the shank's own markers, without a name here"
 
 
 def test_a_marker_that_moves_within_its_cluster_is_left_out(walk: Recording) -> None:

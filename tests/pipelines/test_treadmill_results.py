@@ -52,11 +52,11 @@ def test_belts_and_frame_are_in_the_results(walk_on_belt: Recording, tmp_path: P
     com = EstimateComSummary.model_validate(estimate_com.run(com_task, tmp_path, quiet).summary)
     wheel_task = FitCycloidTask(recording=source, input=FitCycloidInput(recording_id="x"))
     wheel = FitCycloidSummary.model_validate(fit_cycloid.run(wheel_task, tmp_path, quiet).summary)
-    for found, frame in ((com.treadmill, "laboratory"), (wheel.treadmill, "belt")):
-        assert found is not None
-        assert found.frame == frame
-        assert found.source == ("stated" if stated else "feet")
-        assert [found.left_m_s, found.right_m_s] == pytest.approx([BELT_M_S, BELT_M_S], abs=1e-9 if stated else 0.05)
+    for result, frame in ((com.treadmill, "laboratory"), (wheel.treadmill, "belt")):
+        assert result is not None
+        assert result.frame == frame
+        assert result.source == ("stated" if stated else "feet")
+        assert [result.left_m_s, result.right_m_s] == pytest.approx([BELT_M_S, BELT_M_S], abs=1e-9 if stated else 0.05)
     assert np.mean([step.speed_m_s for step in wheel.steps]) == pytest.approx(BELT_M_S, rel=0.05)
     lengths_m = [step.step_length_m for step in wheel.steps if step.step_length_m is not None]
     walked_m = [BELT_M_S * step.period_s for step in wheel.steps if step.step_length_m is not None]

@@ -1,4 +1,4 @@
-"""All items in one go: what is kept and until when, what a failure leaves, and the two forms it is written in."""
+"""All items in one go: what is stored and until when, what a failure leaves, and the two forms it is written in."""
 
 import re
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import PEOPLE, Recipe, Section, collect_sections, recipes_of
 
 BOOK = Path(__file__).parents[2] / "docs" / "reproduction.md"
-FOUND = Reproduction(
+COMPUTED = Reproduction(
     claims=(
         Claim(
             "a", "one <claim>", 0.25, 0.0125, "m", "met", "With a <remark>.", "simulated", 5, "ipopt", (0.011, 0.5),
@@ -48,7 +48,7 @@ FOUND = Reproduction(
 
 
 class Counting:
-    """A recipe's call that counts how often it is made, and fails as often as it is told to."""
+    """A recipe's call that counts how often it is made, and fails as often as it has to."""
 
     def __init__(self, *failures: BaseException) -> None:
         self.calls = 0
@@ -59,7 +59,7 @@ class Counting:
         tell(0.5, "half")
         if self.failures:
             raise self.failures.pop(0)
-        return FOUND
+        return COMPUTED
 
 
 def recipe(name: str, run: Counting, seeds: int = 1) -> Recipe:
@@ -70,27 +70,27 @@ def silent(_fraction: float, _message: str) -> None:
     pass
 
 
-def test_what_is_kept_is_not_computed_again_and_comes_back_as_it_was(tmp_path: Path) -> None:
-    run, told = Counting(), []
+def test_what_is_stored_is_not_computed_again_and_comes_back_as_it_was(tmp_path: Path) -> None:
+    run, reports = Counting(), []
     first, again = (
-        list(collect_sections([recipe("x", run)], ResultCache(tmp_path), lambda f, m: told.append((f, m))))
+        list(collect_sections([recipe("x", run)], ResultCache(tmp_path), lambda f, m: reports.append((f, m))))
         for _ in range(2)
     )
     assert run.calls == 1
-    assert told == [(0.0, "x: starting"), (0.5, "x: half")]
-    assert (first[0].result, again[0].failure) == (FOUND, "")
+    assert reports == [(0.0, "x: starting"), (0.5, "x: half")]
+    assert (first[0].result, again[0].failure) == (COMPUTED, "")
     back = again[0].result
     assert back is not None
     assert (back.claims, back.note, back.drawing, back.references) == (
-        FOUND.claims, FOUND.note, FOUND.drawing, FOUND.references,
+        COMPUTED.claims, COMPUTED.note, COMPUTED.drawing, COMPUTED.references,
     )  # fmt: skip
     table = back.tables["printed"]
     assert table["who"].tolist() == ["me", "you"]
-    np.testing.assert_array_equal(table["error_m"], FOUND.tables["printed"]["error_m"])
+    np.testing.assert_array_equal(table["error_m"], COMPUTED.tables["printed"]["error_m"])
     assert list(back.tables) == ["printed"], "only what is printed is kept"
     list(collect_sections([recipe("x", run, seeds=2)], ResultCache(tmp_path), silent))
     list(collect_sections([recipe("x", run)], ResultCache(tmp_path), silent, recompute=True))
-    assert run.calls == 3, "other draws, and what is asked for anew, are computed"
+    assert run.calls == 3, "other draws, and what is requested anew, are computed"
 
 
 def test_other_code_computes_anew_and_replaces_what_the_old_one_found(
@@ -104,30 +104,30 @@ def test_other_code_computes_anew_and_replaces_what_the_old_one_found(
     assert [path.name for path in tmp_path.iterdir()] == ["x-1-two.json"]
 
 
-def test_an_item_that_fails_is_told_and_the_others_go_on(tmp_path: Path) -> None:
+def test_an_item_that_fails_is_reported_and_the_others_go_on(tmp_path: Path) -> None:
     known, unknown, fine = Counting(NotEstimable("code", "No sole is there.")), Counting(KeyError("hips")), Counting()
     wanted = [recipe("known", known), recipe("unknown", unknown), recipe("fine", fine)]
     sections = list(collect_sections(wanted, ResultCache(tmp_path), silent))
     assert [section.failure for section in sections] == ["No sole is there.", "KeyError: 'hips'", ""]
     assert [section.result is None for section in sections] == [True, True, False]
-    assert [path.name[:5] for path in tmp_path.iterdir()] == ["fine-"], "nothing is kept of what failed"
+    assert [path.name[:5] for path in tmp_path.iterdir()] == ["fine-"], "nothing is stored of what failed"
     again = list(collect_sections(wanted, ResultCache(tmp_path), silent))
     assert all(section.result for section in again)
     assert (known.calls, unknown.calls, fine.calls) == (2, 2, 1)
 
 
 def test_items_in_processes_are_those_of_one_process_in_their_order(tmp_path: Path) -> None:
-    wanted, told = recipes_of(["fig-2.5", "fig-2.2"], 1, None), []
+    wanted, reports = recipes_of(["fig-2.5", "fig-2.2"], 1, None), []
     alone = list(collect_sections(wanted, ResultCache(tmp_path / "one"), silent))
     cache = ResultCache(tmp_path / "two")
-    both = list(collect_sections(wanted, cache, lambda f, m: told.append((f, m)), processes=2))
+    both = list(collect_sections(wanted, cache, lambda f, m: reports.append((f, m)), processes=2))
     assert [section.name for section in both] == ["fig-2.5", "fig-2.2"]
     for one, other in zip(alone, both, strict=True):
         assert one.result is not None
         assert other.result is not None
         assert one.result.claims == other.result.claims
         assert one.result.drawing == other.result.drawing
-    assert [fraction for fraction, _ in told] == [0.0, 0.5, 1.0]
+    assert [fraction for fraction, _ in reports] == [0.0, 0.5, 1.0]
     assert [path.name for path in sorted((tmp_path / "two").iterdir())] == sorted(
         path.name for path in (tmp_path / "one").iterdir()
     )
@@ -198,7 +198,7 @@ class Outline(HTMLParser):
 
 
 SECTIONS = (
-    Section("x", "Title of x", "Draws once.", ("printed",), FOUND, command="stridelab reproduce x --seed 4"),
+    Section("x", "Title of x", "Draws once.", ("printed",), COMPUTED, command="stridelab reproduce x --seed 4"),
     Section("y", "Title of y", "", (), None, "No <sole> is there."),
 )
 
@@ -253,19 +253,19 @@ def test_the_page_of_the_book_has_the_same_numbers() -> None:
 
 def test_an_aim_of_ours_is_counted_and_printed_apart_from_the_verdicts_on_the_thesis() -> None:
     aims = [target(key, ours, "1", at_most=1.0).says(key) for key, ours in (("reached", 0.5), ("missed", 2.0))]
-    both = replace(FOUND, claims=(*FOUND.claims, *aims))
+    both = replace(COMPUTED, claims=(*COMPUTED.claims, *aims))
     assert count_outcomes(both.claims) == {
         "not_met": 0, "thesis_in_error": 1, "undecided": 0, "met": 1, "beaten": 0, "aim_missed": 1, "aim_reached": 1,
     }  # fmt: skip
     assert both.verdict == "thesis_in_error", "the missed aim weighs nothing beside a verdict on the thesis"
-    assert replace(FOUND, claims=tuple(aims)).verdict == "not_met"
+    assert replace(COMPUTED, claims=tuple(aims)).verdict == "not_met"
     text = render_markdown("", [replace(SECTIONS[0], result=both.with_basis("simulated", 1))])
     assert "| reached | ours | aim ≤ 1 | ≤ 1 (our aim) | 0.5 | our aim: reached |" in text
     assert "| missed | ours | aim ≤ 1 | ≤ 1 (our aim) | 2 | our aim: missed |" in text
 
 
 def test_what_is_better_than_claimed_is_not_printed_as_met() -> None:
-    better = replace(FOUND, claims=(Claim("c", "faster", 10.0, 1.0, "s", "beaten", evidence="simulated", n=1,
+    better = replace(COMPUTED, claims=(Claim("c", "faster", 10.0, 1.0, "s", "beaten", evidence="simulated", n=1,
                                            holds_to=10.0),))  # fmt: skip
     section = replace(SECTIONS[0], result=better)
     assert "| faster | ours | 10 s | ≤ 10 s (our aim) | 1 s | better | simulated, n = 1 |" in render_markdown(
@@ -276,7 +276,7 @@ def test_what_is_better_than_claimed_is_not_printed_as_met() -> None:
 
 def test_a_section_of_the_page_is_replaced_alone() -> None:
     page = render_markdown("# Head\n", [SECTIONS[0], replace(SECTIONS[0], name="z")])
-    other = replace(SECTIONS[0], name="z", result=replace(FOUND, note="Anew."))
+    other = replace(SECTIONS[0], name="z", result=replace(COMPUTED, note="Anew."))
     changed = replace_sections(page, [other])
     assert changed == render_markdown("# Head\n", [SECTIONS[0], other])
     added = replace(other, name="w")

@@ -44,8 +44,10 @@ def test_on_marker_like_noise_they_beat_the_cut_offs_of_the_thesis_twice(gait):
         squares = []
         for seed in range(3):
             trial = simulate_trial(gait, "marker-like", seed)
-            found = filter_.estimate(trial.geometric, trial.wrench, trial.mass_kg)
-            squares.append(np.mean(np.sum((found.com_m - trial.truth.com_m[: len(found.com_m)])[:, :2] ** 2, axis=1)))
+            estimate = filter_.estimate(trial.geometric, trial.wrench, trial.mass_kg)
+            squares.append(
+                np.mean(np.sum((estimate.com_m - trial.truth.com_m[: len(estimate.com_m)])[:, :2] ** 2, axis=1))
+            )
         return float(np.sqrt(np.mean(squares)))
 
     spectral = horizontal(ComplementaryFilter(from_spectra=True))
@@ -53,10 +55,10 @@ def test_on_marker_like_noise_they_beat_the_cut_offs_of_the_thesis_twice(gait):
     assert spectral < horizontal(ComplementaryFilter())
 
 
-def test_the_cut_offs_are_told_and_none_can_be_found_sample_by_sample():
+def test_the_cut_offs_are_reported_and_none_can_be_chosen_sample_by_sample():
     trial = simulate_trial("robot", "marker-like", 0)
-    found = ComplementaryFilter(from_spectra=True).estimate(trial.geometric, trial.wrench, trial.mass_kg)
-    assert 0 < found.diagnostics["low_hz"] < found.diagnostics["high_hz"]
+    estimate = ComplementaryFilter(from_spectra=True).estimate(trial.geometric, trial.wrench, trial.mass_kg)
+    assert 0 < estimate.diagnostics["low_hz"] < estimate.diagnostics["high_hz"]
     for estimator, code, where in (
         (ComplementaryFilter(from_spectra=True), "cutoffs-not-online", "cutoffs"),
         (replace(ComplementaryFilter(), order=3), "order-out-of-range", "order"),

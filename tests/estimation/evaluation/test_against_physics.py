@@ -41,7 +41,7 @@ def hops(g_m_s2: float) -> tuple[ComEstimate, WrenchTrack]:
     return replace(estimated(motion, window=Window(0.0, 3.0)), com_m=com), wrench
 
 
-def test_in_flight_the_body_falls_with_g_or_is_told_so() -> None:
+def test_in_flight_the_body_falls_with_g_or_a_remark_says_so() -> None:
     free = assess_flight(*hops(9.81))
     assert free is not None
     assert free.flights == 5  # the last one is not seen to its end
@@ -65,9 +65,9 @@ def test_standing_still_the_pressure_lies_below_the_com(height_m: float) -> None
     motion = Motion(Harmonics(np.array([0.4, -0.1, 0.95]), np.zeros(3), sway))
     wrench, geometric = motion.wrench_track(T, Window(0.0, 2.0)), motion.geometric(T)
     exact = estimated(motion, window=Window(0.0, 2.0))
-    found = assess_standing(exact, geometric, wrench, height_m)
-    assert found is not None
-    assert found.horizontal_m < 1e-4
+    standing = assess_standing(exact, geometric, wrench, height_m)
+    assert standing is not None
+    assert standing.horizontal_m < 1e-4
     shifted = assess_standing(
         replace(exact, com_m=exact.com_m + np.array([0.006, -0.008, 0.0])), geometric, wrench, height_m
     )

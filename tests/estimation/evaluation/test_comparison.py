@@ -1,4 +1,4 @@
-"""All estimators on the same data: what is told of each, what of those that cannot, and held-back force."""
+"""All estimators on the same data: what is reported of each, what of those that cannot, and held-back force."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -106,7 +106,7 @@ def test_without_a_truth_the_inputs_are_held_against_each_other(unknown: Compari
 
 
 def test_held_back_force_tells_noise_from_knowledge() -> None:
-    """Nobody predicts better than the geometry by much; whoever adds wiggles predicts worse."""
+    """No estimator predicts much better than the geometry; one that adds wiggles predicts worse."""
     given = data()
     alone = withheld_residual_n(GeometryOnly(), given.geometric, given.wrench, given.mass_kg)
     fused = withheld_residual_n(ComplementaryFilter(), given.geometric, given.wrench, given.mass_kg)
@@ -117,15 +117,15 @@ def test_held_back_force_tells_noise_from_knowledge() -> None:
 
 
 def test_the_withheld_force_is_not_seen() -> None:
-    """An error that sits in every other block is found where that block is withheld."""
+    """An error that sits in every other block shows where that block is withheld."""
     given = data()
     inside = np.flatnonzero(given.wrench.complete)
     odd = inside[np.arange(len(inside)) // 15 % 2 == 1]
     spoilt = given.wrench.force_n.copy()
     spoilt[odd] += [0.0, 0.0, 300.0]
     wrong = replace(given.wrench, force_n=spoilt)
-    found = withheld_residual_n(ComplementaryFilter(), given.geometric, wrong, given.mass_kg)
-    assert found[2] > 150.0
+    residual_n = withheld_residual_n(ComplementaryFilter(), given.geometric, wrong, given.mass_kg)
+    assert residual_n[2] > 150.0
 
 
 @pytest.mark.parametrize(

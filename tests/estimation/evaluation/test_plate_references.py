@@ -25,7 +25,7 @@ OFFSETS_M = np.array([[0.0, 0.0, -0.06], [-0.011, 0.004, -0.06]])
 @cache
 def walks() -> list[tuple[GeometricCom, WrenchTrack, np.ndarray, float]]:
     """Walks of drawn people whose force a first plate carries until the middle, then, within 0.1 s, a second one."""
-    found = []
+    result = []
     for seed in range(PEOPLE):
         drawn = draw_recording(7000 + seed, "walk", EXACT_PLATES, 2.5, 50.0)
         wrench = drawn.wrench_at(0.0)
@@ -33,12 +33,12 @@ def walks() -> list[tuple[GeometricCom, WrenchTrack, np.ndarray, float]]:
         middle = wrench.time_s[complete].mean()
         second = np.clip((wrench.time_s - middle) / 0.1 + 0.5, 0.0, 1.0)[:, None]
         forces = np.array([(1.0 - second) * wrench.force_n, second * wrench.force_n])
-        found.append((drawn.geometric, wrench, forces, drawn.mass_kg))
-    return found
+        result.append((drawn.geometric, wrench, forces, drawn.mass_kg))
+    return result
 
 
 def identified(offsets_m: np.ndarray, people: int = PEOPLE) -> PlateReferences | None:
-    """Offsets that are found if the moments refer to points ``offsets_m`` away from the stated ones."""
+    """Offsets that are estimated if the moments refer to points ``offsets_m`` away from the stated ones."""
     evidence: dict[str, list[PlateEvidence]] = {}
     for person, (geometric, wrench, forces, mass_kg) in enumerate(walks()[:people]):
         read_nm = wrench.moment_nm - sum(np.cross(o, f) for o, f in zip(offsets_m, forces, strict=True))
@@ -48,7 +48,7 @@ def identified(offsets_m: np.ndarray, people: int = PEOPLE) -> PlateReferences |
     return plate_references(evidence)
 
 
-def test_offsets_are_found_and_named() -> None:
+def test_offsets_are_estimated_and_named() -> None:
     """The people err, too, so what is added to them is compared with what they show without it."""
     plain, moved = identified(np.zeros((2, 3))), identified(OFFSETS_M)
     assert plain is not None

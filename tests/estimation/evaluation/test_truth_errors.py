@@ -29,27 +29,27 @@ def turned(motion: Motion) -> Motion:
 
 def test_horizontal_and_vertical_errors_are_apart() -> None:
     motion = walk()
-    found = truth_error(estimate_of(motion, np.array([0.003, -0.004, 0.02])), T, motion.com.at(T))
-    assert found.horizontal_m == pytest.approx(0.005)
-    assert found.horizontal_95_m == pytest.approx(0.005)
-    assert found.vertical_m == pytest.approx(0.02)
-    assert found.mean_m == pytest.approx([0.003, -0.004, 0.02], rel=0.01)
-    assert found.coverage.tolist() == [1.0, 1.0, 1.0]
+    error = truth_error(estimate_of(motion, np.array([0.003, -0.004, 0.02])), T, motion.com.at(T))
+    assert error.horizontal_m == pytest.approx(0.005)
+    assert error.horizontal_95_m == pytest.approx(0.005)
+    assert error.vertical_m == pytest.approx(0.02)
+    assert error.mean_m == pytest.approx([0.003, -0.004, 0.02], rel=0.01)
+    assert error.coverage.tolist() == [1.0, 1.0, 1.0]
     assert truth_error(estimate_of(motion, np.array([0.03, 0.0, 0.0])), T, motion.com.at(T)).coverage[0] == 0.0
 
 
 def test_the_axes_follow_the_walk() -> None:
     motion = turned(walk())
-    found = truth_error(estimate_of(motion, np.array([0.0, -0.006, 0.0])), T, motion.com.at(T))
-    assert found.mean_m == pytest.approx([0.006, 0.0, 0.0], abs=1e-4)  # ahead of the truth along -y
-    assert found.sd_m == pytest.approx([0.02, 0.01, 0.03], rel=1e-3)
+    error = truth_error(estimate_of(motion, np.array([0.0, -0.006, 0.0])), T, motion.com.at(T))
+    assert error.mean_m == pytest.approx([0.006, 0.0, 0.0], abs=1e-4)  # ahead of the truth along -y
+    assert error.sd_m == pytest.approx([0.02, 0.01, 0.03], rel=1e-3)
 
 
 @pytest.mark.parametrize("late_s", [-0.004, 0.011, 0.05])
-def test_a_late_estimate_is_found_late_whatever_its_bias(late_s: float) -> None:
+def test_a_late_estimate_is_late_whatever_its_bias(late_s: float) -> None:
     motion = walk()
-    found = truth_error(estimate_of(motion, np.array([0.02, -0.03, 0.01]), late_s), T, motion.com.at(T))
-    assert found.lag_s[1:] == pytest.approx([late_s, late_s], abs=3e-4)
+    error = truth_error(estimate_of(motion, np.array([0.02, -0.03, 0.01]), late_s), T, motion.com.at(T))
+    assert error.lag_s[1:] == pytest.approx([late_s, late_s], abs=3e-4)
 
 
 def test_uniform_motion_shows_no_lag() -> None:

@@ -37,9 +37,9 @@ class Displaced:
     name: ClassVar[str] = "displaced"
 
     def estimate(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> ComEstimate:
-        found = GeometryOnly().estimate(geometric, wrench, mass_kg)
-        moved = found.com_m + np.array([self.aside_m, self.aside_m, 0.0])
-        return replace(found, com_m=moved, sd_m=np.full_like(found.sd_m, self.sd_m))
+        result = GeometryOnly().estimate(geometric, wrench, mass_kg)
+        moved = result.com_m + np.array([self.aside_m, self.aside_m, 0.0])
+        return replace(result, com_m=moved, sd_m=np.full_like(result.sd_m, self.sd_m))
 
 
 def inputs(movement: Movement, seed: int = 3) -> ScoredInputs:

@@ -71,8 +71,8 @@ def test_the_gain_becomes_that_of_the_riccati_equation():
     W = model.B @ model.B.T * 20.0**2
     for _ in range(6000):
         P = model.A @ (P - P @ C.T @ np.linalg.solve(C @ P @ C.T + R, C @ P)) @ model.A.T + W
-    found = axis.predict_states(np.zeros((1, 6000, 3)), np.zeros((1, 3))).covariance[-1]
-    assert relative(found[None], P[None]) < 1e-9
+    result = axis.predict_states(np.zeros((1, 6000, 3)), np.zeros((1, 3))).covariance[-1]
+    assert relative(result[None], P[None]) < 1e-9
 
 
 def draw(rate_hz: float, n: int, sigma: float, variance: tuple[float, ...], seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -156,8 +156,8 @@ def test_the_stated_lag_is_the_delay_of_a_sinusoid():
     w = 2 * np.pi * hz
     y = np.column_stack([np.sin(w * t), -(w**2) * np.sin(w * t), np.sin(w * t)])
     late = t > 10
-    found = axis.filter_states(y[None], np.zeros((1, 3))).mean[0, late, 0]
-    a, b = np.linalg.lstsq(np.column_stack([np.sin(w * t), np.cos(w * t)])[late], found, rcond=None)[0]
+    result = axis.filter_states(y[None], np.zeros((1, 3))).mean[0, late, 0]
+    a, b = np.linalg.lstsq(np.column_stack([np.sin(w * t), np.cos(w * t)])[late], result, rcond=None)[0]
     assert axis.lag_s(hz) == pytest.approx(-np.arctan2(b, a) / w, abs=1e-6)
 
 
@@ -214,7 +214,7 @@ def test_priors_that_make_no_sense_are_refused_by_name(field: str, make):
 @pytest.mark.parametrize("rate_hz", [50.0, 200.0, 2000.0])
 @pytest.mark.parametrize("sigma", SIGMA_JERK_RANGE_M_S3)
 def test_what_is_allowed_is_solved_or_refused_in_a_sentence(rate_hz: float, sigma: float):
-    """A body at rest at 1 m, exactly measured, is found wherever the standard deviations lie."""
+    """A body at rest at 1 m, exactly measured, is estimated wherever the standard deviations lie."""
     n = 200
     measured = np.ones((n, 3), dtype=bool)
     measured[:50, 1:] = False
@@ -225,10 +225,10 @@ def test_what_is_allowed_is_solved_or_refused_in_a_sentence(rate_hz: float, sigm
         variance = (geometry**2, force**2, point**2)
         axis = Axis(JerkModel(1 / rate_hz, sigma), variance, tuple(split_stretches(measured)), STARTS["unknown"])
         try:
-            found = [axis.filter_states(y, start), axis.smooth_states(y, start)]
+            result = [axis.filter_states(y, start), axis.smooth_states(y, start)]
         except InvalidInput as refusal:
             refused.append((refusal.code, sigma))
             continue
-        assert max(np.abs(track.mean[0, :, 0] - 1.0).max() for track in found) < 1e-4
+        assert max(np.abs(track.mean[0, :, 0] - 1.0).max() for track in result) < 1e-4
     assert set(refused) <= {("filter-not-solvable", 1000.0)}
     assert len(refused) <= 2

@@ -41,7 +41,7 @@ def test_horizontally_smoothing_and_the_complementary_filter_beat_the_kalman_fil
     assert np.linalg.norm(rms_m(ComplementaryFilter.thesis(), trials)[:2]) < 0.6 * kalman
 
 
-def test_nobody_sees_the_height_better_than_the_geometry(trials):
+def test_no_estimator_sees_the_height_better_than_the_geometry(trials):
     error = np.concatenate([t.geometric.com_m - t.truth.com_m for t in trials])
     slow = np.sqrt(np.mean(np.mean([t.bias_m[:, 2] for t in trials], axis=1) ** 2))
     for estimator in (KALMAN, FASTER, SMOOTHED):

@@ -41,11 +41,11 @@ def test_smoothing_delays_nothing():
     )
     middle = (t > 7) & (t < 13)
     waves = np.column_stack([np.sin(w * t), np.cos(w * t)])[middle]
-    for found, late_s in (
+    for result, late_s in (
         (axis.smooth_states(y, np.zeros((1, 3))), 0.0),
         (axis.filter_states(y, np.zeros((1, 3))), axis.lag_s(0.9)),
     ):
-        a, b = np.linalg.lstsq(waves, found.mean[0, middle, 0], rcond=None)[0]
+        a, b = np.linalg.lstsq(waves, result.mean[0, middle, 0], rcond=None)[0]
         assert -np.arctan2(b, a) / w == pytest.approx(late_s, abs=1e-5)
     assert axis.lag_s(0.9) > 0.01
 
@@ -62,7 +62,7 @@ def test_it_is_closer_to_the_truth_than_the_filter_on_the_same_model(window: Win
         assert errors[0] < 0.6 * errors[1]
 
 
-def test_a_body_that_coasts_is_found_from_the_first_sample_on():
+def test_a_body_that_coasts_is_estimated_from_the_first_sample_on():
     t, motion = np.arange(400) / 200.0, uniform()
     wrench = motion.wrench_track(t, Window(0.0, 1.995))
     estimate = RtsSmoother().estimate(motion.geometric(t), wrench, motion.mass_kg)

@@ -44,10 +44,10 @@ def test_pelvis_markers_too_high_or_too_low_are_noticed(by_m: float) -> None:
     pelvis = [landmarks[name] for name in ("l_asis", "r_asis", "l_psis", "r_psis")]
     up_m = np.array([0.0, 0.0, by_m])
     moved_m = {label: track + up_m * (label in pelvis) for label, track in good.markers_m.items()}
-    found = judge(replace(good, markers_m=moved_m))
-    (failed,) = [check for check in found.checks if not check.passed]
+    judged = judge(replace(good, markers_m=moved_m))
+    (failed,) = [check for check in judged.checks if not check.passed]
     assert failed.name == "body_proportions"
-    assert found.verdict == "doubtful"
+    assert judged.verdict == "doubtful"
     assert "the markers of the pelvis (too high or too low)" in failed.message
     (right,) = [check for check in judge(good).checks if check.name == "body_proportions"]
     assert right.value < 0.1

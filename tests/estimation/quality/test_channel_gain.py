@@ -73,10 +73,12 @@ def worst(found: tuple[ChannelGain, ...]) -> ChannelGain:
 @pytest.mark.parametrize(("seed", "speed_m_s"), [(1, 1.2), (2, 0.8), (3, 1.6), (4, 1.2)])
 def test_right_channels_have_a_gain_of_one(seed: int, speed_m_s: float) -> None:
     recording = walk(seed, speed_m_s)
-    found = channel_gains(force_balance(recording, geometry(seed, speed_m_s), wrench_track(recording, WINDOW), MASS_KG))
-    assert {gain.axis for gain in found} >= {"along the walk", "vertically"}
-    assert max(gain.deviation for gain in found) < 0.15
-    for gain in found:
+    result = channel_gains(
+        force_balance(recording, geometry(seed, speed_m_s), wrench_track(recording, WINDOW), MASS_KG)
+    )
+    assert {gain.axis for gain in result} >= {"along the walk", "vertically"}
+    assert max(gain.deviation for gain in result) < 0.15
+    for gain in result:
         if gain.axis == "vertically":
             assert gain.gain == pytest.approx(1.0, abs=0.1)
 
@@ -107,9 +109,9 @@ def test_a_lateral_channel_of_the_wrong_sign_is_contradicted() -> None:
 @pytest.mark.parametrize(("factor", "verdict"), [(0.5, "contradicted"), (2.0, "contradicted"), (1.0, "good")])
 def test_a_lateral_channel_that_is_scaled_is_contradicted(factor: float, verdict: str) -> None:
     """Newton's law alone cannot tell: soft tissue shakes the markers as much as the walk sways."""
-    found = quality(with_channel(1, factor))
-    assert found.verdict == verdict
-    (check,) = [one for one in found.checks if one.name == "channel_gain"]
+    result = quality(with_channel(1, factor))
+    assert result.verdict == verdict
+    (check,) = [one for one in result.checks if one.name == "channel_gain"]
     assert check.contradicts == (factor != 1.0)
     assert ("across the walk" in check.message) == (factor != 1.0)
 
@@ -126,9 +128,9 @@ def test_a_dead_channel_of_one_plate_among_several_is_named(axis: int, name: str
     index = main_plate(good)
     dead = [gain for gain in gains(with_channel(axis, 0.0, only=index)) if math.isinf(gain.gain)]
     assert [(gain.plate, gain.axis) for gain in dead] == [(index, name)]
-    found = quality(with_channel(axis, 0.0, only=index))
-    assert found.verdict == "contradicted"
-    (check,) = [one for one in found.checks if one.name == "channel_gain"]
+    result = quality(with_channel(axis, 0.0, only=index))
+    assert result.verdict == "contradicted"
+    (check,) = [one for one in result.checks if one.name == "channel_gain"]
     assert f"a force {name}, and plate {index} measures next to none" in check.message
 
 
@@ -139,11 +141,11 @@ EXCHANGED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 @pytest.mark.parametrize("one", [False, True])
 def test_exchanged_horizontal_channels_are_named(one: bool, sign: float) -> None:
     mixed = EXCHANGED * [1.0, sign, 1.0]
-    found = quality(with_channels(mixed, main_plate(walk()) if one else None))
-    (check,) = [one for one in found.checks if one.name == "channel_exchange"]
+    result = quality(with_channels(mixed, main_plate(walk()) if one else None))
+    (check,) = [one for one in result.checks if one.name == "channel_exchange"]
     assert check.contradicts
     assert "exchanged" in check.message
-    assert found.verdict == "contradicted"
+    assert result.verdict == "contradicted"
 
 
 def test_channels_that_are_right_dead_or_scaled_are_not_called_exchanged() -> None:
@@ -197,8 +199,8 @@ def test_a_recording_played_at_the_wrong_rate_is_contradicted() -> None:
     landmarks = identify(list(fast.markers_m)).landmarks
     geometric = SegmentModel().com(fast, landmarks, subject=fast.subject)
     window = (Window(WINDOW[0].start_s / factor, WINDOW[0].end_s / factor),)
-    found = channel_gains(force_balance(fast, geometric, wrench_track(fast, window), MASS_KG))
-    vertical = [gain for gain in found if gain.axis == "vertically"]
+    result = channel_gains(force_balance(fast, geometric, wrench_track(fast, window), MASS_KG))
+    vertical = [gain for gain in result if gain.axis == "vertically"]
     assert max(gain.deviation for gain in vertical) > 0.25
     assert vertical[0].gain == pytest.approx(factor**2, rel=0.15)
 

@@ -53,8 +53,8 @@ class Judged:
     estimate: ComEstimate
 
     def check(self, name: str):  # type: ignore[no-untyped-def]
-        (found,) = [check for check in self.quality.checks if check.name == name]
-        return found
+        (result,) = [check for check in self.quality.checks if check.name == name]
+        return result
 
 
 def judge(
@@ -122,10 +122,10 @@ def one_moved() -> Recording:
 
 @pytest.mark.parametrize(("seed", "speed_m_s"), [(1, 1.2), (2, 0.8), (3, 1.6)])
 def test_a_good_walk_is_good(seed: int, speed_m_s: float) -> None:
-    found = judge(walk(seed, speed_m_s))
-    assert found.quality.verdict == "good", [c.message for c in found.quality.checks if not c.passed]
-    assert found.quality.remarks == ()
-    assert set(found.quality.not_checked) == {"mass_from_standing", "flight_acceleration"}, "a walk has no flight"
+    judged = judge(walk(seed, speed_m_s))
+    assert judged.quality.verdict == "good", [c.message for c in judged.quality.checks if not c.passed]
+    assert judged.quality.remarks == ()
+    assert set(judged.quality.not_checked) == {"mass_from_standing", "flight_acceleration"}, "a walk has no flight"
 
 
 def test_a_good_walk_over_two_plates_is_good() -> None:
@@ -191,11 +191,11 @@ def test_the_plate_that_is_wrong_is_named() -> None:
 @pytest.mark.parametrize("factors", [[1.0, -1.0, 1.0], [0.0, 1.0, 1.0], [2.0, 1.0, 1.0]])
 def test_a_horizontal_channel_that_is_wrong_is_not_good(factors: list[float]) -> None:
     """Weight and place are right, so the innovations contradict nothing: the markers' acceleration tells."""
-    found = judge(with_plates(lambda plate: scaled(plate, factors)))
-    innovations = found.check("normalised_innovations")
+    judged = judge(with_plates(lambda plate: scaled(plate, factors)))
+    innovations = judged.check("normalised_innovations")
     assert innovations.value < innovations.contradicted_above
-    assert not found.check("acceleration_difference").passed
-    assert found.quality.verdict != "good"
+    assert not judged.check("acceleration_difference").passed
+    assert judged.quality.verdict != "good"
 
 
 def test_more_than_five_centimetres_from_the_geometry_are_never_without_an_error() -> None:
@@ -203,11 +203,11 @@ def test_more_than_five_centimetres_from_the_geometry_are_never_without_an_error
     values = []
     for shift_m in (0.05, 0.10, 0.14, 0.17):
         shift = partial(moved, by_m=np.array([0.0, shift_m, 0.0]))
-        found = judge(with_plates(shift), method=ComplementaryFilter())
-        check = found.check("horizontal_bias")
+        judged = judge(with_plates(shift), method=ComplementaryFilter())
+        check = judged.check("horizontal_bias")
         values.append(check.value)
         assert (check.value > 0.05) == check.contradicts
-        assert check.contradicts == (found.quality.verdict == "contradicted")
+        assert check.contradicts == (judged.quality.verdict == "contradicted")
     assert min(values) < 0.05 < max(values)
 
 
@@ -342,9 +342,11 @@ def run(*, tissue_m: float = 0.0, fore_aft: float = 1.0) -> Run:
 
 
 def contradicts_in(made: Run) -> bool:
-    found = acceleration_difference(made.geometric, made.wrench, MASS_KG)
-    assert found is not None
-    measures = Measures(acceleration_difference=found.share, axis=found.axis, force_share=found.force_share)
+    difference = acceleration_difference(made.geometric, made.wrench, MASS_KG)
+    assert difference is not None
+    measures = Measures(
+        acceleration_difference=difference.share, axis=difference.axis, force_share=difference.force_share
+    )
     (check,) = evaluate_checks(measures, MASS_KG, made.geometric.sd_m).checks
     return check.contradicts
 
@@ -352,11 +354,11 @@ def contradicts_in(made: Run) -> bool:
 def test_soft_tissue_does_not_contradict_the_large_forces_of_a_run() -> None:
     """8 mm at the step frequency of a run are 18 % of the weight: as much as the vertical force of a walk varies."""
     shaken = run(tissue_m=0.008)
-    found = acceleration_difference(shaken.geometric, shaken.wrench, MASS_KG)
-    assert found is not None
-    assert found.axis == "vertically"
-    assert 0.15 < found.share < 0.2
-    assert found.force_share > 0.8
+    difference = acceleration_difference(shaken.geometric, shaken.wrench, MASS_KG)
+    assert difference is not None
+    assert difference.axis == "vertically"
+    assert 0.15 < difference.share < 0.2
+    assert difference.force_share > 0.8
     assert not contradicts_in(shaken)
 
 

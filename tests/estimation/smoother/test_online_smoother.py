@@ -19,13 +19,13 @@ def online(**asked: object) -> OnlineSmoother:
 
 
 def gliding(estimator: OnlineSmoother, time_s: np.ndarray) -> np.ndarray:
-    """Velocities told of a body in uniform motion, on a force that supports it through its centre."""
+    """Estimated velocities of a body in uniform motion, on a force that supports it through its centre."""
     force = np.array([0.0, 0.0, MASS_KG * GRAVITY_M_S2])
-    told = []
+    reports = []
     for t in time_s.tolist():
         com = np.array([0.0, 0.0, 1.0]) + SPEED_M_S * t
-        told.append(estimator.step(t, com, force, np.cross(com, force)).velocity_m_s)
-    return np.array(told)
+        reports.append(estimator.step(t, com, force, np.cross(com, force)).velocity_m_s)
+    return np.array(reports)
 
 
 def test_it_is_an_online_estimator() -> None:
@@ -35,15 +35,15 @@ def test_it_is_an_online_estimator() -> None:
 @pytest.mark.parametrize("rate_hz", [60.0, 120.0, 240.0, 1000.0])
 def test_the_velocity_is_right_at_any_rate(rate_hz: float) -> None:
     """A step rounded to 0.1 ms would be 10 mm/s off at 240 Hz."""
-    told = gliding(online(), np.arange(round(5 * rate_hz)) / rate_hz)
-    np.testing.assert_allclose(told[-1], SPEED_M_S, atol=1e-4)
+    reports = gliding(online(), np.arange(round(5 * rate_hz)) / rate_hz)
+    np.testing.assert_allclose(reports[-1], SPEED_M_S, atol=1e-4)
 
 
 def test_a_clock_that_jitters_changes_nothing_and_fills_no_memory() -> None:
     rng = np.random.default_rng(2)
     estimator = online(velocity_m_s=SPEED_M_S)
-    told = gliding(estimator, np.cumsum(rng.uniform(0.002, 0.02, 1000)))
-    np.testing.assert_allclose(told[-500:], np.broadcast_to(SPEED_M_S, (500, 3)), atol=1e-3)
+    reports = gliding(estimator, np.cumsum(rng.uniform(0.002, 0.02, 1000)))
+    np.testing.assert_allclose(reports[-500:], np.broadcast_to(SPEED_M_S, (500, 3)), atol=1e-3)
     assert len(estimator._spaces) == SPACES
 
 

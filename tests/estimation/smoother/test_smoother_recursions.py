@@ -165,15 +165,15 @@ def measured(axis: int, data: Signals) -> np.ndarray:
 def passed():
     data = some_signals()
     space = state_space(SIZES, RATE_HZ)
-    found = compute_gains(space, data)
-    forward = filter_forward(space, data, found)
-    return data, space, found, forward
+    gains = compute_gains(space, data)
+    forward = filter_forward(space, data, gains)
+    return data, space, gains, forward
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_covariance_of_position_and_velocity_is_that_of_gaussian_conditioning(passed, axis):
-    data, _, found, forward = passed
-    covariance = smooth_backward(found, forward, 2)[1][:, axis]
+    data, _, result, forward = passed
+    covariance = smooth_backward(result, forward, 2)[1][:, axis]
     dense = written_out(axis, data)
     states = np.stack([dense.c, dense.v], axis=1)
     information = np.linalg.inv(dense.y @ dense.y.T)
@@ -186,8 +186,8 @@ def test_covariance_of_position_and_velocity_is_that_of_gaussian_conditioning(pa
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_mean_and_band_are_those_of_gaussian_conditioning(passed, axis):
-    data, _, found, forward = passed
-    mean, covariance = smooth_backward(found, forward, 2)
+    data, _, result, forward = passed
+    mean, covariance = smooth_backward(result, forward, 2)
     dense = written_out(axis, data)
     gain = np.linalg.solve(dense.y @ dense.y.T, dense.y @ dense.c.T).T
     expected = dense.c_mean + gain @ (measured(axis, data) - dense.y_mean)
@@ -197,8 +197,8 @@ def test_mean_and_band_are_those_of_gaussian_conditioning(passed, axis):
 
 
 def test_the_likelihood_is_that_of_the_same_gaussian_up_to_a_constant(passed):
-    data, space, found, forward = passed
-    ours = log_likelihood(space, found, forward)
+    data, space, result, forward = passed
+    ours = log_likelihood(space, result, forward)
     values = np.array([getattr(SIZES, name) for name in LEARNED])
     logs = np.log(np.where(values > 0, values, 1.0))
     assert log_likelihoods(SIZES, logs[None], data, RATE_HZ)[0] == pytest.approx(ours, abs=1e-6)

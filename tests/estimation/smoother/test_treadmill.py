@@ -1,4 +1,4 @@
-"""A walk on a treadmill is a walk: found by the belt under the feet, and estimated as the same walk on the floor."""
+"""A walk on a treadmill is a walk: the belt under the feet shows it, and the estimate is that of the floor."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -34,19 +34,19 @@ def from_moving_frame(recording: Recording, velocity_m_s: np.ndarray, remarks: t
 
 
 @pytest.mark.parametrize("drift_m_s", [0.0, 0.2, -0.2])
-def test_a_treadmill_is_found_though_the_body_drifts(tmp_path: Path, drift_m_s: float) -> None:
+def test_a_treadmill_is_recognised_though_the_body_drifts(tmp_path: Path, drift_m_s: float) -> None:
     """The body moves 0.6 m in 3 s, more than the 0.4 m that count as walking over the floor; the belt is faster."""
     belt_m_s = STEP_M / STEP_S - drift_m_s
     seen = from_moving_frame(walk(range(8)), np.array([belt_m_s, 0.0, 0.0]))
-    found = read_recording(write_trc_mot(tmp_path / "walk.zip", seen))
-    (message,) = [remark.message for remark in found.remarks if remark.code == "treadmill"]
+    result = read_recording(write_trc_mot(tmp_path / "walk.zip", seen))
+    (message,) = [remark.message for remark in result.remarks if remark.code == "treadmill"]
     assert f"{belt_m_s:.2f} m/s" in message
-    assert found.walking_direction == pytest.approx([1.0, 0.0, 0.0], abs=0.02)
+    assert result.walking_direction == pytest.approx([1.0, 0.0, 0.0], abs=0.02)
 
 
 def test_a_walk_over_the_floor_is_not_on_a_treadmill(tmp_path: Path) -> None:
-    found = read_recording(write_trc_mot(tmp_path / "walk.zip", walk(range(8))))
-    assert "treadmill" not in {remark.code for remark in found.remarks}
+    result = read_recording(write_trc_mot(tmp_path / "walk.zip", walk(range(8))))
+    assert "treadmill" not in {remark.code for remark in result.remarks}
 
 
 def estimated(recording: Recording) -> ComEstimate:

@@ -69,8 +69,8 @@ def task_of(*members: MeasuresMember, title: str | None = None, **fields_: Any) 
 def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Eight seconds over plates below every footprint: measures of energy and curves exist."""
     folder = tmp_path_factory.mktemp("walk")
-    asked = SimulateRecordingInput(duration_s=8.0, seed=7, lab="walkway", speed_m_s=1.2)
-    simulate_recording.run(SimulateRecordingTask(input=asked), folder, quiet)
+    requested = SimulateRecordingInput(duration_s=8.0, seed=7, lab="walkway", speed_m_s=1.2)
+    simulate_recording.run(SimulateRecordingTask(input=requested), folder, quiet)
     return (folder / "recording.c3d").rename(folder / "walk.c3d")
 
 
@@ -316,7 +316,7 @@ def test_every_measure_is_given_or_missing_with_a_reason() -> None:
     assert "One plate." in reasons.values()
 
 
-def test_recordings_of_several_speeds_are_said_to_be_mixed(full: GaitReport, markers_only: GaitReport) -> None:
+def test_recordings_of_several_speeds_are_remarked_on_as_mixed(full: GaitReport, markers_only: GaitReport) -> None:
     slow = full.measured.recordings[0]
     halved = [replace(one, value=0.5 * one.value) if one.name == "walking_speed" else one for one in slow.measures]
     both = GaitMeasuresResult((slow, replace(slow, measures=tuple(halved))), (), full.summary)

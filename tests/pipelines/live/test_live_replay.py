@@ -67,7 +67,7 @@ def test_undisturbed_it_is_the_replay(live: LiveReplay, robot: Robot, motion: Wh
     assert live.frame().doing == "plan"
 
 
-def test_time_advances_by_what_is_asked_and_stops_where_the_budget_ends(live: LiveReplay) -> None:
+def test_time_advances_by_the_given_time_and_stops_where_the_budget_ends(live: LiveReplay) -> None:
     assert sum(live.advance(0.003, ENDLESS_S) for _ in range(100)) == pytest.approx(0.3, abs=0.004)
     behind_s = live.advance(1.0, 0.0)
     assert behind_s == pytest.approx(0.004), "one sample, however long it takes"
@@ -196,7 +196,7 @@ class LateWork:
     """Work beside in this process that has ended at the second look."""
 
     def __init__(self, work: Callable[[], Any], _niceness: int) -> None:
-        self._work, self._asked = work, 0
+        self._work, self._looks = work, 0
 
     @staticmethod
     def is_possible() -> bool:
@@ -204,23 +204,23 @@ class LateWork:
 
     @property
     def has_ended(self) -> bool:
-        self._asked += 1
-        return self._asked > 1
+        self._looks += 1
+        return self._looks > 1
 
     def wait_for_result(self) -> Any:
         return self._work()
 
     def end_process(self) -> None:
-        self._asked = -1000
+        self._looks = -1000
 
 
 def test_after_steps_the_robot_stands_and_then_goes_on_with_its_plan(
     robot: Robot, motion: WholeBodyMotion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked_s: list[float] = []
+    planned_for_s: list[float] = []
 
     def resume(left_s: float, measured: SensedState) -> Resumption | NotResumed:
-        asked_s.append(left_s)
+        planned_for_s.append(left_s)
         return Resumption(standing_at(measured, robot), 0.0, 1.0)
 
     monkeypatch.setattr(resuming, "WorkBeside", LateWork)
@@ -230,11 +230,11 @@ def test_after_steps_the_robot_stands_and_then_goes_on_with_its_plan(
     live.advance(2.1, ENDLESS_S)
     stood = live.frame()
     assert (stood.doing, stood.steps > 0, stood.is_planning) == ("recovery", True, True)
-    assert asked_s == [], "it stands while the plan is computed"
+    assert planned_for_s == [], "it stands while the plan is computed"
     live.advance(2.2, ENDLESS_S)
     went_on = live.frame()
     assert (went_on.doing, went_on.is_planning, live.fall) == ("plan", False, None)
-    assert asked_s == [pytest.approx(stood.plan_time_s)]
+    assert planned_for_s == [pytest.approx(stood.plan_time_s)]
     assert went_on.plan_time_s == pytest.approx(1.0, abs=0.3)
     assert com_m(live)[2] > 0.8
 
@@ -266,10 +266,10 @@ def still(monkeypatch: pytest.MonkeyPatch) -> StillStepper:
 
 
 def test_a_plan_that_is_not_resumed_has_a_reason_and_is_tried_once(still: StillStepper) -> None:
-    asked: list[float] = []
+    planned_for_s: list[float] = []
 
     def resume(left_s: float, _measured: SensedState) -> NotResumed:
-        asked.append(left_s)
+        planned_for_s.append(left_s)
         return NotResumed("no way")
 
     planning = PlanResuming(still, resume)
@@ -278,7 +278,7 @@ def test_a_plan_that_is_not_resumed_has_a_reason_and_is_tried_once(still: StillS
     still.at_m[0] = 0.1
     assert (planning.follow_rest(), planning.is_planning, planning.reason) == (False, True, "")
     planning.cancel_planning()
-    assert (planning.is_planning, asked, still.resumed) == (False, [0.7], [])
+    assert (planning.is_planning, planned_for_s, still.resumed) == (False, [0.7], [])
 
 
 def test_a_plan_from_where_the_robot_no_longer_stands_is_not_followed(
@@ -291,7 +291,7 @@ def test_a_plan_from_where_the_robot_no_longer_stands_is_not_followed(
     assert not planning.follow_rest()
     assert not planning.is_planning
     assert [planning.follow_rest() for _ in range(3)] == [False, False, True]
-    assert [found.motion for found in still.resumed] == [motion]
+    assert [result.motion for result in still.resumed] == [motion]
 
 
 def test_an_error_of_the_planning_is_a_reason(still: StillStepper) -> None:

@@ -35,10 +35,10 @@ def test_pushes_are_uniform_over_time_and_direction_and_follow_the_seed() -> Non
 
 def test_every_push_is_replayed_counted_and_tabulated(tmp_path: Path) -> None:
     """Weak pushes are survived, strong ones are not, and nothing is proved on 4 m of ground."""
-    told = RecordedProgress()
+    progress = RecordedProgress()
     weak = push_basin(task(speed_m_s=0.03, n=2, seed=1), quiet, processes=1)
     assert (weak.summary.survived, weak.summary.arrived, weak.summary.completed) == (2, 2, 2)
-    outcome = run(task(speed_m_s=1.5, n=2, seed=1), tmp_path, told)
+    outcome = run(task(speed_m_s=1.5, n=2, seed=1), tmp_path, progress)
     summary = PushBasinSummary.model_validate(outcome.summary)
     assert (summary.n, summary.survived, summary.proved_lost, summary.unexplained) == (2, 0, 0, 2)
     assert (summary.provable, summary.certified) == (True, True)
@@ -53,7 +53,7 @@ def test_every_push_is_replayed_counted_and_tabulated(tmp_path: Path) -> None:
     assert all(push < fall for push, fall in zip(table["time_s"], table["fall_time_s"], strict=True))
     assert all("not proved" in reason for reason in table["reason"])
     assert (tmp_path / "pushes.csv").read_text().count("\n") == 3
-    assert any("2 of 2" in message for message in told.messages)
+    assert any("2 of 2" in message for message in progress.messages)
 
 
 def test_a_motion_that_falls_by_itself_has_no_basin() -> None:

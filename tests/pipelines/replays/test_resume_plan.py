@@ -30,19 +30,19 @@ def pushed(motion: WholeBodyMotion, resume: Resume | None) -> Replay:
 
 
 def test_after_a_recovery_the_robot_ends_where_the_plan_ends(motion: WholeBodyMotion) -> None:
-    found = pushed(motion, PlanResumer(motion.sequence, plan_scenario_motion))
-    left = found.left_plan
+    result = pushed(motion, PlanResumer(motion.sequence, plan_scenario_motion))
+    left = result.left_plan
     assert left is not None
     assert left.resumed_s is not None
-    assert left.time_s < left.resumed_s < found.time_s[-1] - 2.0
+    assert left.time_s < left.resumed_s < result.time_s[-1] - 2.0
     assert left.rested
     assert left.steps >= 1
-    assert found.arrived
+    assert result.arrived
     assert left.missed_m < 0.03
-    assert "replay-left-plan" not in {remark.code for remark in found.remarks}
-    assert found.com_m[-1] == pytest.approx(motion.com_m[-1], abs=0.03)
-    assert found.plan_time_s[-1] == pytest.approx(motion.time_s[-1], abs=1e-6), "the plan's own clock, to its end"
-    assert np.all(np.diff(found.plan_time_s) > -0.5)
+    assert "replay-left-plan" not in {remark.code for remark in result.remarks}
+    assert result.com_m[-1] == pytest.approx(motion.com_m[-1], abs=0.03)
+    assert result.plan_time_s[-1] == pytest.approx(motion.time_s[-1], abs=1e-6), "the plan's own clock, to its end"
+    assert np.all(np.diff(result.plan_time_s) > -0.5)
     summary = ReplayLeftPlan.from_object(left)
     assert (summary.arrived, summary.not_resumed) == (True, "")
 
@@ -55,9 +55,9 @@ def test_a_plan_that_is_not_resumed_says_why(motion: WholeBodyMotion) -> None:
         states.append(measured)
         return NotResumed("the stairs are gone")
 
-    found = pushed(motion, note_state)
-    assert (found.fell, found.arrived, found.completed) == (False, False, False)
-    (message,) = [remark.message for remark in found.remarks if remark.code == "replay-left-plan"]
+    result = pushed(motion, note_state)
+    assert (result.fell, result.arrived, result.completed) == (False, False, False)
+    (message,) = [remark.message for remark in result.remarks if remark.code == "replay-left-plan"]
     assert "not resumed: the stairs are gone" in message
     (measured,) = states
     for placement in measured.contacts.values():

@@ -32,8 +32,8 @@ def test_a_late_force_moves_the_estimate_back_by_speed_times_delay(walks: list[F
 
 
 def test_the_table_has_every_walk_with_the_speed_of_its_markers(few: Path, walks: list[Fused]) -> None:
-    found = fig_2_8_people.run(few, lambda _fraction, _message: None)
-    table = found.tables["walks"]
+    result = fig_2_8_people.run(few, lambda _fraction, _message: None)
+    table = result.tables["walks"]
     assert sorted(set(table["person"])) == sorted(ADULTS)
     slow, fast = (table["speed_m_s"][table["pace"] == pace] for pace in ("comfortable", "fast"))
     assert slow.mean() < fast.mean()
@@ -41,9 +41,9 @@ def test_the_table_has_every_walk_with_the_speed_of_its_markers(few: Path, walks
     travelled_m = float(np.linalg.norm((com[-1] - com[0])[:2]))
     seconds = float(np.ptp(walks[0].walk.geometric.time_s))
     assert walks[0].speed_m_s == pytest.approx(travelled_m / seconds, rel=0.1)
-    claims = {claim.key: claim for claim in found.claims}
+    claims = {claim.key: claim for claim in result.claims}
     assert claims["horizontal_over_vertical"].verdict == "met"
-    assert found.drawing.count("<g ") == 3
+    assert result.drawing.count("<g ") == 3
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The table of real walks: figures that can be told from independent computations, on two persons of each study."""
+"""The table of real walks: figures that follow from independent computations, on two persons of each study."""
 
 from collections.abc import Mapping
 from pathlib import Path

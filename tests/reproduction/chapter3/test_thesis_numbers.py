@@ -68,13 +68,13 @@ def test_a_path_has_so_many_free_numbers_as_the_derivative_has_ranks() -> None:
 
 
 def test_the_printed_coefficients_have_the_p_of_students_t() -> None:
-    found = {c.key: c for c in numbers_3._p_value_claims()}
+    result = {c.key: c for c in numbers_3._p_value_claims()}
     for name, coefficient, bound in numbers_3.PRINTED:
         t = coefficient * np.sqrt((THESIS_SUBJECTS - 2) / (1.0 - coefficient**2))
         p = 2.0 * stats.t.sf(t, THESIS_SUBJECTS - 2)
-        assert found[f"{name}_p"].ours == pytest.approx(p, rel=1e-9)
-        assert found[f"{name}_p"].verdict == ("met" if p < bound else "thesis_in_error")
-    assert found["r_p"].verdict == "thesis_in_error"
+        assert result[f"{name}_p"].ours == pytest.approx(p, rel=1e-9)
+        assert result[f"{name}_p"].verdict == ("met" if p < bound else "thesis_in_error")
+    assert result["r_p"].verdict == "thesis_in_error"
 
 
 def test_the_factor_of_an_inner_ellipsoid_is_that_of_johns_theorem() -> None:

@@ -39,13 +39,13 @@ def test_why_both_controls_have_not_the_same_optimum(both: tuple[CentroidalPlan,
         for alpha in (0.3, 1.0)
     ]
     circular = fig_4_8.solve_with_control("hrp2", 1, CircularCones())
-    found = {claim.key: claim for claim in fig_4_8.figure_claims(rows, sweep, both, circular)}
-    assert found["same_optimum"].verdict == "thesis_in_error"
-    assert found["same_optimum"].ours == pytest.approx(0.453, abs=0.01)
-    assert found["restriction"].verdict == found["alpha_falls"].verdict == found["u_f_between"].verdict == "beaten"
-    assert found["pyramids"].ours == pytest.approx(0.0, abs=0.01)
-    assert found["shape"].verdict == found["noise"].verdict == "met"
-    assert found["smoother"].verdict == "not_met"
+    result = {claim.key: claim for claim in fig_4_8.figure_claims(rows, sweep, both, circular)}
+    assert result["same_optimum"].verdict == "thesis_in_error"
+    assert result["same_optimum"].ours == pytest.approx(0.453, abs=0.01)
+    assert result["restriction"].verdict == result["alpha_falls"].verdict == result["u_f_between"].verdict == "beaten"
+    assert result["pyramids"].ours == pytest.approx(0.0, abs=0.01)
+    assert result["shape"].verdict == result["noise"].verdict == "met"
+    assert result["smoother"].verdict == "not_met"
     assert sweep[0].cone_margin_n > -1e-6 > sweep[1].cone_margin_n
     assert fig_4_8.acceleration_roughness(both[1]) > fig_4_8.acceleration_roughness(both[0])
     columns = fig_4_8.trajectory_columns(both)
@@ -63,9 +63,9 @@ def test_the_cells_of_a_projected_density_add_up_to_one() -> None:
 def test_the_table_has_the_thesis_numbers_beside_ours() -> None:
     printed = {(c.experiment, c.control): (c.time_s, c.iterations) for c in table_4_1.COLUMNS if np.isfinite(c.time_s)}
     assert printed == {(1, "u_c"): (1.23, 22), (1, "u_f"): (3.89, 40), (2, "u_c"): (8.0, 42), (3, "u_c"): (10.0, 15)}
-    found = [table_4_1.time_column(column) for column in table_4_1.COLUMNS[:2]]
-    assert all(t.plan.converged for t in found)
-    columns = table_4_1.time_table(found)
+    result = [table_4_1.time_column(column) for column in table_4_1.COLUMNS[:2]]
+    assert all(t.plan.converged for t in result)
+    columns = table_4_1.time_table(result)
     assert list(columns["plan"]) == ["hrp2 1, u_c", "hrp2 1, u_f"]
     assert set(columns["solver"]) == {"ipopt"}, "like with like"
     assert (columns["seconds"] > 0.0).all()

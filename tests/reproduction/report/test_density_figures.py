@@ -57,13 +57,13 @@ def test_maps_have_one_row_per_density_and_one_column_per_axis() -> None:
 def test_level_sets_of_gaussians_are_balls() -> None:
     """Kernels at one point are a Gaussian; a mixture half as wide has sets of half the radius."""
     rng = np.random.default_rng(0)
-    found = FootDensity(
+    outcome = FootDensity(
         load_card("talos", "uniform").effectors["right_foot"],
         KernelDensity(np.zeros((1, 3)), 0.2),
         rng.normal(0.0, 0.1, (4000, 3)),
         {1: gaussian(0.1), 2: gaussian(0.2)},
     )
-    table = level_set_table(found)
+    table = level_set_table(outcome)
     narrow = table["components"] == 1
     np.testing.assert_allclose(table["unseen_samples_inside"][narrow], table["mass"][narrow], atol=0.02)
     np.testing.assert_allclose(table["volume_over_kernels"][narrow], 1 / 8, rtol=0.1)
@@ -72,11 +72,11 @@ def test_level_sets_of_gaussians_are_balls() -> None:
 
 
 def test_the_samples_are_those_that_em_did_not_see() -> None:
-    found = foot_density("talos", (1,))
-    assert found.held_out.shape == (1000, 3)
-    seen = found.kernels.centres_m[:4000]
-    np.testing.assert_allclose(found.mixtures[1].means_m[0], seen.mean(axis=0), atol=1e-9)
-    assert (found.kernels.centres_m[4000:] == found.held_out).all()
+    outcome = foot_density("talos", (1,))
+    assert outcome.held_out.shape == (1000, 3)
+    seen = outcome.kernels.centres_m[:4000]
+    np.testing.assert_allclose(outcome.mixtures[1].means_m[0], seen.mean(axis=0), atol=1e-9)
+    assert (outcome.kernels.centres_m[4000:] == outcome.held_out).all()
 
 
 def test_the_curves_are_those_of_the_cards(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -68,6 +68,6 @@ def test_the_way_is_corrected_within_limits_and_not_by_small_ways() -> None:
     assert way.factor == 1.7, "a robot that does not move at all"
     before = way.factor
     way.begin_walk()
-    for k in range(2):
+    for k in range(3):
         way.add_landing(0.1 * k, 0.2 * k * left, left)
     assert way.factor == before, "steps of two walks are not compared"

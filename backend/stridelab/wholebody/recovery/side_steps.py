@@ -30,7 +30,7 @@ class WayCorrection:
 
     def __init__(self, gain: float, limits: tuple[float, float], shortest_m: float) -> None:
         self._gain, self._limits, self._shortest_m = gain, limits, shortest_m
-        self._landings: deque[tuple[float, Shift]] = deque(maxlen=3)
+        self._landings: deque[tuple[float, Shift]] = deque(maxlen=4)
         self.factor = 1.0
 
     def begin_walk(self) -> None:
@@ -38,14 +38,16 @@ class WayCorrection:
         self._landings.clear()
 
     def add_landing(self, commanded_m: float, middle_m: Shift, left: Shift) -> None:
-        """Compare the last two steps with their command.
+        """Compare the last two steps with their command, which the soles follow one step later.
 
         ``commanded_m`` is the way that was commanded until now, ``middle_m`` the middle between the soles, ``left`` the
         direction to the left of the robot.
         """
         self._landings.append((commanded_m, middle_m))
-        (commanded_from_m, from_m), full = self._landings[0], len(self._landings) == self._landings.maxlen
-        way_m = commanded_m - commanded_from_m
-        if full and abs(way_m) >= self._shortest_m:
-            share, (least, most) = float(np.dot(left, middle_m - from_m)) / way_m, self._limits
+        if len(self._landings) < 4:
+            return
+        (begun_m, _), (_, from_m), (ended_m, _), (_, to_m) = self._landings
+        way_m, (least, most) = ended_m - begun_m, self._limits
+        if abs(way_m) >= self._shortest_m:
+            share = float(np.dot(left, to_m - from_m)) / way_m
             self.factor = min(max(self.factor + self._gain * (1.0 - share), least), most)
