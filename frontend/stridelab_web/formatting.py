@@ -66,6 +66,12 @@ def landmark_words(code: str) -> str:
     return re.sub(r"\bl ", "left ", re.sub(r"\br ", "right ", code_words(code)))
 
 
+def part_words(code: str) -> str:
+    """Effector, joint or link in words: ``leg_left_4_link`` as ``left leg 4``."""
+    bare = re.sub(r"_(?:joint|link)$", "", code)
+    return code_words(re.sub(r"^(leg|arm)_(left|right)_(\d)$", r"\2 \1 \3", bare))
+
+
 def check_name(code: str) -> str:
     """Name of a check of a certificate."""
     name = code_words(code).replace("com ", "CoM ")
@@ -244,6 +250,7 @@ FILTERS = {
     "method": method_name,
     "headline": job_headline,
     "job_subject": job_subject,
+    "part_words": part_words,
     "tab_mark": tab_mark,
     "not_in_detail": faults_not_in_detail,
     "other_remarks": other_remarks,
