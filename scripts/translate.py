@@ -38,6 +38,7 @@ from stridelab_web.pages.results import (
     summary_facts,
 )
 from stridelab_web.pages.viewer import page as viewer
+from stridelab_web.scene import frames
 
 ROOT = Path(__file__).resolve().parents[1]
 WEB = ROOT / "frontend/stridelab_web"
@@ -112,6 +113,7 @@ def message_tables() -> Iterator[tuple[str, Iterable[str]]]:
     yield "charts/plotly.py", [plotly.TIME.title]
     yield "pages/viewer/page.py", [text for layer in layers for text in (layer.label, layer.tooltip) if text]
     yield "templates/partials/_subject.html", ["female", "male"]
+    yield "static/js/viewer/hover_names.js", frames.LABELS
 
 
 def read_catalogue(language: str) -> Catalog:

@@ -26,6 +26,9 @@ IMMUTABLE: Final = "public, max-age=31536000, immutable"
 ZSTD_LEVEL: Final = 12
 """Compresses viser's client in a sixth of a second; the highest level takes eight times as long for 5 % less size."""
 
+PLOTLY_ZSTD_LEVEL: Final = 9
+"""Compresses plotly in a ninth of a second; level 19 takes sixteen times as long for 9 % less size."""
+
 
 class OwnFiles(StaticFiles):
     """Our own static files: browsers revalidate scripts and styles, so that a new version takes effect at once.
@@ -53,6 +56,12 @@ def plotly_js_gzip() -> bytes:
 
 
 @cache
+def plotly_js_zstd() -> bytes:
+    """The script, compressed once for browsers that accept zstd (4.8 MB to 1.3 MB)."""
+    return zstandard.ZstdCompressor(level=PLOTLY_ZSTD_LEVEL).compress(plotly_js())
+
+
+@cache
 def plotly_style_ids() -> tuple[str, ...]:
     """Ids of the style sheets (of maps) that the script writes into a page unless an element of that id is there.
 
@@ -68,7 +77,9 @@ async def plotly_script(request: Request) -> Response:
     headers = {"ETag": tag, "Cache-Control": "public, max-age=86400"}
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers=headers)
-    return gzip_response(request, plotly_js_gzip(), "text/javascript", headers)
+    if accepts_encoding(request, "zstd"):
+        return zstd_response(await run_in_threadpool(plotly_js_zstd), "text/javascript", headers)
+    return gzip_response(request, await run_in_threadpool(plotly_js_gzip), "text/javascript", headers)
 
 
 async def viser_file(request: Request) -> Response:
@@ -78,9 +89,7 @@ async def viser_file(request: Request) -> Response:
     if (media_type := client.media_types.get(name)) is None:
         raise HTTPException(404, "This file belongs to another version: load the page again.")
     if accepts_encoding(request, "zstd"):
-        packed = await run_in_threadpool(viser_zstd, name)
-        headers |= {"Vary": "Accept-Encoding", "Content-Encoding": "zstd"}
-        return Response(packed, media_type=media_type, headers=headers)
+        return zstd_response(await run_in_threadpool(viser_zstd, name), media_type, headers)
     return gzip_response(request, await run_in_threadpool(viser_gzip, name), media_type, headers)
 
 
@@ -99,6 +108,12 @@ def viser_gzip(name: str) -> bytes:
 def accepts_encoding(request: Request, coding: str) -> bool:
     """Whether the client accepts this content coding."""
     return coding in request.headers.get("accept-encoding", "")
+
+
+def zstd_response(packed: bytes, media_type: str, headers: dict[str, str]) -> Response:
+    """Response with the zstd-compressed content ``packed``."""
+    encoded = {**headers, "Vary": "Accept-Encoding", "Content-Encoding": "zstd"}
+    return Response(packed, media_type=media_type, headers=encoded)
 
 
 def gzip_response(request: Request, gzipped: bytes, media_type: str, headers: dict[str, str]) -> Response:

@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from stridelab.schemas.base import FaultItem, Problem, Remark
 from stridelab.schemas.jobs import FINAL_STATES, Job
-from stridelab_web.languages import ENGLISH, current_language, gettext, translate_sentence
+from stridelab_web.languages import ENGLISH, current_language, gettext, ngettext, translate_sentence
 from stridelab_web.served_sentences import SERVED
 
 
@@ -66,6 +66,12 @@ def landmark_words(code: str) -> str:
     return re.sub(r"\bl ", "left ", re.sub(r"\br ", "right ", code_words(code)))
 
 
+def part_words(code: str) -> str:
+    """Effector, joint or link in words: ``leg_left_4_link`` as ``left leg 4``."""
+    bare = re.sub(r"_(?:joint|link)$", "", code)
+    return code_words(re.sub(r"^(leg|arm)_(left|right)_(\d)$", r"\2 \1 \3", bare))
+
+
 def check_name(code: str) -> str:
     """Name of a check of a certificate."""
     name = code_words(code).replace("com ", "CoM ")
@@ -114,6 +120,15 @@ def job_headline(job: Job) -> str:
     if job.error is not None:
         return job.error.detail
     return "" if job.state in FINAL_STATES else job.progress.message
+
+
+def job_subject(job: Job) -> str:
+    """What a job is about, for a job without one recording or scenario; the beginning of its id if nothing says it."""
+    if job.n_recordings is not None:
+        return ngettext("%(num)s recording", "%(num)s recordings", job.n_recordings)
+    if job.about is None:
+        return job.id[:8]
+    return item_name(job.about) if job.kind == "reproduce" else job.about
 
 
 METHODS = {
@@ -234,6 +249,8 @@ FILTERS = {
     "first_upper": first_upper,
     "method": method_name,
     "headline": job_headline,
+    "job_subject": job_subject,
+    "part_words": part_words,
     "tab_mark": tab_mark,
     "not_in_detail": faults_not_in_detail,
     "other_remarks": other_remarks,

@@ -1,13 +1,14 @@
-"""Every page at both sizes: nobody is kept out by what axe-core finds, light or dark, and nothing is too wide.
+"""Every page fits at three sizes, and axe-core has nothing serious to say of it, wide or on a phone, light or dark.
 
-A picture of each is kept in the folder that STRIDELAB_SCREENSHOTS names, for people to look at.
+Pictures of each, light and dark at four sizes, are stored in the folder that STRIDELAB_SCREENSHOTS names, for people to
+look at.
 """
 
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
@@ -19,27 +20,37 @@ from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab", "drawn")
 
-SIZES: tuple[ViewportSize, ...] = ({"width": 1400, "height": 850}, {"width": 800, "height": 600})
+SIZES: tuple[ViewportSize, ...] = (
+    {"width": 1400, "height": 850},
+    {"width": 800, "height": 600},
+    {"width": 390, "height": 844},
+)
+"""Each has to fit; the pictures for people are also as wide as a large screen."""
+CHECKED_BY_AXE: dict[int, tuple[Literal["light", "dark"], ...]] = {1400: ("light", "dark"), 390: ("light",)}
+"""Schemes in which axe-core looks at a page, by the width: what it sees in between is the layout of one of them."""
+LARGE: ViewportSize = {"width": 2560, "height": 1440}
 TWO_PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 LEAST_BYTES = 4_000
 """The picture of an empty page is smaller."""
 WITHOUT_FRAMES = {"resultTypes": ["violations"], "iframes": False}
 """What is inside a frame is viser's client."""
 COLOURS_ALONE = {**WITHOUT_FRAMES, "runOnly": ["color-contrast"]}
-"""A dark page differs from a light one in its colours."""
+"""A dark page differs from a light one in its colours, which are the same at every size."""
 COUNTED = ("serious", "critical")
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder() -> Path | None:
+    """Folder of the pictures, light and dark at four sizes; None where nobody looks at them."""
     named = os.environ.get("STRIDELAB_SCREENSHOTS")
-    found = Path(named) if named else tmp_path
-    found.mkdir(parents=True, exist_ok=True)
-    return found
+    if not named:
+        return None
+    Path(named).mkdir(parents=True, exist_ok=True)
+    return Path(named)
 
 
 @pytest.mark.timeout(600)
-def test_every_page_fits_and_keeps_nobody_out(open_tab: Callable[..., Tab], lab: Lab, folder: Path) -> None:
+def test_every_page_fits_and_keeps_nobody_out(open_tab: Callable[..., Tab], lab: Lab, folder: Path | None) -> None:
     """Each page is loaded once, at the first size, and then its window is made smaller."""
     tab = open_tab(SIZES[0]["width"], SIZES[0]["height"])
     found = {}
@@ -54,19 +65,24 @@ def test_every_page_fits_and_keeps_nobody_out(open_tab: Callable[..., Tab], lab:
             tab.page.emulate_media(color_scheme="light")
             page.set_viewport_size(size)
             page.evaluate(TWO_PICTURES)
-            picture = folder / f"{name}-{size['width']}x{size['height']}.png"
-            if wrong := [*_too_small(page, name, picture), *_unfit(page)]:
-                found[picture.name] = wrong
-        if not name.startswith("view-"):
-            page.set_viewport_size({"width": PHONE[0], "height": PHONE[1]})
-            for _ in range(50):  # curves take their new width a moment later
-                if not _excess_width(page):
-                    break
-                page.wait_for_timeout(100)
-            if too_wide := _excess_width(page):
-                found[f"{name} on a phone"] = [f"{too_wide} pixels too wide"]
+            if wrong := [*_unfit(page, CHECKED_BY_AXE.get(size["width"], ()))]:
+                found[f"{name} at {size['width']}"] = wrong
+        if len(page.screenshot(type="png")) <= LEAST_BYTES:
+            found[name] = ["empty"]
+        if folder is not None:
+            _store_pictures(page, name, folder)
     assert found == {}
     tab.missteps = [misstep for misstep in tab.missteps if "status of 404" not in misstep]
+
+
+def _store_pictures(page: Page, name: str, folder: Path) -> None:
+    for size in (*reversed(SIZES), LARGE):
+        page.set_viewport_size(size)
+        for scheme in ("light", "dark"):
+            page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+            page.evaluate(TWO_PICTURES)
+            path = folder / f"{name}-{size['width']}-{scheme}.jpg"
+            page.screenshot(path=path, type="jpeg", quality=85, full_page=not name.startswith("view-"))
 
 
 PHONE = (390, 844)
@@ -96,22 +112,21 @@ def _complete(page: Page, name: str) -> None:
         page.wait_for_selector("#plots[data-ready]")
 
 
-def _too_small(page: Page, name: str, picture: Path) -> Iterator[str]:
-    page.screenshot(path=picture, full_page=not name.startswith("view-"))
-    if picture.stat().st_size <= LEAST_BYTES:
-        yield "empty"
-
-
 def _excess_width(page: Page) -> int:
     return max(0, int(page.evaluate("document.documentElement.scrollWidth - innerWidth")))
 
 
-def _unfit(page: Page) -> Iterator[str]:
+def _unfit(page: Page, schemes: Sequence[Literal["light", "dark"]]) -> Iterator[str]:
     """Widths, and what axe-core, which is in the page, has to say."""
+    for _ in range(50):  # curves take their new width a moment later
+        if not _excess_width(page):
+            break
+        page.wait_for_timeout(100)
     if wide := _excess_width(page):
         yield f"{wide} pixels too wide"
-    for scheme, options in (("light", WITHOUT_FRAMES), ("dark", COLOURS_ALONE)):
-        page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+    for scheme in schemes:
+        options = WITHOUT_FRAMES if scheme == "light" else COLOURS_ALONE
+        page.emulate_media(color_scheme=scheme)
         page.evaluate(TWO_PICTURES)
         violations: list[dict[str, Any]] = page.evaluate(
             f"axe.run({json.dumps(options)}).then((found) => found.violations)"

@@ -16,9 +16,10 @@ def test_plotly_is_the_installed_one_and_can_be_kept(
     browse: Callable[[str], httpx.Response], fake: FakeService
 ) -> None:
     web = make_client(fake)
-    answer = web.get("/static/plotly.min.js")
-    assert answer.content == files("plotly").joinpath("package_data/plotly.min.js").read_bytes()
-    assert answer.headers["content-encoding"] == "gzip"
+    for coding in ("gzip", "zstd"):
+        answer = web.get("/static/plotly.min.js", headers={"Accept-Encoding": coding})
+        assert answer.content == files("plotly").joinpath("package_data/plotly.min.js").read_bytes()
+        assert (answer.headers["content-encoding"], answer.headers["vary"]) == (coding, "Accept-Encoding")
     again = web.get("/static/plotly.min.js", headers={"If-None-Match": answer.headers["etag"]})
     assert again.status_code == 304
 

@@ -14,6 +14,7 @@ from stridelab_web.formatting import (
     fixed_decimals,
     job_kind_name,
     landmark_words,
+    part_words,
     time_element,
     utc_text,
 )
@@ -76,3 +77,11 @@ def test_an_element_for_a_time_holds_the_instant_and_the_utc_text() -> None:
 def test_a_time_says_that_it_is_utc_whatever_its_own_zone() -> None:
     there = timezone(timedelta(hours=-5))
     assert utc_text(datetime(2026, 11, 22, 23, 30, tzinfo=there)) == "2026-11-23 04:30 UTC"
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [("leg_left_4_link", "left leg 4"), ("left_foot", "left foot"), ("waist_yaw_joint", "waist yaw"), ("LLEG", "LLEG")],
+)
+def test_parts_of_a_robot_are_in_words(code: str, words: str) -> None:
+    assert part_words(code) == words

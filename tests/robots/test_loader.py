@@ -14,7 +14,7 @@ from stridelab.robots.assembly import robot_sha256
 from stridelab.robots.card import card_bytes, parse_card, robot_card
 from stridelab.robots.data_files import DataFiles, data_files
 from stridelab.robots.loader import load_robot, robot_names
-from stridelab.robots.robot import Robot
+from stridelab.robots.robot import Robot, joint_words
 
 
 @pytest.fixture(scope="module")
@@ -201,3 +201,25 @@ def test_a_broken_description_is_unavailable(tmp_path: Path, talos: Robot) -> No
     assert [fault.where.rpartition("/")[2] for fault in caught.value.faults] == ["nowhere.STL"]
     with pytest.raises(Unavailable):
         urdf.read_srdf(talos.model.copy(), broken)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("leg_left_4_joint", "left knee"),
+        ("RLEG_JOINT3", "right knee"),
+        ("arm_right_7_joint", "right second wrist"),
+        ("left_ankle_roll_joint", "left ankle roll"),
+        ("torso_1_link_0", "torso 1"),
+        ("CHEST_LINK0_3", "chest 0"),
+        ("leg_left_9_joint", "leg left 9"),
+    ],
+)
+def test_joints_and_links_have_names_in_words(name: str, words: str) -> None:
+    assert joint_words(name) == words
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_no_two_joints_of_a_robot_have_the_same_words(name: str) -> None:
+    names = [joint_words(joint) for joint in load_robot(name).joint_names]
+    assert len(set(names)) == len(names)

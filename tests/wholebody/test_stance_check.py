@@ -1,5 +1,6 @@
 """Stances that the whole body can and cannot take, and the messages about them."""
 
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -60,6 +61,7 @@ def test_a_foot_a_metre_aside_is_out_of_reach(check: StanceCheck) -> None:
     result = standing(check, feet((0.0, 1.03 - APART_M / 2)))
     assert not result.reachable
     assert "foot" in result.reason
+    assert not re.search("joint|_", result.reason, re.IGNORECASE), "limits are in words"
     assert result.contact in {"left_foot", "right_foot"}
     legs = [joint for joint in result.limits if check.robot.group.get(joint) == "leg"]
     assert legs, "a joint of the legs is what ran out"

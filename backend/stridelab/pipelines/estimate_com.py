@@ -22,6 +22,7 @@ from stridelab.estimation.quality import Quality as Assessed
 from stridelab.estimation.smoother import Smoother, SmootherPriors
 from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs, require_method
 from stridelab.pipelines.progress import ProgressCallback
+from stridelab.recordings.orientation import walking_direction
 from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
 from stridelab.schemas import quality as contract
@@ -67,6 +68,7 @@ def estimate_com(task: EstimateComTask, folder: Path, progress: ProgressCallback
     estimate = estimate_with_fallback(method, request, prepared)
 
     quality = assess_estimate(prepared, estimate)
+    direction = walking_direction(estimate.com_m[:, None, :], trial.recording.marker_rate_hz)
     summary = EstimateComSummary(
         **summary_fields(prepared, estimate, quality, estimate.remarks, "laboratory"),
         method=estimate.method,
@@ -84,6 +86,7 @@ def estimate_com(task: EstimateComTask, folder: Path, progress: ProgressCallback
         rms_force_residual_n=force_residual_n(estimate, wrench, mass.mass_kg).tolist() if windows else [],
         bias_m=bias_m(estimate, geometric).tolist(),
         sd_m=np.median(estimate.sd_m, axis=0).tolist(),
+        walking_direction=None if direction is None else (float(direction[0]), float(direction[1])),
         observability=asdict(summarise_observability(estimate)) if windows else {},
         diagnostics={name: value for name, value in estimate.diagnostics.items() if math.isfinite(value)},
     )

@@ -63,6 +63,12 @@ class Job(Contract):
     owner: str | None = None
     recording_id: str | None = None
     scenario_id: str | None = None
+    n_recordings: int | None = Field(default=None, description="recordings of a job on several; null for other kinds")
+    about: str | None = Field(
+        default=None,
+        description="what a job without `recording_id` and `scenario_id` is about: the name of the scenario in its "
+        "body, of a robot, a session, or of an item of the reproduction",
+    )
     log_tail: str | None = None
     has_result: bool = False
     verdict: JobVerdict | None = Field(
@@ -235,6 +241,9 @@ class EstimateComSummary(RecordingSummary):
     bias_m: list[float]
     sd_m: list[float] = Field(
         default_factory=list, description="standard deviation of the position, x, y, z: median over the window"
+    )
+    walking_direction: tuple[float, float] | None = Field(
+        default=None, description="unit vector in x and y of the travel over the window; null where the body stays"
     )
     observability: dict[str, Any]
     diagnostics: dict[str, float] = Field(

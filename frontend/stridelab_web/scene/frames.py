@@ -24,6 +24,17 @@ ARROW_M_PER_N: Final = 1 / 1000
 """Length of a force arrow: a body weight of 700 N is 0.7 m long."""
 HEAD_M: Final = 0.08
 """Length of an arrow's head; the shaft ends where it begins."""
+LABELS: Final = (
+    "total force",
+    "centre of mass",
+    "centre of mass, markers only",
+    "nearest point of the central axis",
+    "extrapolated centre of mass",
+    "angular momentum",
+    "hub of the wheel",
+    "point on the wheel",
+)
+"""Labels in scenes of recordings, which the page translates when the mouse points at them."""
 NODE_KINDS: Final = ("points", "bodies", "sticks", "arrows", "ellipsoids", "hoops", "spans")
 """Fields of ``Frames`` whose moving nodes the browser reads as they are, each as a list of its fields."""
 

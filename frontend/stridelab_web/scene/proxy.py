@@ -2,6 +2,7 @@
 
 import asyncio
 import ssl
+from dataclasses import replace
 from functools import cache
 from http import HTTPStatus
 from typing import Any
@@ -22,7 +23,8 @@ from stridelab.schemas.base import Problem
 from stridelab_web import viser_client
 from stridelab_web.api_client import client_of
 from stridelab_web.config import WebConfig
-from stridelab_web.scene.documents import KEY_HEADER, USER_HEADER, Document, document_of
+from stridelab_web.languages import COOKIE, chosen_language
+from stridelab_web.scene.documents import KEY_HEADER, LABELLED, USER_HEADER, Document, document_of
 
 OPENING_S = 120.0
 STARTING_RETRIES = 7
@@ -150,9 +152,14 @@ async def _relay_to_browser(socket: WebSocket, upstream: ClientConnection) -> No
 
 def _document_of(connection: HTTPConnection) -> Document:
     try:
-        return document_of(connection.path_params)
+        document = document_of(connection.path_params)
     except KeyError as error:
         raise ViewerUnavailable("There is no such scene.", 404, "scene-not-found") from error
+    if document.kind not in LABELLED:
+        return document
+    config: WebConfig = connection.app.state.config
+    accepted = connection.headers.get("accept-language", "")
+    return replace(document, language=chosen_language(connection.cookies.get(COOKIE), accepted, config.language))
 
 
 def _user_of(connection: HTTPConnection) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 import viser
 
 from stridelab.schemas.recordings import Recording
+from stridelab_web.languages import gettext
 from stridelab_web.scene import com_frames, cycloid_frames, stability_frames
 from stridelab_web.scene.frames import Frames
 from stridelab_web.scene.second_walk import OTHER
@@ -102,7 +103,9 @@ def _add_plates(scene: viser.SceneApi, recording: Recording, towards_camera: np.
         add_mesh(scene, name, (below, faces), colour)
         edge = meshes.inner_frame(corners, PLATE_RIM)
         add_mesh(scene, f"{name}/edge", edge, BONE)
-        text = f"plate {plate.index}" if plate.use else f"plate {plate.index} (not used)"
+        text = gettext("Plate %(index)s", index=plate.index)
+        if not plate.use:
+            text = gettext("Plate %(index)s (not used)", index=plate.index)
         nearest = corners[np.argmax(corners @ towards_camera.astype(np.float32))]
         scene.add_label(f"{name}/label", text, position=nearest + LABEL_INSIDE * (corners.mean(axis=0) - nearest))
 

@@ -16,6 +16,7 @@ from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.robots import Measure, RobotFacts
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab_web.config import ANONYMOUS_KEY
+from stridelab_web.languages import in_language
 from stridelab_web.scene.contacts import half_sizes
 from stridelab_web.scene.documents import Document, DocumentKind
 from stridelab_web.scene.frames import Frames
@@ -86,11 +87,13 @@ def document_kinds(client: Client, acting: Callable[[str | None], Client]) -> Ma
             raise
 
     def build_recording(server: viser.ViserServer, document: Document, recording: Any) -> None:
-        gait_scene.build_gait_scene(server, recording, _recording_frames(client, document, recording))
+        with in_language(document.language):
+            gait_scene.build_gait_scene(server, recording, _recording_frames(client, document, recording))
 
     def record_recording(server: viser.ViserServer, document: Document, recording: Any) -> StateSerializer:
         frames = _recording_frames(client, document, recording)
-        gait_scene.build_gait_scene(server, recording, frames)
+        with in_language(document.language):
+            gait_scene.build_gait_scene(server, recording, frames)
         return viser_recording.record_frames(server, frames)
 
     def build_plan(server: viser.ViserServer, document: Document, result: Any) -> None:

@@ -93,3 +93,23 @@ def test_a_card_that_offers_a_motion_to_watch_says_its_verdict(fake: FakeService
     page = browse("/").text
     card = page[page.index(f'href="/view/?plan={plan.id}') - 400 :]
     assert f'<p class="outcome outcome-failed" data-outcome>{SHOWN}</p>' in card[:600]
+
+
+def test_jobs_are_named_by_what_they_are_about(fake: FakeService, browse: Browse) -> None:
+    """Several recordings by their number, others by robot or item; only a job of which nothing is known by its id."""
+    recording = fake.add_recording("<walk>.c3d")
+    jobs = {
+        "2 recordings": fake.add_job("gait-measures", n_recordings=2),
+        "&lt;walk&gt;.c3d": fake.add_job(recording_id=recording.id),
+        "Figure 2.6": fake.add_job("reproduce", about="fig-2.6"),
+        "talos": fake.add_job("learn-reachability", about="talos"),
+        "Steps &lt;1&gt;": fake.add_job("sweep", about="Steps <1>"),
+    }
+    unknown = fake.add_job("read-batch")
+    page = browse("/jobs").text
+    for name, job in (*jobs.items(), (unknown.id[:8], unknown)):
+        row = row_of(page, job.id)
+        assert re.search(rf'class="hint">{re.escape(name)}</span>', row), name
+        assert (job.id[:8] in row.replace(job.id, "")) == (job is unknown)
+    heading = browse(f"/jobs/{jobs['2 recordings'].id}").text
+    assert f'<p class="hint">2 recordings · {jobs["2 recordings"].id}' in heading

@@ -1,11 +1,13 @@
 """Frames hold the tracks at the places that their layout names."""
 
+import re
 from collections.abc import Callable
 
 import httpx
 import numpy as np
 
 from stridelab_web.parquet import read_columns
+from stridelab_web.scene import frames as frames_module
 from stridelab_web.scene.com_frames import axis_ends
 from stridelab_web.scene.recording_frames import build_frames
 from support.browser.page import read_frames
@@ -136,3 +138,10 @@ def test_browser_gets_the_same_numbers(fake: FakeService, browse: Callable[[str]
     np.testing.assert_allclose(values, frames.values, rtol=1e-7, atol=2.5e-4)  # forces: a quarter of a millinewton
     assert [name for name, _, _ in layout["points"]] == [point.name for point in frames.points]
     assert len(layout["time_s"]) == layout["n_frames"]
+
+
+def test_every_name_in_a_scene_is_a_label_of_a_marker_or_translated(fake: FakeService) -> None:
+    frames = build_frames(fake.add_recording(), read_columns(fake.tracks), read_columns(fake.com))
+    assert {point.label for point in frames.points} <= {*LABELS, *frames_module.LABELS}
+    plates = re.compile(r"force on plate \d")
+    assert {arrow.label for arrow in frames.arrows if not plates.fullmatch(arrow.label)} <= set(frames_module.LABELS)

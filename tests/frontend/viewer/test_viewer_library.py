@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -17,6 +18,7 @@ import websockets
 from websockets.sync.client import connect
 
 from stridelab.client import ProblemError
+from stridelab_web.languages import LANGUAGES
 from stridelab_web.parquet import read_columns
 from stridelab_web.scene.documents import USER_HEADER, Document, DocumentKind
 from stridelab_web.scene.recording_frames import build_frames
@@ -80,6 +82,18 @@ def test_a_scene_holds_every_node_that_the_page_moves(shelf: Shelf) -> None:
     moved |= {e.name for e in frames.ellipsoids}
     assert moved | set(frames.to_layout()["still"]) <= names
     assert {"/floor", "/plates/1", "/plates/2/label", "/com/fused", "/com/band", "/axis/line"} <= names
+
+
+def test_each_language_has_a_scene_with_its_own_labels(shelf: Shelf) -> None:
+    recording = shelf.fake.add_recording()
+    document = of(recording.id)
+    texts = {
+        language: shelf.library.open_scene(replace(document, language=language))
+        .server.scene._handle_from_node_name["/plates/1/label"]
+        .text
+        for language in LANGUAGES
+    }
+    assert texts == {"en": "Plate 1", "de": "Platte 1", "fr": "Plateforme 1", "ja": "プレート 1"}
 
 
 def test_opening_again_reuses_the_scene_until_the_recording_changes(shelf: Shelf) -> None:

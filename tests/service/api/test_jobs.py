@@ -6,6 +6,7 @@ import threading
 import time
 import zipfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import httpx
 import psycopg
 import pytest
 
+from stridelab.service.api.jobs.presentation import job_of
 from stridelab.service.kinds.registry import KINDS
 from support.service.database import TestDatabases
 from support.service.stored_rows import add_job, add_recording, fail_attempt, publish_result, report_progress, start_job
@@ -381,3 +383,18 @@ def test_jobs_have_the_same_verdict_in_the_list_and_alone(http: httpx.Client, se
     assert verdicts[2:] == [None, None, None], (
         "nothing was checked; failed, though it has a partial result; still waiting"
     )
+
+
+def test_jobs_say_what_they_are_about(service: Served, recording_id: str) -> None:
+    inputs: list[tuple[dict[str, Any], int | None, str | None]] = [
+        ({"recording_ids": ["a", "b"]}, 2, None),
+        ({"scenario": {"name": "Own <steps>", "robot": "talos"}, "robot": "hrp2"}, None, "Own <steps>"),
+        ({"session_id": "s"}, None, "s"),
+        ({"recording_ids": None, "item": "fig-2.6"}, None, "fig-2.6"),
+        ({"robot": 3}, None, None),
+    ]
+    record = service.run(service.parts.store.get(service.run(add_job(service.parts))))
+    for body, number, about in inputs:
+        shown = job_of(replace(record, input=body, recording_id=None, scenario_id=None))
+        assert (shown.n_recordings, shown.about) == (number, about)
+    assert job_of(replace(record, input={"robot": "talos"}, recording_id=recording_id)).about is None

@@ -97,7 +97,12 @@ _PROBLEM = Problem(
 
 def _keep(fake: FakeService, kind: str, summary: dict[str, Any], files: dict[str, bytes]) -> str:
     job = fake.add_job(kind, "succeeded")
-    artifacts = [Artifact(name=name, media_type="application/x", bytes=len(content)) for name, content in files.items()]
+    artifacts = [
+        Artifact(
+            name=name, media_type="image/svg+xml" if name.endswith(".svg") else "application/x", bytes=len(content)
+        )
+        for name, content in files.items()
+    ]
     fake.results[job.id] = JobResult(
         kind=kind, input={}, versions={"stridelab": "0.1.0"}, references=[], summary=summary, artifacts=artifacts
     )

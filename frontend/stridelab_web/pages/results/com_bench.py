@@ -6,7 +6,8 @@ from typing import Any, Final
 from stridelab.schemas.comparison import BenchColumn, BenchScore, ComBenchSummary
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.methods import METHODS
-from stridelab_web.languages import gettext, ngettext
+from stridelab_web.formatting import method_name
+from stridelab_web.languages import gettext, ngettext, translate_text
 
 KIND: Final = "com-bench"
 MOVEMENT_TITLES: Final = {"standing": "Standing", "grounded": "On the ground", "airborne": "With flights"}
@@ -56,7 +57,8 @@ def com_bench_of(result: JobResult) -> dict[str, Any]:
     return {
         "summary": summary,
         "methods": METHODS,
-        "headline": gettext(
+        "headline": _answer(summary),
+        "studied": gettext(
             "All estimators on %(recordings)s of %(people)s",
             recordings=ngettext("%(num)s recording", "%(num)s recordings", summary.n_recordings),
             people=ngettext("%(num)s person", "%(num)s people", summary.n_people),
@@ -68,11 +70,42 @@ def com_bench_of(result: JobResult) -> dict[str, Any]:
     }
 
 
+def _answer(summary: ComBenchSummary) -> str:
+    """Which estimator is best by the score that decides and that most people have, and what follows it."""
+    deciding = [column for column in summary.columns if column.orders and column.scores]
+    if not deciding:
+        return gettext("No score that orders estimators as the truth does could be computed.")
+    column = max(deciding, key=lambda one: one.n)
+    score = column.name.removeprefix(f"{column.movement}_")
+    ranked = sorted(column.scores.items(), key=lambda item: item[1].value)
+    method, best = ranked[0]
+    cell = _score_cell(column, best)
+    values = {
+        "method": method_name(method),
+        "movement": translate_text(MOVEMENT_TITLES[column.movement]),
+        "score": translate_text(SCORE_TITLES.get(score, score)),
+        "value": f"{cell.value} {_unit(column)}" if cell is not None else "",
+        "interval": f" ({cell.interval})" if cell is not None and cell.interval else "",
+        "people": ngettext("%(num)s person", "%(num)s people", column.n),
+    }
+    sentence = gettext(
+        "Best: %(method)s, %(value)s%(interval)s. Score: %(score)s; %(movement)s; %(people)s.",
+        **values,
+    )
+    close = [method_name(name) for name, one in ranked[1:] if one.over_best is not None and one.over_best <= NEAR_BEST]
+    if close:
+        sentence += " " + gettext("Within 5 %% of it: %(methods)s.", methods=", ".join(close))
+    return sentence
+
+
+def _unit(column: BenchColumn) -> str:
+    return "mm" if column.unit == "m" else "%"
+
+
 def _score_row(column: BenchColumn) -> Row:
     score = column.name.removeprefix(f"{column.movement}_")
     cells = tuple(_score_cell(column, column.scores.get(method)) for method in METHODS)
-    unit = "mm" if column.unit == "m" else "%"
-    return Row(column.name, SCORE_TITLES.get(score, score), unit, column.n, column.orders, cells)
+    return Row(column.name, SCORE_TITLES.get(score, score), _unit(column), column.n, column.orders, cells)
 
 
 def _score_cell(column: BenchColumn, score: BenchScore | None) -> Cell | None:

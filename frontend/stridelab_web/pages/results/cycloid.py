@@ -3,6 +3,7 @@
 The charts are the wheel at true scale, the path stretched (fig. 3.5), residuals, and theta (fig. 3.9a).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -13,7 +14,7 @@ from stridelab.client import AsyncClient
 from stridelab.schemas.cycloid import FitCycloidSummary
 from stridelab.schemas.jobs import JobResult
 from stridelab_web.charts.svg import Chart, range_of
-from stridelab_web.languages import gettext
+from stridelab_web.languages import gettext, ngettext
 from stridelab_web.pages.results.cycloid_steps import (
     PARAMETERS,
     WheelStep,
@@ -194,6 +195,7 @@ async def cycloid_of(client: AsyncClient, job_id: str, result: JobResult, step_n
         charts = await run_in_threadpool(lambda: _step_charts(content, shown))
     return {
         "summary": summary,
+        "headline": _answer(steps),
         "steps": steps,
         "parameters": PARAMETERS,
         "sources": SOURCES,
@@ -205,6 +207,21 @@ async def cycloid_of(client: AsyncClient, job_id: str, result: JobResult, step_n
         "previous": number - 1 if number > 1 else None,
         "next": number + 1 if number < len(steps) else None,
     }
+
+
+def _answer(steps: Sequence[WheelStep]) -> str:
+    """How far the paths are from those of their wheels; empty without a step."""
+    if not steps:
+        return ""
+    mean_mm = sum(step.fit.error_mean_mm for step in steps) / len(steps)
+    max_mm = max(step.fit.error_max_mm for step in steps)
+    return ngettext(
+        "%(num)s step: the centre of mass is %(mean)s mm from its wheel's path on average, %(max)s mm at most.",
+        "%(num)s steps: the centre of mass is %(mean)s mm from its wheel's path on average, %(max)s mm at most.",
+        len(steps),
+        mean=f"{mean_mm:.1f}",
+        max=f"{max_mm:.1f}",
+    )
 
 
 def _step_charts(content: bytes, step: WheelStep) -> StepCharts | None:

@@ -31,8 +31,8 @@ async def push_basin_of(client: AsyncClient, job_id: str, result: JobResult) -> 
     low, high = (f"{100 * end:.0f}" for end in summary.survived_ci95)
     return {
         "summary": summary,
-        "counts": f"Survived: {summary.survived} of {summary.n} pushes ({low} to {high} %, 95 % confidence), "
-        f"{_endings(summary)}. Proved lost: {summary.proved_lost}; unexplained: "
+        "headline": f"Survived: {summary.survived} of {summary.n} pushes ({low} to {high} %, 95 % confidence).",
+        "counts": f"Survived, {_endings(summary)}. Proved lost: {summary.proved_lost}; unexplained: "
         f"{summary.unexplained}.",
         "chart": chart,
         "falls": falls,
@@ -51,7 +51,9 @@ def draw_pushes(summary: PushBasinSummary, content: bytes) -> tuple[Chart, list[
     """Map of the pushes by time and direction, and a row of the table for each fall."""
     columns, texts = read_columns(content), read_texts(content)
     degrees = np.degrees(columns["direction_rad"])
-    chart = Chart((0.0, summary.duration_s), (-180.0, 180.0), "time of the push [s]", "direction from x to y [°]")
+    chart = Chart(
+        (0.0, summary.duration_s), (-180.0, 180.0), "time of the push [s]", "direction from x to y [°]", width=920.0
+    )
     falls = []
     pushes = zip(columns["time_s"], degrees, texts["outcome"], texts["reason"], strict=True)
     for k, (time_s, angle, outcome, reason) in enumerate(pushes):

@@ -102,7 +102,7 @@ _IN_THOUSANDTHS = {
     "bias_m": "mm",
 }
 _COUNTS = {"diagnostics.samples_used"}
-_ELSEWHERE = {"warnings", "quality", "recording_id", "sd_m", "observability.sentence"} | {
+_ELSEWHERE = {"warnings", "quality", "recording_id", "sd_m", "observability.sentence", "walking_direction"} | {
     f"session.{name}" for name in ("session_id", "latency_s", "latency_sd_s", "latency_n_trials", "static_recording_id")
 }
 _OMITTED_IF_NULL = {"treadmill"}
@@ -113,6 +113,8 @@ MAX_LIST_LENGTH = 6
 _MAIN_FACTS: Final = frozenset({"window_s", "method", "mass_kg", "latency_applied_s", "bias_m", "rms_force_residual_n"})
 """Values of ``estimate-com`` that stay visible; the others are folded."""
 _QUANTILE_95: Final = 1.96
+_ALONG_AN_AXIS: Final = 0.97
+"""Cosine of the largest angle, 14 degrees, between a walk and the axis whose error is called that ahead."""
 
 
 def main_and_other_facts(result: JobResult, facts: Sequence[Fact]) -> tuple[list[Fact], list[Fact]]:
@@ -129,6 +131,15 @@ def headline_of(result: JobResult) -> str | None:
     if not sd_m:
         return None
     x, y, z = (f"{1000 * _QUANTILE_95 * value:.0f} mm" for value in sd_m)
+    direction = result.summary.get("walking_direction")
+    if direction is not None and max(map(abs, direction)) >= _ALONG_AN_AXIS:
+        along, across = (x, y) if abs(direction[0]) >= _ALONG_AN_AXIS else (y, x)
+        return gettext(
+            "Centre of mass known to ±%(along)s ahead, ±%(across)s sideways and ±%(z)s in height (95 %%).",
+            along=along,
+            across=across,
+            z=z,
+        )
     return gettext(
         "Centre of mass known to ±%(x)s along x, ±%(y)s along y and ±%(z)s in height (95 %%).", x=x, y=y, z=z
     )

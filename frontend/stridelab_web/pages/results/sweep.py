@@ -87,7 +87,9 @@ class SweepGrid:
     def _cost_curve(self) -> Chart:
         axis = self.axes[0]
         values = np.array(axis.values)
-        canvas = Chart(range_of(values), range_of(self.objective), axis_title(axis), "cost (4.20a)")
+        canvas = Chart(
+            range_of(values), range_of(self.objective, min_width=_LEAST_COST_RANGE), axis_title(axis), "cost (4.20a)"
+        )
         for low, high, k in _cell_edges(values):
             if self.outcome[k] != "feasible":
                 canvas.add_shade(low, high, f"cell {self.outcome[k]}", self._point_text(axis, k))
@@ -146,6 +148,8 @@ def _cells_range(cells: Sequence[tuple[float, float, int]]) -> Range:
     return min(cell[0] for cell in cells), max(cell[1] for cell in cells) + 1e-12
 
 
+_LEAST_COST_RANGE: Final = 0.1
+"""Least width of the axis of costs, which then has two decimals."""
 KIND: Final = "sweep"
 TABLE: Final = "sweep.parquet"
 

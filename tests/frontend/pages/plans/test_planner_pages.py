@@ -127,7 +127,7 @@ def test_plan_page_shows_certificate_replay_and_where_to_look(fake: FakeService,
     said = texts(page)
     assert "Not every check passed." in said
     assert "CoM error, largest 0.155 mm at most 1 mm passed" in said
-    assert "Terrain distance, smallest -12.3 mm at least 0 m failed phase 1 leg left 4 link" in said
+    assert "Terrain distance, smallest -12.3 mm at least 0 m failed phase 1 left leg 4" in said
     assert f'href="/view/?plan={job.id}&amp;t=1.250"' in page
     assert "The robot falls at 3.21 s." in said
     assert "Foot slip, largest 4.2 mm" in said

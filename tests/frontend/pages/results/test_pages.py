@@ -118,6 +118,12 @@ def test_a_result_with_a_band_starts_with_how_well_the_position_is_known() -> No
 
     known = result(sd_m=[0.00255, 0.0015, 0.02], mass_kg=60.0, rate_hz=100.0)
     assert headline_of(known) == "Centre of mass known to ±5 mm along x, ±3 mm along y and ±39 mm in height (95 %)."
+    for direction, answer in (
+        ((-0.99, 0.14), "Centre of mass known to ±5 mm ahead, ±3 mm sideways and ±39 mm in height (95 %)."),
+        ((0.1, 0.995), "Centre of mass known to ±3 mm ahead, ±5 mm sideways and ±39 mm in height (95 %)."),
+        ((0.8, 0.6), headline_of(known)),  # between the axes, neither of them is ahead
+    ):
+        assert headline_of(result(sd_m=[0.00255, 0.0015, 0.02], walking_direction=direction)) == answer
     shown, folded = main_and_other_facts(known, facts_of(known))
     assert ([fact.key for fact in shown], [fact.key for fact in folded]) == (["mass_kg"], ["rate_hz"])
     older = result(mass_kg=60.0, rate_hz=100.0)

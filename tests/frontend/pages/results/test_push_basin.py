@@ -28,7 +28,7 @@ def test_every_push_is_on_the_map_and_every_fall_in_the_table() -> None:
 def test_the_page_counts_pushes_by_outcome(fake: FakeService, browse: Callable[[str], httpx.Response]) -> None:
     page = re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", browse(every_page(fake)["pushes"]).text))
     survived = "Survived: 2 of 4 pushes (15 to 85 %, 95 % confidence)"
-    assert f"{survived}, 2 of them at the end of the plan, 1 with a completed motion." in page
+    assert f"{survived}. Survived, 2 of them at the end of the plan, 1 with a completed motion." in page
     assert "Proved lost: 1; unexplained: 1." in page
     assert "Steps: pushes of 0.3" in page
     assert "2 falls" in page

@@ -1,13 +1,15 @@
 """Converts job records of the store to the ``Job`` schema."""
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
 from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.jobs import Job, JobState, JobVerdict, Progress
 from stridelab.service.jobs.store import JobRecord
 from stridelab.service.jobs.verdict import verdict_of
 
+_NAMED_BY: Final = ("robot", "item", "session_id")
+"""Fields of an input that say what a job is about."""
 _ENDED: Final[Mapping[JobState, tuple[int, str]]] = {
     "failed": (422, "Job failed"),
     "timed_out": (504, "Job timed out"),
@@ -19,11 +21,23 @@ def job_of(record: JobRecord) -> Job:
     """Convert a record to a ``Job``."""
     return Job.from_object(
         record,
+        n_recordings=len(pooled) if isinstance(pooled := record.input.get("recording_ids"), list) else None,
+        about=_subject_of(record.input) if record.recording_id is None and record.scenario_id is None else None,
         progress=Progress(fraction=record.fraction, message=record.message),
         error=_problem_of(record),
         has_result=record.result is not None,
         verdict=_verdict_of(record),
     )
+
+
+def _subject_of(job_input: Mapping[str, Any]) -> str | None:
+    """Name of the scenario in the body of a job, else of its robot, item or session; None if it has none of them."""
+    scenario = job_input.get("scenario")
+    names = (
+        scenario.get("name") if isinstance(scenario, Mapping) else None,
+        *(job_input.get(field) for field in _NAMED_BY),
+    )
+    return next((name for name in names if isinstance(name, str) and name), None)
 
 
 def _verdict_of(record: JobRecord) -> JobVerdict | None:

@@ -13,6 +13,7 @@ const said = document.querySelector("[data-said]");
 const choice = document.querySelector("[data-choice]");
 const streams = document.querySelector("[data-streams]");
 const how = document.querySelector("[data-how]");
+const answerPart = /** @type {HTMLElement} */ (document.querySelector("[data-answer]"));
 const body = /** @type {any} */ (document.querySelector("[data-body]"));
 const base = /** @type {any} */ (document.querySelector("[data-base]"));
 
@@ -51,6 +52,7 @@ function writeMargins(answer) {
 function draw() {
   asked = false;
   if (!latest) return;
+  answerPart.hidden = false;
   const view = document.querySelector("[name=view]:checked").value;
   drawBody(body, latest, view);
   drawBase(base, latest);

@@ -1,8 +1,10 @@
 // Makes tables and logs that overflow scrollable by keyboard: a region without focusable elements becomes focusable and gets
-// a name. An edge with hidden content to its left or right is shaded.
+// a name. An edge with hidden content to its left or right is shaded. The entry of this page in the navigation, which is one
+// line on narrow screens, is scrolled into view.
 let regions = [];
 const observer = new ResizeObserver(() => regions.forEach(updateRegion));
 watchScrollRegions();
+showCurrentEntry();
 
 // Observes the regions of the page; to be called again after a part of the page was replaced.
 export function watchScrollRegions() {
@@ -23,7 +25,7 @@ function markOverflow(region) {
 function updateRegion(region) {
   markOverflow(region);
   const larger = region.scrollWidth > region.clientWidth || region.scrollHeight > region.clientHeight;
-  if (!larger || region.querySelector("a[href], button, input, select")) {
+  if (!larger || region.querySelector("a[href], :is(button, input, select):enabled")) {
     for (const name of ["tabindex", "role", "aria-label"]) region.removeAttribute(name);
     return;
   }
@@ -41,4 +43,11 @@ function regionName(region) {
     sameHeading = regions.filter((one) => before(one) === heading);
   const title = heading ? heading.textContent.trim() : document.title;
   return `${title}, table or text to scroll${sameHeading.length > 1 ? ` (${sameHeading.indexOf(region) + 1} of ${sameHeading.length})` : ""}`;
+}
+
+function showCurrentEntry() {
+  const entry = /** @type {HTMLElement | null} */ (document.querySelector(".top nav [aria-current]")),
+    line = entry?.parentElement;
+  if (!entry || !line) return;
+  line.scrollLeft = entry.offsetLeft - line.offsetLeft - (line.clientWidth - entry.offsetWidth) / 2;
 }

@@ -1,5 +1,6 @@
 // The player of the 3D scene: play, step, scrub, speed, loop, layers and views; time and range are kept in the address.
 import { Camera } from "./camera.js";
+import { HoverNames } from "./hover_names.js";
 import { LoopRange } from "./loop_range.js";
 import { decodeFrames } from "./frame_decoder.js";
 import { PictureDialog } from "./picture_dialog.js";
@@ -34,6 +35,8 @@ const range = new LoopRange(player.querySelector("[data-range]"), writeRangeToUr
 let scene;
 /** @type {Camera} */
 let camera;
+/** @type {HoverNames | undefined} */
+let hoverNames;
 /** @type {DarkMode} */
 let darkMode;
 let time_s = [],
@@ -70,6 +73,7 @@ async function start() {
   magnification.closest("label").hidden = !layout.ellipsoids.length;
   await scene.nodes.ready();
   darkMode = new DarkMode(scene.nodes, scene.tintedNodes);
+  hoverNames = new HoverNames(stage, iframe, scene, camera);
   new AdaptiveResolution(scene.nodes, () => playing);
   slider.max = String(time_s.length - 1);
   slider.disabled = false;
@@ -130,6 +134,7 @@ function seek(target, inUrl = true) {
   scene.show(position);
   slider.value = String(index);
   camera.onFrame(position);
+  hoverNames?.update();
   const label = phaseLabel(time_s[index]);
   const values = { time: time_s[index].toFixed(3), frame: index + 1, number: time_s.length };
   const spoken = translate("%(time)s seconds, frame %(frame)s", values);
