@@ -20,7 +20,7 @@ import pinocchio as pin
 from stridelab.conventions import Vector3
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.robots.proposal.archive import UnpackedRobot
-from stridelab.robots.proposal.description import invalid, read_xml
+from stridelab.robots.proposal.description import MAX_BYTES, MAX_DEPTH, invalid, read_xml
 from stridelab.robots.proposal.meshes import binary_stl
 
 IGNORED: Final = (
@@ -44,7 +44,8 @@ def urdf_of_mjcf(
     """URDF of an MJCF file, the upload with its meshes as files of ``folder``, and what was changed.
 
     Included files are taken from the upload alone. Raises ``UnreadableFile`` (``robot-data-unreadable``) for a model
-    that MuJoCo does not compile or an included file that is missing or included twice, ``InvalidInput``
+    that MuJoCo does not compile or an included file that is missing or included twice,
+    (``robot-description-too-large``) for too many or too deep elements with these files, ``InvalidInput``
     (``robot-description-invalid``) for meshes that are missing, ball joints and more than three joints of one body.
     """
     _insert_included(root, upload)
@@ -72,6 +73,7 @@ def urdf_of_mjcf(
 def _insert_included(root: ET.Element, upload: UnpackedRobot) -> None:
     """Replace every ``include`` by the elements of its file, which must be in the upload and is included once."""
     included: set[Path] = {upload.description}
+    left_bytes = MAX_BYTES - upload.description.stat().st_size
     while (parent := next((one for one in root.iter() if one.find("include") is not None), None)) is not None:
         include = parent.find("include")
         if include is None:
@@ -82,10 +84,25 @@ def _insert_included(root: ET.Element, upload: UnpackedRobot) -> None:
             reason = "which is not in the zip" if path is None else "a second time, or too many files"
             raise _unreadable(f"The MJCF file includes {stated[:120]!r}, {reason}.", str(upload.inside))
         included.add(path)
+        left_bytes -= path.stat().st_size
+        if left_bytes < 0:
+            message = f"The description and the files that it includes exceed {MAX_BYTES / 1e6:g} MB."
+            raise _unreadable(message, str(upload.inside), "robot-description-too-large")
         at = list(parent).index(include)
         parent.remove(include)
         for k, element in enumerate(read_xml(path, stated)):
             parent.insert(at + k, element)
+    if len(included) > 1 and _depth_of(root) > MAX_DEPTH:
+        message = "The description is nested too deeply with the files that it includes."
+        raise _unreadable(message, str(upload.inside), "robot-description-too-large")
+
+
+def _depth_of(root: ET.Element) -> int:
+    """Levels of elements."""
+    depth, level = 0, [root]
+    while level:
+        depth, level = depth + 1, [child for element in level for child in element]
+    return depth
 
 
 def _compile(root: ET.Element, upload: UnpackedRobot) -> mujoco.MjModel:
@@ -122,8 +139,8 @@ def _compile(root: ET.Element, upload: UnpackedRobot) -> mujoco.MjModel:
         raise _unreadable(f"MuJoCo does not compile the MJCF file: {text}", str(upload.inside)) from error
 
 
-def _unreadable(message: str, filename: str) -> UnreadableFile:
-    return UnreadableFile("robot-data-unreadable", message, [Fault(filename[:120], "cannot be read")])
+def _unreadable(message: str, filename: str, code: str = "robot-data-unreadable") -> UnreadableFile:
+    return UnreadableFile(code, message, [Fault(filename[:120], "cannot be read")])
 
 
 def _joint_faults(model: mujoco.MjModel) -> Iterator[Fault]:
