@@ -23,6 +23,7 @@ from stridelab_web.scene.frames import (
     Point,
     Sheet,
     Span,
+    Stick,
     Track,
     resample_track,
 )
@@ -33,6 +34,13 @@ ROBOT, GHOST, MEASURED = "/robot/", "/ghost/", "/measured/"
 """Groups of nodes: the robot as planned, and as it moved in physics, with the measured forces."""
 PALE: Final = ((70, 110, 200), 0.4)
 """Colour and opacity of the replay's robot, which has the meshes of the planned one."""
+PERSON: Final = "/person/"
+TRUNK: Final = (("l_hip", "r_hip"), ("l_shoulder", "r_shoulder"), ("l_hip", "l_shoulder"), ("r_hip", "r_shoulder"))
+LIMBS: Final = (
+    ("hip", "knee"), ("knee", "ankle"), ("ankle", "heel"), ("heel", "ball"), ("ball", "toe"), ("ankle", "ball"),
+    ("shoulder", "elbow"), ("elbow", "wrist"),
+)  # fmt: skip
+"""Pairs of points of the imitated person that a line joins; those of one side."""
 MOMENTUM: Final = "/momentum/"
 MOMENTUM_M_PER_NMS: Final = 0.1
 """Length of the arrow of the angular momentum; it is a few newton metre seconds in walking."""
@@ -71,12 +79,17 @@ def read_motion(about: bytes, poses: bytes, forces: bytes, *replayed: bytes) -> 
 
 
 def plan_frames(
-    scenario: Scenario, centroidal: Columns, motion: Motion | None, followed: Columns | None = None
+    scenario: Scenario,
+    centroidal: Columns,
+    motion: Motion | None,
+    followed: Columns | None = None,
+    person: Columns | None = None,
 ) -> Frames:
     """Frames of a plan; without a whole-body motion those of the centroidal plan alone, at its nodes.
 
-    ``followed`` is the table of that motion, whose angular momentum is shown in place of the planned one. A cone has
-    its tip at the point of application of its force, so that it needs no columns of its own.
+    ``followed`` is the table of that motion, whose angular momentum is shown in place of the planned one.
+    ``person`` is the table of the person whose walk is imitated, who is shown as lines between joints. A cone has its
+    tip at the point of application of its force, so that it needs no columns of its own.
     """
     time_s = centroidal["time_s"] if motion is None else motion.time_s
     sheet = Sheet()
@@ -105,6 +118,7 @@ def plan_frames(
         name = f"/forces/{effector}"
         at_of[effector] = sheet.add_block(force)
         arrows.append(Arrow(f"{name}_shaft", f"{name}_head", at_of[effector], f"force on {effector}"))
+    person_com, bones = person_nodes(person, time_s, sheet)
     ends_s = np.cumsum([phase.duration_s for phase in scenario.phases])
     placed = placed_contacts(scenario)
     loaded = [cone for cone in friction_cones(scenario, centroidal) if cone.touch.effector in at_of]
@@ -115,9 +129,11 @@ def plan_frames(
         sheet.to_array(len(time_s)),
         points=(
             Point(COM, com_at, "centre of mass"),
+            *person_com,
             *(Point(name, at_of[touch.effector], f"friction cone of {touch.effector}") for name, touch in coned),
         ),
         bodies=tuple(bodies),
+        sticks=bones,
         arrows=tuple(arrows),
         spans=(
             *(Span(f"{contact_node(touch)}/touching", touch.start_s, touch.end_s) for touch in placed),
@@ -132,6 +148,24 @@ def plan_frames(
         ),
         phase_starts_s=(0.0, *(float(end) for end in ends_s[:-1])),
     )
+
+
+def person_nodes(
+    person: Columns | None, time_s: np.ndarray, sheet: Sheet
+) -> tuple[tuple[Point, ...], tuple[Stick, ...]]:
+    """CoM and bones of the person at ``time_s``, in new blocks of ``sheet``; NaN outside the recording."""
+    if person is None:
+        return (), ()
+    at_of = {}
+    pairs = [*TRUNK, *((f"{side}_{a}", f"{side}_{b}") for side in "lr" for a, b in LIMBS)]
+    for name in dict.fromkeys(("com", *(end for pair in pairs for end in pair))):
+        track = xyz_columns(person, f"{name}_", "_m")
+        if track is not None and np.isfinite(track).any():
+            at_of[name] = sheet.add_block(resample_track(time_s, person["time_s"], track))
+    ends = [(at_of[a], at_of[b]) for a, b in pairs if a in at_of and b in at_of]
+    bones = tuple(Stick(f"{PERSON}{k}", a, b) for k, (a, b) in enumerate(ends))
+    com = (Point(f"{PERSON}com", at_of["com"], "centre of mass of the person, scaled"),) if "com" in at_of else ()
+    return com, bones
 
 
 def momentum_nms(columns: Columns, time_s: np.ndarray) -> np.ndarray | None:

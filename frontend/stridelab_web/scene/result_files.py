@@ -24,6 +24,8 @@ REPLAYED: Final = ("replay_poses.f32", "replay_forces.f32")
 """Files of plans that were replayed in physics."""
 FOLLOWED: Final = "motion.parquet"
 """Table of the whole-body motion that follows the plan."""
+PERSON: Final = "person.parquet"
+"""Table of the person whose walk the robot imitates, on the clock of the plan."""
 
 
 def needed_files(result: JobResult) -> tuple[str, ...]:
@@ -31,7 +33,7 @@ def needed_files(result: JobResult) -> tuple[str, ...]:
     present = {artifact.name for artifact in result.artifacts}
     if not present.issuperset(MOTION):
         return SCENARIO, CENTROIDAL
-    return (SCENARIO, CENTROIDAL, *MOTION, *(name for name in (FOLLOWED, *REPLAYED) if name in present))
+    return (SCENARIO, CENTROIDAL, *MOTION, *(name for name in (FOLLOWED, PERSON, *REPLAYED) if name in present))
 
 
 def read_plan(files: Mapping[str, bytes]) -> tuple[Scenario, Frames]:
@@ -40,7 +42,8 @@ def read_plan(files: Mapping[str, bytes]) -> tuple[Scenario, Frames]:
     replayed = [files[name] for name in REPLAYED] if REPLAYED[0] in files else []
     motion = read_motion(*(files[name] for name in MOTION), *replayed) if MOTION[0] in files else None
     followed = read_columns(files[FOLLOWED]) if FOLLOWED in files else None
-    return scenario, plan_frames(scenario, read_columns(files[CENTROIDAL]), motion, followed)
+    person = read_columns(files[PERSON]) if PERSON in files else None
+    return scenario, plan_frames(scenario, read_columns(files[CENTROIDAL]), motion, followed, person)
 
 
 def read_cones(files: Mapping[str, bytes]) -> tuple[Cone, ...]:

@@ -11,7 +11,7 @@ from stridelab.schemas.scenarios import BoxSurface, RailSurface, Scenario, Scena
 from stridelab_web.scene.contacts import HalfSizes, box_corners_m, box_rotation, effector_side, placed_contacts
 from stridelab_web.scene.density_nodes import Quaternion, reach_places, shown_level_sets
 from stridelab_web.scene.frames import Frames
-from stridelab_web.scene.plan_frames import COM, GHOST, MEASURED, MOMENTUM, ROBOT, Cone
+from stridelab_web.scene.plan_frames import COM, GHOST, MEASURED, MOMENTUM, PERSON, ROBOT, Cone
 from stridelab_web.viewer import meshes
 from stridelab_web.viewer.contact_markers import COLOURS, add_marks
 from stridelab_web.viewer.robot_links import add_robot
@@ -25,6 +25,8 @@ ARROWS: Mapping[str, Colour] = {MOMENTUM: MOMENTUM_COLOUR, MEASURED: (51, 34, 13
 COM_LIGHT: Colour = (255, 255, 255)
 COM_RADIUS_M, PATH_RADIUS_M = 0.05, 0.006
 """The ball has the usual symbol of a centre of mass; the page draws both over the body (static/js/viewer/scene.js)."""
+BONE_RADIUS_M, PERSON_COM_RADIUS_M = 0.012, 0.035
+PERSON_COLOUR: Colour = (204, 102, 17)
 AMBIENT = 1.1
 REACH_OPACITY = 0.2
 CONE_OPACITY, CONE_M = 0.35, 0.45
@@ -62,6 +64,11 @@ def build_plan_scene(
         scene.add_frame(ghost, show_axes=False)
     for arrow in frames.arrows:
         add_arrow(scene, arrow, next((c for group, c in ARROWS.items() if arrow.shaft.startswith(group)), FORCE))
+    for stick in frames.sticks:
+        add_mesh(scene, stick.name, meshes.cylinder(BONE_RADIUS_M), PERSON_COLOUR)
+    for point in frames.points:
+        if point.name.startswith(PERSON):
+            add_mesh(scene, point.name, meshes.ball(PERSON_COM_RADIUS_M), PERSON_COLOUR)
     _add_cones(scene, cones, copies)
     add_path(scene, "/paths/com", frames.track_m("/paths/com"), COM_COLOUR, PATH_RADIUS_M)
     add_com(scene, COM)

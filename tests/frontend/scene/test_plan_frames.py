@@ -17,6 +17,7 @@ from stridelab_web.scene.plan_frames import (
     GROUP,
     MOMENTUM,
     MOMENTUM_M_PER_NMS,
+    PERSON,
     com_m,
     friction_cones,
     plan_frames,
@@ -81,6 +82,25 @@ def test_the_momentum_is_that_of_the_motion_where_there_is_one() -> None:
     assert np.allclose(ARROW_M_PER_N * frames.values[:, 3], MOMENTUM_M_PER_NMS * frames.time_s, atol=1e-5)
     bare = {name: values for name, values in columns.items() if not name.startswith("l_")}
     assert len(plan_frames(SCENARIO, bare, None).arrows) == len(robots.EFFECTORS)
+
+
+def test_the_person_is_drawn_between_the_joints_that_are_known_while_recorded() -> None:
+    columns = robots.centroidal(SCENARIO)
+    times_s = columns["time_s"]
+    track = {
+        f"{name}_{axis}_m": 0.1 * k + times_s[1:4]
+        for k, name in enumerate(("com", "l_hip", "l_knee", "l_ankle"))
+        for axis in "xyz"
+    }
+    track |= {f"r_knee_{axis}_m": np.full(3, np.nan) for axis in "xyz"}
+    frames = plan_frames(SCENARIO, columns, None, None, {"time_s": times_s[1:4], **track})
+    starts = {stick.name: (stick.start, stick.end) for stick in frames.sticks}
+    assert list(starts) == [f"{PERSON}0", f"{PERSON}1"]
+    thigh = frames.values[:, list(starts[f"{PERSON}0"])]
+    assert np.allclose(thigh[1:4], np.column_stack([0.1 + times_s[1:4], 0.2 + times_s[1:4]]), atol=1e-4)
+    assert np.isnan(thigh[[0, 4]]).all()
+    assert f"{PERSON}com" in [point.name for point in frames.points]
+    assert not plan_frames(SCENARIO, columns, None).sticks
 
 
 def test_a_cone_stands_where_the_force_acts_while_its_contact_is_loaded() -> None:

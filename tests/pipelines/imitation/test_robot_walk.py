@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from stridelab.errors import InvalidInput
+from stridelab.pipelines.imitation.person_tracks import tracks_of_robot
 from stridelab.pipelines.imitation.recorded_walk import Foothold, RecordedWalk, walk_of_motion
 from stridelab.pipelines.imitation.robot_walk import LEAST_FOOTHOLDS, RobotScale, scale_walk
 from stridelab.pipelines.plan_problem import validate_scenario
@@ -42,6 +43,35 @@ def test_a_share_shortens_steps_alone() -> None:
     for one, other in zip(whole.footholds, short.footholds, strict=True):
         assert other.position_m == pytest.approx([0.7 * one.position_m[0], one.position_m[1]])
     assert short.swing_s == pytest.approx(whole.swing_s)
+
+
+def test_the_person_stands_where_and_when_the_robot_does() -> None:
+    truth, pace = FlatFootedWalk(width_m=0.3), 0.6
+    recorded, motion = person(truth), truth.motion
+    points = {"com": motion.com_m} | {side: foot.outline_m.mean(axis=1) for side, foot in motion.feet.items()}
+    for share in (1.0, 0.7):
+        walk = scale_walk(recorded, HALF, step_share=share)
+        phases = walk.scenario("walk", pace)["phases"]
+        durations_s = [one["duration_s"] for one in phases]
+        columns = tracks_of_robot(motion.time_s, points, recorded, walk, pace, durations_s)
+        ends_s = np.cumsum(durations_s)
+        for k, hold in enumerate(recorded.footholds[1:-1], 1):
+            rests_s = ends_s[2 * k - 1] + 0.5 * durations_s[2 * k]
+            own_s = truth.strike_s(k) + 0.5 * truth.both_s
+            foot, com = (
+                [np.interp(rests_s, columns["time_s"], columns[f"{name}_{axis}_m"]) for axis in "xy"]
+                for name in (hold.side, "com")
+            )
+            if share == 1.0:
+                middle = points[hold.side][motion.nearest(own_s), :2] - hold.position_m
+                assert foot == pytest.approx(walk.footholds[k].position_m + 0.5 * middle, abs=2e-3)
+            # the body is scaled by the legs alone, its way by the share of the steps as well
+            before = np.interp(rests_s - 0.5, columns["time_s"], columns["com_x_m"])
+            assert com[0] - before == pytest.approx(share * 0.5 * 1.2 * 0.5 * pace / np.sqrt(0.5), rel=1e-3)
+            reach_m = points[hold.side][motion.nearest(own_s), 0] - motion.com_m[motion.nearest(own_s), 0]
+            assert foot[0] - com[0] == pytest.approx(0.5 * reach_m, abs=5e-3)
+    unknown = replace(recorded, strikes_s=np.full(len(recorded.footholds), np.nan))
+    assert tracks_of_robot(motion.time_s, points, unknown, walk, pace, durations_s) == {}
 
 
 def test_narrow_steps_are_widened_to_what_the_soles_need() -> None:

@@ -82,6 +82,26 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     "infinity": (lambda: one(GOOD.replace('mass value="8.0"', 'mass value="1e400"')), "robot-description-invalid"),
     "no axis": (lambda: one(GOOD.replace('xyz="0.0 1.0 0.0"', 'xyz="0 0 0"')), "robot-description-invalid"),
     "degrees": (lambda: one(GOOD.replace('upper="2.3"', 'upper="130"')), "robot-description-invalid"),
+    "included files that are deep": (
+        lambda: archive(
+            {
+                f"p{i}.xml": "<mujoco>"
+                + "<body>" * 30
+                + f"<include file='p{i + 1}.xml'/>"
+                + "</body>" * 30
+                + "</mujoco>"
+                for i in range(3)
+            }
+            | {"p3.xml": "<mujoco/>"}
+        ),
+        "robot-description-too-large",
+    ),
+    "included files that are large": (
+        lambda: archive(
+            {"a.xml": "<mujoco><include file='b.xml'/></mujoco>", "b.xml": f"<mujoco>{' ' * 7_999_990}</mujoco>"}
+        ),
+        "robot-description-too-large",
+    ),
     "a missing mesh": (lambda: one(MESHED), "robot-description-invalid"),
     "a broken mesh": (
         lambda: archive({"robot.urdf": MESHED, "meshes/foot.stl": b"solid nothing"}),

@@ -198,6 +198,24 @@ def soles(load_left_n: float, load_right_n: float, pressure_y_m: float = 0.0) ->
     }
 
 
+def test_the_tilt_of_a_narrow_sole_hardly_moves_the_centre_of_pressure() -> None:
+    shares = {}
+    for name in ("talos", "g1"):
+        robot = load_robot(name)
+        stiffness, _ = PhysicsReplay().joint_gains(robot, 0.001)
+        half_m = (robot.effectors["left_foot"].contact_half_size_m or (0.0, 0.0))[1]
+        pitch, roll = robot.effectors["left_foot"].ankle or ("", "")
+        k = {joint: float(stiffness[robot.joint_names.index(joint)]) for joint in (pitch, roll)}
+        # one edge 1 mm lower than the middle: the sole turns by 1 mm / b, and k times this moves the pressure
+        shares[name] = k[roll] * (1e-3 / half_m) / (robot.mass_kg * 9.81) / half_m
+        if name == "talos":
+            assert k[roll] == k[pitch]
+        else:
+            assert k[roll] < 0.3 * k[pitch]
+    assert shares["talos"] == pytest.approx(0.188, abs=1e-3)
+    assert shares["g1"] == pytest.approx(0.2)
+
+
 def test_the_pressure_stays_inside_the_sole_wherever_it_was_planned() -> None:
     capture = CapturePointFeedback(edge_m=0.005)
     for planned_m in (0.0, 0.03, -0.05):

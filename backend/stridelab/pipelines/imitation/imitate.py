@@ -13,6 +13,7 @@ import numpy as np
 from stridelab.pipelines.gait_measures import MeasuredRecording, measure_recording
 from stridelab.pipelines.imitation.comparison import Walker, compare_walks, compared_curves
 from stridelab.pipelines.imitation.pace_search import Imitation, Trial, find_pace
+from stridelab.pipelines.imitation.person_tracks import person_columns
 from stridelab.pipelines.imitation.recorded_walk import RecordedWalk, recorded_walk
 from stridelab.pipelines.imitation.robot_motion import robot_motion, robot_steps, steady_steps
 from stridelab.pipelines.imitation.robot_walk import RobotScale
@@ -31,7 +32,10 @@ REFERENCES: Final = ("hof1996", "hof2005")
 
 @dataclass(frozen=True)
 class ImitationResult:
-    """The measured person, the certified and completed trial, and the curves of both over a step."""
+    """The measured person, the certified and completed trial, and the curves of both over a step.
+
+    ``person_tracks`` is the table of the person beside the robot (``person_columns``).
+    """
 
     measured: MeasuredRecording
     recorded: RecordedWalk
@@ -42,6 +46,7 @@ class ImitationResult:
     person: Walker
     robot: Walker
     curves: dict[str, np.ndarray]
+    person_tracks: dict[str, np.ndarray]
     summary: ImitateSummary
 
     @property
@@ -93,6 +98,7 @@ def imitate(task: ImitateTask, folder: Path, progress: ProgressCallback) -> Imit
         own,
         other,
         compared_curves(own, other, best.walk.length_scale),
+        person_columns(measured, recorded, best.walk, best.attempt.pace, best.scenario.model_dump()["phases"]),
         summary,
     )
 

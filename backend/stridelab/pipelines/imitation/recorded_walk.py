@@ -45,7 +45,8 @@ class RecordedWalk:
     """Footholds in order, and the times of the steps between them.
 
     ``swing_s[k]`` is the time in which the foot of ``footholds[k]`` moves there, and ``double_support_s[k]`` the time
-    in which both feet stand from then on; shape (n,). ``hip_height_m`` is the mean height of the hip joints above the
+    in which both feet stand from then on; shape (n,). ``strikes_s[k]`` is the time of the recording at which that foot
+    strikes, NaN if it is not recorded. ``hip_height_m`` is the mean height of the hip joints above the
     floor during the walk, ``com_height_m`` that of the CoM.
     """
 
@@ -55,6 +56,7 @@ class RecordedWalk:
     hip_height_m: float
     com_height_m: float
     speed_m_s: float
+    strikes_s: Float[np.ndarray, "n"]
 
     @property
     def step_lengths_m(self) -> Float[np.ndarray, "m"]:
@@ -109,6 +111,7 @@ def walk_of_motion(
         hip_height_m,
         motion.mean_height_m,
         motion.mean_speed_m_s,
+        np.array([np.nan if contact.strike_s is None else contact.strike_s for contact, _ in run]),
     )
 
 

@@ -128,8 +128,8 @@ def scale_walk(recorded: RecordedWalk, robot: RobotScale, *, step_share: float =
     walk = _with_more_strides(recorded, LEAST_FOOTHOLDS)
     ratio = robot.hip_height_m / walk.hip_height_m
     signs = np.array([_sign(hold.side) for hold in walk.footholds])
-    places = ratio * _straightened(np.array([hold.position_m for hold in walk.footholds]), signs)
-    turn = _direction_rad(np.array([hold.position_m for hold in walk.footholds]), signs)
+    turn, origin_m = straightening(walk.footholds)
+    places = ratio * (np.array([hold.position_m for hold in walk.footholds]) @ _turned_back(turn).T - origin_m)
     aside = signs * places[:, 1]
     wide = np.maximum(aside, 0.5 * robot.step_width_min_m)
     holds = tuple(
@@ -159,7 +159,14 @@ def _with_more_strides(walk: RecordedWalk, least: int) -> RecordedWalk:
         holds.append(replace(before, position_m=before.position_m + stride_m))
         swings.append(swings[-2])
         supports.append(supports[-2])
-    return replace(walk, footholds=tuple(holds), swing_s=np.array(swings), double_support_s=np.array(supports))
+    strikes_s = np.concatenate([walk.strikes_s, np.full(len(holds) - len(walk.strikes_s), np.nan)])
+    return replace(
+        walk,
+        footholds=tuple(holds),
+        swing_s=np.array(swings),
+        double_support_s=np.array(supports),
+        strikes_s=strikes_s,
+    )
 
 
 def _direction_rad(places: Float[np.ndarray, "n 2"], signs: Float[np.ndarray, "n"]) -> float:
@@ -168,14 +175,19 @@ def _direction_rad(places: Float[np.ndarray, "n 2"], signs: Float[np.ndarray, "n
     return float(np.arctan(np.linalg.lstsq(rows, places[:, 1], rcond=None)[0][1]))
 
 
-def _straightened(places: Float[np.ndarray, "n 2"], signs: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 2"]:
-    """``places`` with the middle line of the steps as x axis and the first one at x = 0."""
+def straightening(footholds: Sequence[Foothold]) -> tuple[float, Float[np.ndarray, "2"]]:
+    """Angle by which a walk is turned back so that its middle line becomes the x axis, and its origin (after that)."""
+    places = np.array([hold.position_m for hold in footholds])
+    signs = np.array([_sign(hold.side) for hold in footholds])
     turn = _direction_rad(places, signs)
-    R = np.array([[cos(turn), sin(turn)], [-sin(turn), cos(turn)]])
-    turned = places @ R.T
+    turned = places @ _turned_back(turn).T
     rows = np.column_stack([np.ones(len(signs)), signs])
     middle = np.linalg.lstsq(rows, turned[:, 1], rcond=None)[0][0]
-    return np.asarray(turned - [turned[0, 0], middle])
+    return turn, np.array([turned[0, 0], middle])
+
+
+def _turned_back(angle_rad: float) -> Float[np.ndarray, "2 2"]:
+    return np.array([[cos(angle_rad), sin(angle_rad)], [-sin(angle_rad), cos(angle_rad)]])
 
 
 def _widths(aside_m: Float[np.ndarray, "n"]) -> Float[np.ndarray, "m"]:

@@ -3,11 +3,12 @@
 import stat
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Final
 
 from stridelab.errors import Fault, UnreadableFile
+from stridelab.robots.proposal.description import read_xml
 
 MAX_ENTRIES: Final = 2_000
 MAX_FILE_BYTES: Final = 60_000_000
@@ -15,24 +16,35 @@ MAX_TOTAL_BYTES: Final = 300_000_000
 PIECE_BYTES: Final = 1 << 20
 DESCRIPTIONS: Final = (".urdf", ".xml")
 MESHES: Final = (".stl", ".obj", ".dae")
+MANIFEST: Final = "package.xml"
+MAX_DESCRIPTIONS: Final = 100
 _ZIP_ERRORS: Final = (zipfile.BadZipFile, OSError, NotImplementedError, ValueError, EOFError, RuntimeError)
 
 
 @dataclass(frozen=True)
 class UnpackedRobot:
-    """The description file, its path in the archive, and the unpacked meshes by their paths in the archive."""
+    """The description, its path in the archive, and by their paths in it the meshes, and the files it may include."""
 
     description: Path
     inside: PurePosixPath
     meshes: Mapping[PurePosixPath, Path]
+    parts: Mapping[PurePosixPath, Path] = field(default_factory=dict)
 
     def find_mesh(self, filename: str) -> Path | None:
         """The unpacked mesh whose path ends like ``filename``: the longest match, only if it is unique."""
+        return self._find(filename, self.meshes)
+
+    def find_part(self, filename: str) -> Path | None:
+        """The unpacked XML file whose path ends like ``filename``, as ``find_mesh``."""
+        return self._find(filename, self.parts)
+
+    @staticmethod
+    def _find(filename: str, files: Mapping[PurePosixPath, Path]) -> Path | None:
         text = filename.replace("\\", "/").partition("://")[2] or filename.replace("\\", "/")
         parts = [part for part in PurePosixPath(text).parts if part not in ("..", ".", "/")]
         best: list[Path] = []
         longest = 0
-        for name, path in self.meshes.items():
+        for name, path in files.items():
             same = 0
             for a, b in zip(reversed(parts), reversed(name.parts), strict=False):
                 if a != b:
@@ -76,14 +88,16 @@ def _unpack_archive(archive: zipfile.ZipFile, filename: str, folder: Path) -> Un
             raise _refused("zip-name-twice", "The zip holds two files of the same name.", str(name), "twice in the zip")
         names[name] = member
     shown = {name: m for name, m in names.items() if not any(p.startswith(".") or p == "__MACOSX" for p in name.parts)}
-    inside = _description_of([name for name in shown if name.suffix.lower() in DESCRIPTIONS], filename)
-    wanted = [inside, *(name for name in sorted(shown) if name.suffix.lower() in MESHES)]
+    described = [name for name in sorted(shown) if name.suffix.lower() in DESCRIPTIONS and name.name != MANIFEST]
+    wanted = [*described[:MAX_DESCRIPTIONS], *(name for name in sorted(shown) if name.suffix.lower() in MESHES)]
     left, unpacked = MAX_TOTAL_BYTES, {}
     for index, name in enumerate(wanted):
-        target = folder / f"member-{index:04d}{'' if name == inside else name.suffix.lower()}"
+        target = folder / f"member-{index:04d}{name.suffix.lower()}"
         left -= _unpack_member(archive, names[name], target, min(left, MAX_FILE_BYTES))
         unpacked[name] = target
-    return UnpackedRobot(unpacked.pop(inside), inside, unpacked)
+    parts = {name: unpacked.pop(name) for name in described[:MAX_DESCRIPTIONS]}
+    inside = _description_of(parts, filename)
+    return UnpackedRobot(parts[inside], inside, unpacked, parts)
 
 
 def _inside_path(member: zipfile.ZipInfo) -> PurePosixPath:
@@ -97,11 +111,13 @@ def _inside_path(member: zipfile.ZipInfo) -> PurePosixPath:
     return name
 
 
-def _description_of(names: list[PurePosixPath], filename: str) -> PurePosixPath:
-    """The only URDF, or else the only XML file that is not a manifest."""
-    urdfs = [name for name in names if name.suffix.lower() == ".urdf"]
-    others = [name for name in names if name.name != "package.xml" and not name.name.startswith("scene")]
-    choice = urdfs or others
+def _description_of(files: Mapping[PurePosixPath, Path], filename: str) -> PurePosixPath:
+    """The only URDF, or else the only XML file that is neither a scene nor included by another one."""
+    urdfs = [name for name in files if name.suffix.lower() == ".urdf"]
+    choice = urdfs or [name for name in files if not name.name.startswith("scene")]
+    if len(choice) > 1 and not urdfs:
+        included = {PurePosixPath(one).name for name in choice for one in _included_by(files[name], str(name))}
+        choice = [name for name in choice if name.name not in included] or choice
     if not choice:
         message = "The zip holds no description of a robot: neither a .urdf nor an .xml file."
         raise _refused("robot-description-missing", message, filename, "no description")
@@ -111,6 +127,12 @@ def _description_of(names: list[PurePosixPath], filename: str) -> PurePosixPath:
             "robot-several-descriptions", message, [Fault(str(name)[:120], "one of several") for name in choice[:10]]
         )
     return choice[0]
+
+
+def _included_by(path: Path, inside: str) -> list[str]:
+    """Files that an MJCF file includes, as it states them."""
+    root = read_xml(path, inside)
+    return [include.get("file", "").replace("\\", "/") for include in root.iter("include")]
 
 
 def _unpack_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, target: Path, limit: int) -> int:

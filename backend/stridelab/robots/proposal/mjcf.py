@@ -1,12 +1,15 @@
 """Converts an MJCF file, compiled by MuJoCo, to the elements of a URDF and one mesh file per mesh.
 
 A link is a body, shifted to the anchor of its joint, so that the joint is at the link's origin. Angles are relative to
-the initial configuration of the model (``qpos0``), in which all joints of the URDF are at zero.
+the initial configuration of the model (``qpos0``), in which all joints of the URDF are at zero. A body with several
+joints becomes a chain of links: all but the last are small spheres of a share of the body's mass, at the anchor of the
+joint below, where they do not change the CoM in any configuration if the second joint and the following ones share
+their anchor.
 """
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Final
 
@@ -17,7 +20,7 @@ import pinocchio as pin
 from stridelab.conventions import Vector3
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.robots.proposal.archive import UnpackedRobot
-from stridelab.robots.proposal.description import invalid
+from stridelab.robots.proposal.description import MAX_BYTES, MAX_DEPTH, invalid, read_xml
 from stridelab.robots.proposal.meshes import binary_stl
 
 IGNORED: Final = (
@@ -27,6 +30,12 @@ IGNORED: Final = (
 """Sections that neither masses, joints, shapes nor torque limits depend on."""
 _CLOSING: Final = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 _MESSAGE_LENGTH: Final = 300
+_MAX_INCLUDED: Final = 64
+_MOST_JOINTS: Final = 3
+"""Joints of one body, each with a link of its own; the bodies of people's and animals' models have up to three."""
+SPHERE_SHARES: Final = (1e-2, 3e-3, 1e-3)
+"""Shares of a body's mass that are tried for each further link; the rest must remain a physical body."""
+WATER_KG_M3: Final = 1000.0
 
 
 def urdf_of_mjcf(
@@ -34,10 +43,12 @@ def urdf_of_mjcf(
 ) -> tuple[ET.Element, UnpackedRobot, dict[str, str]]:
     """URDF of an MJCF file, the upload with its meshes as files of ``folder``, and what was changed.
 
-    Raises ``UnreadableFile`` (``robot-data-unreadable``) for a model that MuJoCo does not compile or that includes
-    other files, ``InvalidInput`` (``robot-description-invalid``) for meshes that are missing, several joints of one
-    body and ball joints.
+    Included files are taken from the upload alone. Raises ``UnreadableFile`` (``robot-data-unreadable``) for a model
+    that MuJoCo does not compile or an included file that is missing or included twice,
+    (``robot-description-too-large``) for too many or too deep elements with these files, ``InvalidInput``
+    (``robot-description-invalid``) for meshes that are missing, ball joints and more than three joints of one body.
     """
+    _insert_included(root, upload)
     model = _compile(root, upload)
     if faults := list(_joint_faults(model)):
         raise invalid(faults)
@@ -56,7 +67,42 @@ def urdf_of_mjcf(
         for i in range(model.neq)
         if model.eq_type[i] in _CLOSING
     }
-    return urdf, replace(upload, meshes=converter.meshes), changed
+    return urdf, replace(upload, meshes=converter.meshes), changed | converter.changed
+
+
+def _insert_included(root: ET.Element, upload: UnpackedRobot) -> None:
+    """Replace every ``include`` by the elements of its file, which must be in the upload and is included once."""
+    included: set[Path] = {upload.description}
+    left_bytes = MAX_BYTES - upload.description.stat().st_size
+    while (parent := next((one for one in root.iter() if one.find("include") is not None), None)) is not None:
+        include = parent.find("include")
+        if include is None:
+            raise AssertionError("the parent of an include has one")
+        stated = include.get("file", "")
+        path = upload.find_part(stated)
+        if path is None or path in included or len(included) > _MAX_INCLUDED:
+            reason = "which is not in the zip" if path is None else "a second time, or too many files"
+            raise _unreadable(f"The MJCF file includes {stated[:120]!r}, {reason}.", str(upload.inside))
+        included.add(path)
+        left_bytes -= path.stat().st_size
+        if left_bytes < 0:
+            message = f"The description and the files that it includes exceed {MAX_BYTES / 1e6:g} MB."
+            raise _unreadable(message, str(upload.inside), "robot-description-too-large")
+        at = list(parent).index(include)
+        parent.remove(include)
+        for k, element in enumerate(read_xml(path, stated)):
+            parent.insert(at + k, element)
+    if len(included) > 1 and _depth_of(root) > MAX_DEPTH:
+        message = "The description is nested too deeply with the files that it includes."
+        raise _unreadable(message, str(upload.inside), "robot-description-too-large")
+
+
+def _depth_of(root: ET.Element) -> int:
+    """Levels of elements."""
+    depth, level = 0, [root]
+    while level:
+        depth, level = depth + 1, [child for element in level for child in element]
+    return depth
 
 
 def _compile(root: ET.Element, upload: UnpackedRobot) -> mujoco.MjModel:
@@ -64,9 +110,6 @@ def _compile(root: ET.Element, upload: UnpackedRobot) -> mujoco.MjModel:
     for section in list(root):
         if section.tag in IGNORED:
             root.remove(section)
-    if root.find(".//include") is not None:
-        message = "The MJCF file includes other files; compile it to one file, as MuJoCo's viewer does with Save xml."
-        raise _unreadable(message, str(upload.inside))
     for parent in root.iter():
         for child in [one for one in parent if one.tag in ("texture", "material", "hfield", "skin", "plugin", "light")]:
             parent.remove(child)
@@ -96,8 +139,8 @@ def _compile(root: ET.Element, upload: UnpackedRobot) -> mujoco.MjModel:
         raise _unreadable(f"MuJoCo does not compile the MJCF file: {text}", str(upload.inside)) from error
 
 
-def _unreadable(message: str, filename: str) -> UnreadableFile:
-    return UnreadableFile("robot-data-unreadable", message, [Fault(filename[:120], "cannot be read")])
+def _unreadable(message: str, filename: str, code: str = "robot-data-unreadable") -> UnreadableFile:
+    return UnreadableFile(code, message, [Fault(filename[:120], "cannot be read")])
 
 
 def _joint_faults(model: mujoco.MjModel) -> Iterator[Fault]:
@@ -106,10 +149,73 @@ def _joint_faults(model: mujoco.MjModel) -> Iterator[Fault]:
         if model.body_parentid[body] == 0:
             continue
         where = f"body {_body_name(model, body)}"
-        if model.body_jntnum[body] > 1:
-            yield Fault(where, f"it has {model.body_jntnum[body]} joints; give each joint a body with a mass")
-        elif model.body_jntnum[body] and model.jnt_type[model.body_jntadr[body]] == mujoco.mjtJoint.mjJNT_BALL:
-            yield Fault(where, "it has a ball joint; replace it by hinges of bodies of their own")
+        joints = _joints_of(model, body)
+        if any(model.jnt_type[j] == mujoco.mjtJoint.mjJNT_BALL for j in joints):
+            yield Fault(where, "it has a ball joint; replace it by hinges")
+        elif len(joints) > _MOST_JOINTS:
+            yield Fault(where, f"it has {len(joints)} joints, more than {_MOST_JOINTS}; give them bodies with a mass")
+        elif len(joints) > 1 and _split_inertia(model, body, joints) is None:
+            yield Fault(where, f"it has {len(joints)} joints and no mass to divide; give each joint a body with a mass")
+
+
+def _joints_of(model: mujoco.MjModel, body: int) -> range:
+    """Joints between a body and its parent, in order; those of a body on the world are its floating base."""
+    first = int(model.body_jntadr[body])
+    return range(first, first + int(model.body_jntnum[body])) if model.body_parentid[body] != 0 else range(0)
+
+
+@dataclass(frozen=True)
+class _Inertia:
+    """Mass, CoM and moments about it, both in the frame of the body."""
+
+    mass_kg: float
+    com_m: Vector3
+    moments_kg_m2: np.ndarray
+
+    def is_physical(self) -> bool:
+        """Whether the mass and the moments are those of a body."""
+        moments = np.linalg.eigvalsh(self.moments_kg_m2)
+        return bool(self.mass_kg > 0.0 and moments[0] > 0.0 and moments[0] + moments[1] >= moments[2] * (1.0 - 1e-9))
+
+    def minus(self, part: "_Inertia") -> "_Inertia":
+        """This body without ``part``."""
+        mass_kg = self.mass_kg - part.mass_kg
+        com_m = (self.mass_kg * self.com_m - part.mass_kg * part.com_m) / mass_kg
+        moments = self.moments_kg_m2 - part.moments_kg_m2
+        moments = moments + _point_moments(self.mass_kg, self.com_m) - _point_moments(part.mass_kg, part.com_m)
+        return _Inertia(mass_kg, com_m, moments - _point_moments(mass_kg, com_m))
+
+
+def _point_moments(mass_kg: float, at_m: Vector3) -> np.ndarray:
+    """Moments of inertia of a point mass about the origin, shape (3, 3)."""
+    return mass_kg * (float(at_m @ at_m) * np.eye(3) - np.outer(at_m, at_m))
+
+
+def _body_inertia(model: mujoco.MjModel, body: int) -> _Inertia:
+    R = pin.Quaternion(*_parts(model.body_iquat[body])).toRotationMatrix()
+    moments = R @ np.diag(model.body_inertia[body]) @ R.T
+    return _Inertia(float(model.body_mass[body]), np.array(model.body_ipos[body]), moments)
+
+
+def _split_inertia(model: mujoco.MjModel, body: int, joints: range) -> list[_Inertia] | None:
+    """Inertias of the links of a body's joints, which sum to that of the body; None if no share leaves a body.
+
+    Those of all but the last joint are spheres of water at the anchor of the next joint.
+    """
+    whole = _body_inertia(model, body)
+    if len(joints) < 2:
+        return [whole]
+    for share in SPHERE_SHARES if whole.mass_kg > 0.0 else ():
+        mass_kg = share * whole.mass_kg
+        radius_m = (3.0 * mass_kg / (4.0 * np.pi * WATER_KG_M3)) ** (1.0 / 3.0)
+        moments = 0.4 * mass_kg * radius_m**2 * np.eye(3)
+        spheres = [_Inertia(mass_kg, np.array(model.jnt_pos[j]), moments) for j in joints[1:]]
+        rest = whole
+        for sphere in spheres:
+            rest = rest.minus(sphere)
+        if rest.is_physical():
+            return [*spheres, rest]
+    return None
 
 
 def _body_name(model: mujoco.MjModel, body: int) -> str:
@@ -122,47 +228,65 @@ class _Converter:
     def __init__(self, model: mujoco.MjModel, folder: Path) -> None:
         self._model, self._folder = model, folder
         self.meshes: dict[PurePosixPath, Path] = {}
+        self.changed: dict[str, str] = {}
         self._anchor_m = np.zeros((model.nbody, 3))
-        """Origin of each link in the frame of its body."""
+        """Origin of each link in the frame of its body: the anchor of its last joint."""
         for body in range(1, model.nbody):
-            if model.body_jntnum[body] and model.body_parentid[body] != 0:
-                self._anchor_m[body] = model.jnt_pos[model.body_jntadr[body]]
+            if joints := _joints_of(model, body):
+                self._anchor_m[body] = model.jnt_pos[joints[-1]]
 
     def add_body(self, urdf: ET.Element, body: int) -> None:
-        """Add the link of a body, and the joint above it unless its parent is the world."""
+        """Add the links of a body, and the joints above them unless its parent is the world."""
         model, anchor_m = self._model, self._anchor_m[body]
+        joints = _joints_of(model, body)
+        *spheres, own = _split_inertia(model, body, joints) or [_body_inertia(model, body)]
+        links = [f"{_body_name(model, body)}_below_{self._joint_name(j)}" for j in joints[:-1]]
+        for name, sphere, j in zip(links, spheres, joints, strict=False):
+            _add_inertial(ET.SubElement(urdf, "link", name=name), sphere, model.jnt_pos[j])
+            percent = 100.0 * sphere.mass_kg / float(model.body_mass[body])
+            self.changed[f"body {_body_name(model, body)}"] = (
+                f"it has {len(joints)} joints; each got a link, all but the last with {percent:.2g} % of its mass"
+            )
         link = ET.SubElement(urdf, "link", name=_body_name(model, body))
-        if model.body_mass[body] > 0.0:
-            inertial = ET.SubElement(link, "inertial")
-            _add_origin(inertial, model.body_ipos[body] - anchor_m, model.body_iquat[body])
-            ET.SubElement(inertial, "mass", value=repr(float(model.body_mass[body])))
-            xx, yy, zz = (repr(float(value)) for value in model.body_inertia[body])
-            ET.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy="0", ixz="0", iyz="0")
+        if own.mass_kg > 0.0:
+            _add_inertial(link, own, anchor_m)
         for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
             self._add_geom(link, geom, anchor_m)
         if model.body_parentid[body] != 0:
-            self._add_joint(urdf, body)
+            self._add_joints(urdf, body, [*links, _body_name(model, body)])
 
-    def _add_joint(self, urdf: ET.Element, body: int) -> None:
+    def _joint_name(self, j: int) -> str:
+        model, body = self._model, int(self._model.jnt_bodyid[j])
+        number = f"_{j - model.body_jntadr[body] + 1}" if model.body_jntnum[body] > 1 else ""
+        return model.joint(j).name or f"{_body_name(model, body)}_joint{number}"
+
+    def _add_joints(self, urdf: ET.Element, body: int, links: list[str]) -> None:
+        """Add the joints from the parent of a body to ``links`` in turn; a fixed one for a body without joints."""
         model, parent = self._model, int(self._model.body_parentid[body])
-        name, kind = f"{_body_name(model, body)}_fixed", "fixed"
-        if model.body_jntnum[body]:
-            j = int(model.body_jntadr[body])
-            name = model.joint(j).name or f"{_body_name(model, body)}_joint"
+        joints = _joints_of(model, body)
+        above, R = _body_name(model, parent), pin.Quaternion(*_parts(model.body_quat[body])).toRotationMatrix()
+        first_m = model.jnt_pos[joints[0]] if joints else np.zeros(3)
+        origin_m, wxyz = model.body_pos[body] + R @ first_m - self._anchor_m[parent], model.body_quat[body]
+        if not joints:
+            fixed = ET.SubElement(urdf, "joint", name=f"{links[-1]}_fixed", type="fixed")
+            _add_place(fixed, above, links[-1], origin_m, wxyz)
+        for j, link in zip(joints, links, strict=False):
             kind = "revolute" if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE else "prismatic"
-        joint = ET.SubElement(urdf, "joint", name=name, type=kind)
-        turned = pin.Quaternion(*_parts(model.body_quat[body])).toRotationMatrix() @ self._anchor_m[body]
-        _add_origin(joint, model.body_pos[body] + turned - self._anchor_m[parent], model.body_quat[body])
-        ET.SubElement(joint, "parent", link=_body_name(model, parent))
-        ET.SubElement(joint, "child", link=_body_name(model, body))
-        if kind == "revolute":
-            ET.SubElement(joint, "axis", xyz=_text(model.jnt_axis[j]))
-            lower, upper = (
-                model.jnt_range[j] - model.qpos0[model.jnt_qposadr[j]] if model.jnt_limited[j] else (0.0, 0.0)
-            )
-            limits = {"lower": lower, "upper": upper, "effort": self._torque_nm(j), "velocity": 0.0}
-            ET.SubElement(joint, "limit", {key: repr(float(value)) for key, value in limits.items()})
-            ET.SubElement(joint, "dynamics", damping="0", armature=repr(float(model.dof_armature[model.jnt_dofadr[j]])))
+            joint = ET.SubElement(urdf, "joint", name=self._joint_name(j), type=kind)
+            _add_place(joint, above, link, origin_m, wxyz)
+            if kind == "revolute":
+                self._add_limits(joint, j)
+            if j + 1 in joints:
+                above, origin_m, wxyz = link, model.jnt_pos[j + 1] - model.jnt_pos[j], np.array([1.0, 0.0, 0.0, 0.0])
+
+    def _add_limits(self, joint: ET.Element, j: int) -> None:
+        """Add the axis, the limits and the rotor inertia of a hinge."""
+        model = self._model
+        ET.SubElement(joint, "axis", xyz=_text(model.jnt_axis[j]))
+        lower, upper = model.jnt_range[j] - model.qpos0[model.jnt_qposadr[j]] if model.jnt_limited[j] else (0.0, 0.0)
+        limits = {"lower": lower, "upper": upper, "effort": self._torque_nm(j), "velocity": 0.0}
+        ET.SubElement(joint, "limit", {key: repr(float(value)) for key, value in limits.items()})
+        ET.SubElement(joint, "dynamics", damping="0", armature=repr(float(model.dof_armature[model.jnt_dofadr[j]])))
 
     def _torque_nm(self, j: int) -> float:
         """Largest torque of the joint's actuators; 0 if none states a limit."""
@@ -231,6 +355,21 @@ class _Converter:
             path.write_bytes(binary_stl(np.asarray(vertices_m, float), np.asarray(faces)))
             self.meshes[PurePosixPath(name)] = path
         return name
+
+
+def _add_place(joint: ET.Element, parent: str, child: str, position_m: Vector3, wxyz: np.ndarray) -> None:
+    _add_origin(joint, position_m, wxyz)
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+
+
+def _add_inertial(link: ET.Element, body: _Inertia, origin_m: Vector3) -> None:
+    """Add an inertia, given in the frame of the body, to a link whose origin is at ``origin_m``."""
+    inertial = ET.SubElement(link, "inertial")
+    _add_origin(inertial, body.com_m - origin_m, np.array([1.0, 0.0, 0.0, 0.0]))
+    ET.SubElement(inertial, "mass", value=repr(body.mass_kg))
+    rows = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+    ET.SubElement(inertial, "inertia", {key: repr(float(body.moments_kg_m2[at])) for key, at in rows.items()})
 
 
 def _add_origin(element: ET.Element, position_m: Vector3, wxyz: np.ndarray) -> None:

@@ -11,10 +11,14 @@ from jaxtyping import Float
 from stridelab.conventions import GRAVITY_M_S2, Angles
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.recovery.recovery import Recovery
+from stridelab.wholebody.replay.dcm_feedback import ankles_of
 from stridelab.wholebody.replay.stabiliser import Stabiliser
 
 FULL_SIZE_NM: Final = 776.0
 """Weight times CoM height of TALOS, from which a robot gets the full stiffness."""
+TILT_LIMIT_1_M: Final = 200.0
+"""Largest stiffness of an ankle over weight times the squared half width of its sole: at a penetration of 1 mm of one
+edge the ankle then moves the centre of pressure by a fifth of the half width. TALOS has 188, HRP-2 148."""
 
 
 @dataclass(frozen=True)
@@ -22,10 +26,13 @@ class ReplayControl:
     """Joint control of stiffness (N m/rad) and damping (N m s/rad) in legs and torso, ``arm_share`` of it in the arms.
 
     A rotor inertia of 0.1 kg m^2 and 3000 N m/rad give 28 Hz, well above the motion and well below the 1 kHz steps. For
-    robots with ``m g h`` below ``FULL_SIZE_NM`` the stiffness is reduced proportionally. The damping of a joint is
-    limited to ``I / dt``, which stops it within one step; ``I`` is its inertia with all other joints free. Beyond twice
-    that value the control is unstable. Readings that are ``expected_delay_s`` old are predicted (``DelayPredictor``).
-    Where the stabiliser cannot undo a push, ``recovery`` leaves the plan and steps; it needs a stabiliser.
+    robots with ``m g h`` below ``FULL_SIZE_NM`` the stiffness is reduced proportionally, and that of an ankle also for
+    a sole that is narrow for the weight: with half width b it tilts on soft ground by its penetration over b, and the
+    torque ``k`` against this moves the centre of pressure by ``k / (m g)`` per radian (``TILT_LIMIT_1_M``). The damping
+    of a joint is limited to ``I / dt``, which stops it within one step; ``I`` is its inertia with all other joints
+    free. Beyond twice that value the control is unstable. Readings that are ``expected_delay_s`` old are predicted
+    (``DelayPredictor``). Where the stabiliser cannot undo a push, ``recovery`` leaves the plan and steps; it needs a
+    stabiliser.
     """
 
     stiffness: float = 3000.0
@@ -44,9 +51,22 @@ class ReplayControl:
         ankle = np.array([ankle_share if joint in ankles else 1.0 for joint in joints])
         height_m = pin.centerOfMass(robot.model, data, robot.q_reference)[2]  # the soles are on z = 0
         size = min(1.0, robot.mass_kg * GRAVITY_M_S2 * height_m / FULL_SIZE_NM)
-        inertia = joint_inertias(robot)
-        kp = self.stiffness * size * share * ankle
-        return kp, np.minimum(self.damping * size * share * np.sqrt(ankle), inertia / timestep_s)
+        full = self.stiffness * size * share
+        if self.stabiliser is not None:
+            for joint, limit in ankle_limits(robot).items():
+                ankle[joint] *= min(1.0, limit / max(full[joint] * ankle[joint], 1e-9))
+        damping = self.damping * size * share * np.sqrt(ankle)
+        return full * ankle, np.minimum(damping, joint_inertias(robot) / timestep_s)
+
+
+def ankle_limits(robot: Robot) -> dict[int, float]:
+    """Largest stiffness (N m/rad) by the index of an ankle's joint, from the width of the sole across its axis."""
+    limits = {}
+    for ankle in ankles_of(robot).values():
+        for joint, axis in zip(ankle.joints, ankle.axes, strict=True):
+            half_m = ankle.half_size_m[1 - int(np.argmax(np.abs(axis[:2])))]
+            limits[joint] = TILT_LIMIT_1_M * robot.mass_kg * GRAVITY_M_S2 * half_m**2
+    return limits
 
 
 def joint_inertias(robot: Robot) -> Float[np.ndarray, "na"]:

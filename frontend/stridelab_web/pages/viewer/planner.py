@@ -25,8 +25,9 @@ from stridelab_web.scene.contacts import contact_facts, effector_side, half_size
 from stridelab_web.scene.density_nodes import GROUP, SHOWN_MASS
 from stridelab_web.scene.documents import Document
 from stridelab_web.scene.frames import Frames
-from stridelab_web.scene.plan_frames import GHOST, MEASURED, MOMENTUM, MOMENTUM_M_PER_NMS, ROBOT
+from stridelab_web.scene.plan_frames import GHOST, MEASURED, MOMENTUM, MOMENTUM_M_PER_NMS, PERSON, ROBOT
 from stridelab_web.scene.plan_frames import GROUP as CONES
+from stridelab_web.scene.result_files import PERSON as PERSON_TABLE
 from stridelab_web.scene.result_files import REPLAYED, SCENARIO, needed_files, read_plan
 
 MARK_PERCENT: Final = 0.5
@@ -109,6 +110,9 @@ async def plan_page(request: Request, job_id: str) -> Response:
         differs = not result.summary["replay"]["completed"]
         layers.insert(1, Layer(GHOST, "Replay", differs, "The robot as it moved in physics, in blue"))
         layers.insert(3, Layer(MEASURED, "Measured forces", False, "Contact forces of the replay, in dark blue"))
+    if PERSON_TABLE in files:
+        said = "The person of the recording, scaled to the robot and on its clock"
+        layers.insert(1, Layer(PERSON, "Person", True, said))
     if await _has_densities(client, scenario.robot):
         layers.append(Layer(GROUP, f"Reach, {100 * SHOWN_MASS:.0f} %", False))
     moments, scenario_s = moments_of(result), sum(phase.duration_s for phase in scenario.phases)

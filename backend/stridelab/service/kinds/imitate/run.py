@@ -1,6 +1,7 @@
 """``imitate``: a person's walk as that of a robot; the files of ``plan-motion``, and those of the comparison.
 
-Further tables: ``comparison`` (one row per quantity) and ``curves`` (both walks over a step).
+Further tables: ``comparison`` (one row per quantity), ``curves`` (both walks over a step) and ``person`` (points of the
+person in the robot's scene and on its clock).
 """
 
 from pathlib import Path
@@ -39,6 +40,7 @@ def write_imitation(folder: Path, result: ImitationResult, progress: ProgressCal
         write_json(folder, "scenario.json", summary.scenario),
         *write_table(folder, "comparison", comparison_columns(result), about),
         *write_table(folder, "curves", result.curves, about),
+        *(write_table(folder, "person", result.person_tracks, about) if result.person_tracks else ()),
         *write_plan(folder, plan.plan),
         *write_motion(folder, plan.robot, result.motion),
         *write_replay(folder, plan.robot, result.motion, result.replay),
