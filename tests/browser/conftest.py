@@ -166,7 +166,7 @@ def drawn() -> None:
 
 @pytest.fixture
 def open_tab(chromium: Browser, site: Service, request: pytest.FixtureRequest) -> Iterator[Callable[..., Tab]]:
-    """Opens tabs of a given size; at the end none may have logged an error or asked another host for anything.
+    """Opens tabs of a given size; at the end none may have logged an error or requested anything of another host.
 
     Further arguments go to the browser: ``device_scale_factor``, ``has_touch``, ``is_mobile``, ``color_scheme``.
     """

@@ -31,15 +31,15 @@ def test_the_job_of_a_large_upload_is_followed_to_its_end(tab: Tab, lab: Lab) ->
     form = page.locator("[data-batch]")
     form.get_by_label("Recordings").set_input_files([FILE])
     form.get_by_role("button", name="Upload and study").click()
-    said = form.locator("[data-said]")
-    expect(said).to_have_text("1 of 2 files read")
+    message = form.locator("[data-said]")
+    expect(message).to_have_text("1 of 2 files read")
     expect(form.get_by_label("Upload", exact=True)).to_have_attribute("value", "0.5")
     lab.fake.change(job.id, state="succeeded", progress=Progress(fraction=1.0))
-    expect(said).to_have_text("1 uploaded, 1 refused.")
+    expect(message).to_have_text("1 uploaded, 1 refused.")
     expect(form.locator("[data-refused] li")).to_have_text(["broken.c3d: It is no recording."])
-    with page.expect_request("**/api/v1/jobs/study-population") as asked:
+    with page.expect_request("**/api/v1/jobs/study-population") as request:
         form.get_by_role("button", name="Study the others").click()
-    assert json.loads(asked.value.post_data or "")["recording_ids"] == [stored.id]
+    assert json.loads(request.value.post_data or "")["recording_ids"] == [stored.id]
 
 
 def test_why_a_job_read_nothing_is_said(tab: Tab, lab: Lab) -> None:

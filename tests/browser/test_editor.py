@@ -1,4 +1,4 @@
-"""The editor of scenarios on the real service: what moves is judged at once, and contacts are found from end to end."""
+"""The editor of scenarios on the real service: what moves is judged at once, contacts are planned between ends."""
 
 import re
 
@@ -17,7 +17,7 @@ from stridelab.schemas.scenarios import (
 from stridelab_web.scene.contacts import placed_contacts
 from support.browser.page import Service, Tab, hold, nodes, opened, until
 
-FOUND_WITHIN_MS = 120_000
+PLANNED_WITHIN_MS = 120_000
 WARNING = [176, 0, 32]
 LOOK = """(name) => {
     const viser = document.querySelector("iframe").contentWindow.__viserMutable;
@@ -55,17 +55,17 @@ def refused(tab: Tab) -> None:
 
 
 def test_a_contact_is_judged_while_it_is_held(tab: Tab, service: Service) -> None:
-    kept = service.client.add_scenario(bare(service, "flat-walk", name="dragged"))
-    third = placed_contacts(kept)[2]
+    remaining = service.client.add_scenario(bare(service, "flat-walk", name="dragged"))
+    third = placed_contacts(remaining)[2]
     x, y, z = third.contact.position_m
-    page = opened(tab, f"/view/?scenario={kept.id}")
+    page = opened(tab, f"/view/?scenario={remaining.id}")
     editor, verdict = page.locator("[data-editor]"), page.locator("[data-verdict]")
     expect(editor).to_have_attribute("data-judged", "valid")
 
     hold(page, "/contacts/3", (x + 1.65, y, z))  # two steps beyond the next foothold
     expect(editor).to_have_attribute("data-judged", "invalid")
     expect(verdict).to_contain_text(re.compile(r"^Phase \d+"))
-    assert service.client.scenario(kept.id).phases == kept.phases, "nothing is stored while it is held"
+    assert service.client.scenario(remaining.id).phases == remaining.phases, "nothing is stored while it is held"
     until(page, lambda: page.evaluate(LOOK, "/contacts/3")["rgb"] == WARNING)
     row = page.locator("li", has=page.get_by_role("button", name="3 right foot"))
     expect(row.locator("[data-margins]")).to_contain_text("too short")
@@ -77,22 +77,22 @@ def test_a_contact_is_judged_while_it_is_held(tab: Tab, service: Service) -> Non
     expect(editor).to_have_attribute("data-judged", "valid")
     expect(row.locator("[data-margins]")).to_contain_text("to spare")
     until(page, lambda: page.evaluate(LOOK, "/contacts/3")["rgb"] != WARNING)
-    assert service.client.scenario(kept.id).phases == kept.phases
+    assert service.client.scenario(remaining.id).phases == remaining.phases
     refused(tab)
 
 
 def test_numbers_are_judged_while_they_are_typed(tab: Tab, service: Service) -> None:
-    kept = service.client.add_scenario(bare(service, "six-stairs", name="typed"))
-    page = opened(tab, f"/view/?scenario={kept.id}")
+    remaining = service.client.add_scenario(bare(service, "six-stairs", name="typed"))
+    page = opened(tab, f"/view/?scenario={remaining.id}")
     contact = page.get_by_role("button", name="5 right foot")
     contact.click()
     height = page.locator("li", has=contact).get_by_label("z")
     height.fill("0.3")
     expect(page.locator("[data-verdict]")).to_contain_text("right foot: is in the air")
     expect(page.locator("[data-margins]").nth(4)).to_contain_text("10.0 cm above the surface")
-    for k in range(placed_contacts(kept)[4].first_phase, placed_contacts(kept)[4].last_phase + 1):
+    for k in range(placed_contacts(remaining)[4].first_phase, placed_contacts(remaining)[4].last_phase + 1):
         expect(bars(page).nth(k)).to_have_attribute("data-kind", "invalid")
-    assert service.client.scenario(kept.id).phases == kept.phases
+    assert service.client.scenario(remaining.id).phases == remaining.phases
     height.fill("0.2")
     expect(page.locator("[data-editor]")).to_have_attribute("data-judged", "valid")
 
@@ -147,17 +147,17 @@ def shows(page: Page, check: ScenarioCheck, phase: int) -> None:
     assert apart.min(axis=1).max() < 1e-5, "and nothing else"
 
 
-def test_contacts_are_found_between_the_ends(tab: Tab, service: Service) -> None:
+def test_contacts_are_planned_between_the_ends(tab: Tab, service: Service) -> None:
     page = opened(tab, "/view/?scenario=flat-walk")
     page.get_by_role("button", name="Find contacts").click()
-    page.wait_for_url(lambda url: "scenario=" in url and "flat-walk" not in url, timeout=FOUND_WITHIN_MS)
+    page.wait_for_url(lambda url: "scenario=" in url and "flat-walk" not in url, timeout=PLANNED_WITHIN_MS)
     page.wait_for_selector("[data-ready]", timeout=60_000)
-    asked, found = service.client.scenario("flat-walk"), service.client.scenario(page.url.rpartition("=")[2])
-    assert found.name == "Flat walk: contacts found"
-    assert not found.bundled
+    request, result = service.client.scenario("flat-walk"), service.client.scenario(page.url.rpartition("=")[2])
+    assert result.name == "Flat walk: contacts found"
+    assert not result.bundled
     for k in (0, -1):
-        assert places(found.phases[k]) == pytest.approx(places(asked.phases[k]))
-    assert len(found.phases) > 2
+        assert places(result.phases[k]) == pytest.approx(places(request.phases[k]))
+    assert len(result.phases) > 2
     expect(page.locator("[data-editor]")).to_have_attribute("data-judged", "valid")
 
     job = service.client.jobs(kind="plan-contacts").items[0]
@@ -165,8 +165,8 @@ def test_contacts_are_found_between_the_ends(tab: Tab, service: Service) -> None
     page.get_by_role("button", name="Save as a scenario").click()
     page.wait_for_url(lambda url: "scenario=" in url)
     again = service.client.scenario(page.url.rpartition("=")[2])
-    assert again.id != found.id
-    assert (again.name, again.phases) == (found.name, found.phases)
+    assert again.id != result.id
+    assert (again.name, again.phases) == (result.name, result.phases)
 
 
 def places(phase: ScenarioPhase) -> dict[str, float]:
@@ -177,7 +177,7 @@ def places(phase: ScenarioPhase) -> dict[str, float]:
     }
 
 
-def test_why_no_contacts_are_found_is_said(tab: Tab, service: Service) -> None:
+def test_why_no_contacts_are_planned_is_shown(tab: Tab, service: Service) -> None:
     """A step of 19 cm, which the judge lets pass and the planner does not take; and a goal on one foot."""
     walk = bare(service, "flat-walk", name="high step")
     ground = next(surface for surface in walk.terrain if isinstance(surface, BoxSurface))
@@ -192,7 +192,7 @@ def test_why_no_contacts_are_found_is_said(tab: Tab, service: Service) -> None:
     climb = walk.model_copy(update={"terrain": [ground, step], "phases": phases})
     page = opened(tab, f"/view/?scenario={service.client.add_scenario(climb).id}")
     page.get_by_role("button", name="Find contacts").click()
-    expect(page.get_by_role("alert").filter(has_text="step")).to_be_visible(timeout=FOUND_WITHIN_MS)
+    expect(page.get_by_role("alert").filter(has_text="step")).to_be_visible(timeout=PLANNED_WITHIN_MS)
     expect(page.get_by_role("button", name="Find contacts")).to_be_enabled()
 
     one_foot = climb.model_copy(update={"phases": phases[:4]})
@@ -204,10 +204,10 @@ def test_why_no_contacts_are_found_is_said(tab: Tab, service: Service) -> None:
 
 
 def test_terrain_is_changed_by_numbers_and_its_contacts_follow(tab: Tab, service: Service) -> None:
-    kept = service.client.add_scenario(two_stairs(service, "raised"))
-    names = [surface.name for surface in kept.terrain]
-    last = placed_contacts(kept)[-1]
-    page = opened(tab, f"/view/?scenario={kept.id}")
+    remaining = service.client.add_scenario(two_stairs(service, "raised"))
+    names = [surface.name for surface in remaining.terrain]
+    last = placed_contacts(remaining)[-1]
+    page = opened(tab, f"/view/?scenario={remaining.id}")
     page.get_by_text("Terrain, friction and name").click()
     surface = page.locator("[data-surfaces] li").nth(len(names) - 1)
     surface.get_by_role("button", name=names[-1]).click()
@@ -216,19 +216,19 @@ def test_terrain_is_changed_by_numbers_and_its_contacts_follow(tab: Tab, service
     top.fill(str(round(before + 0.01, 4)))
     top.press("Enter")
     expect(page.locator("[data-said]")).to_have_text(f"{names[-1]} stored.")
-    stored = service.client.scenario(kept.id)
+    stored = service.client.scenario(remaining.id)
     assert placed_contacts(stored)[-1].contact.position_m[2] == pytest.approx(last.contact.position_m[2] + 0.01)
-    assert placed_contacts(stored)[0].contact.position_m == placed_contacts(kept)[0].contact.position_m
+    assert placed_contacts(stored)[0].contact.position_m == placed_contacts(remaining)[0].contact.position_m
 
     page.get_by_role("group", name="Add a surface").get_by_role("button", name="Wall").click()
     expect(page.locator("[data-said]")).to_have_text("Added a wall.")
-    assert service.client.scenario(kept.id).terrain[-1].name == "wall 1"
+    assert service.client.scenario(remaining.id).terrain[-1].name == "wall 1"
     for _ in range(2):
         page.get_by_role("button", name="Undo").click()
         expect(page.locator("[data-said]")).to_have_text("Undone.")
         page.evaluate("() => { document.querySelector('[data-said]').textContent = ''; }")
-    assert service.client.scenario(kept.id).terrain == kept.terrain
+    assert service.client.scenario(remaining.id).terrain == remaining.terrain
     page.get_by_label("Name").fill("Renamed")
     page.get_by_label("Name").press("Enter")
     expect(page.get_by_role("heading", level=1)).to_have_text("Renamed")
-    assert service.client.scenario(kept.id).name == "Renamed"
+    assert service.client.scenario(remaining.id).name == "Renamed"

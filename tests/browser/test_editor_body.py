@@ -34,11 +34,11 @@ def base(page: Page) -> np.ndarray:
     return np.array(link[0]) + np.array(link[1])
 
 
-def test_a_stance_that_no_body_can_take_is_said_and_not_valid(tab: Tab, service: Service) -> None:
-    kept = service.client.add_scenario(stairs("stretched"))
-    foot = placed_contacts(kept)[FOOT]
+def test_a_stance_that_no_body_can_take_is_shown_and_not_valid(tab: Tab, service: Service) -> None:
+    scenario = service.client.add_scenario(stairs("stretched"))
+    foot = placed_contacts(scenario)[FOOT]
     assert foot.effector == "left_foot"
-    page = opened(tab, f"/view/?scenario={kept.id}&contact={foot.number}")
+    page = opened(tab, f"/view/?scenario={scenario.id}&contact={foot.number}")
     editor, verdict = page.locator("[data-editor]"), page.locator("[data-verdict]")
     expect(editor).to_have_attribute("data-judged", "valid", timeout=60_000)
     expect(verdict).to_contain_text("the body can take the stance of every phase")

@@ -41,7 +41,7 @@ COUNTED = ("serious", "critical")
 
 @pytest.fixture
 def folder() -> Path | None:
-    """Folder of the pictures, light and dark at four sizes; None where nobody looks at them."""
+    """Folder of the pictures, light and dark at four sizes; None where they are not looked at."""
     named = os.environ.get("STRIDELAB_SCREENSHOTS")
     if not named:
         return None
@@ -50,10 +50,10 @@ def folder() -> Path | None:
 
 
 @pytest.mark.timeout(600)
-def test_every_page_fits_and_keeps_nobody_out(open_tab: Callable[..., Tab], lab: Lab, folder: Path | None) -> None:
+def test_every_page_fits_and_is_accessible(open_tab: Callable[..., Tab], lab: Lab, folder: Path | None) -> None:
     """Each page is loaded once, at the first size, and then its window is made smaller."""
     tab = open_tab(SIZES[0]["width"], SIZES[0]["height"])
-    found = {}
+    result = {}
     for name, address in every_page(lab.fake).items():
         tab.page.goto("about:blank")  # the page before is not laid out and coloured again
         tab.page.set_viewport_size(SIZES[0])
@@ -66,12 +66,12 @@ def test_every_page_fits_and_keeps_nobody_out(open_tab: Callable[..., Tab], lab:
             page.set_viewport_size(size)
             page.evaluate(TWO_PICTURES)
             if wrong := [*_unfit(page, CHECKED_BY_AXE.get(size["width"], ()))]:
-                found[f"{name} at {size['width']}"] = wrong
+                result[f"{name} at {size['width']}"] = wrong
         if len(page.screenshot(type="png")) <= LEAST_BYTES:
-            found[name] = ["empty"]
+            result[name] = ["empty"]
         if folder is not None:
             _store_pictures(page, name, folder)
-    assert found == {}
+    assert result == {}
     tab.missteps = [misstep for misstep in tab.missteps if "status of 404" not in misstep]
 
 

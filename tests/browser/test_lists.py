@@ -76,7 +76,7 @@ def test_uploads_appear_in_the_list_and_leave_the_ticks(tab: Tab, lab: Lab, file
 
 
 def test_the_first_upload_of_all_replaces_the_empty_list(tab: Tab, lab: Lab, files: list[Path]) -> None:
-    kept = dict(lab.fake.recordings)
+    stored = dict(lab.fake.recordings)
     lab.fake.recordings.clear()
     try:
         page = tab.go("/recordings")
@@ -85,7 +85,7 @@ def test_the_first_upload_of_all_replaces_the_empty_list(tab: Tab, lab: Lab, fil
         expect(page.locator("[data-recordings] tbody tr")).to_have_count(2)
         expect(page.get_by_text("Nothing uploaded yet.")).to_have_count(0)
     finally:
-        lab.fake.recordings.update(kept)
+        lab.fake.recordings.update(stored)
 
 
 def test_the_same_file_again_says_so_and_opens_the_old_one(tab: Tab, lab: Lab, tmp_path: Path) -> None:
@@ -162,12 +162,12 @@ def test_without_scripts_times_are_in_utc_and_say_so(lab: Lab, chromium: Browser
 
 
 def test_the_chosen_phase_is_counted_among_all(open_tab: Callable[..., Tab], lab: Lab) -> None:
-    kept = lab.fake.add_scenario()
-    page = opened(open_tab(1000, 700), f"/view/?scenario={kept.id}")
+    scenario = lab.fake.add_scenario()
+    page = opened(open_tab(1000, 700), f"/view/?scenario={scenario.id}")
     page.locator("[data-phases] button").nth(1).click()
-    expect(page.locator("[data-phase-number]")).to_have_text(f"1 (2 of {len(kept.phases)})")
+    expect(page.locator("[data-phase-number]")).to_have_text(f"1 (2 of {len(scenario.phases)})")
     page.locator("[data-phases] button").last.click()
-    last = len(kept.phases) - 1
+    last = len(scenario.phases) - 1
     expect(page.locator("[data-phase-number]")).to_have_text(f"{last} ({last + 1} of {last + 1})")
 
 
@@ -180,10 +180,10 @@ PLACES = """([start_s, end_s]) => {
 
 
 def edges(page: Page, bar: str) -> list[float]:
-    found: list[float] = page.locator(bar).first.evaluate(
+    result: list[float] = page.locator(bar).first.evaluate(
         "(bar) => { const { left, right } = bar.getBoundingClientRect(); return [left, right]; }"
     )
-    return found
+    return result
 
 
 @pytest.mark.parametrize("width", [390, 800, 1400, 2000])
@@ -208,10 +208,10 @@ def test_the_strip_of_a_recording_stands_above_the_same_instants_of_the_curves(
 
 def test_the_phases_that_a_solver_chose_stand_above_the_same_instants(tab: Tab, lab: Lab) -> None:
     job = lab.fake.add_plan()
-    found = lab.fake.result(job.id)
+    result = lab.fake.result(job.id)
     phases = [PhaseDuration(given_s=s, chosen_s=s) for s in (1.0, 0.8, 0.2, 0.8, 0.2, 0.8, 0.2, 0.8, 1.0)]
-    summary = found.summary | {"phase_durations": [phase.model_dump() for phase in phases]}
-    lab.fake.results[job.id] = found.model_copy(update={"summary": summary})
+    summary = result.summary | {"phase_durations": [phase.model_dump() for phase in phases]}
+    lab.fake.results[job.id] = result.model_copy(update={"summary": summary})
     page = tab.go(f"/plans/{job.id}")
     page.wait_for_selector("#plots[data-ready]")
     first = page.locator(".strip.phases svg").nth(1).locator("rect:not(.track)").first

@@ -39,23 +39,23 @@ def way_m(page: Page, name: str) -> np.ndarray | None:
 def test_the_plan_follows_a_contact_that_is_held(tab: Tab, service: Service) -> None:
     stored = service.client.scenario("flat-walk")
     body = Scenario(**{name: getattr(stored, name) for name in Scenario.model_fields})
-    kept = service.client.add_scenario(body)
-    third = placed_contacts(kept)[2]
+    scenario = service.client.add_scenario(body)
+    third = placed_contacts(scenario)[2]
     x, y, z = third.contact.position_m
-    page = opened(tab, f"/view/?scenario={kept.id}")
-    said = page.locator("[data-live-said]")
-    expect(said).to_contain_text(
+    page = opened(tab, f"/view/?scenario={scenario.id}")
+    message = page.locator("[data-live-said]")
+    expect(message).to_contain_text(
         re.compile(r"cost -?\d+\.\d+, \d+ iterations, solved in \d+\.\d ms"), timeout=STARTED_WITHIN_MS
     )
     until(page, lambda: way_m(page, "/live/planned") is not None)
     before = way_m(page, "/live/planned")
-    planned = service.client.preview_plan(PlanPreviewInput(scenario_id=kept.id)).motion
+    planned = service.client.preview_plan(PlanPreviewInput(scenario_id=scenario.id)).motion
     assert before is not None
     np.testing.assert_allclose(before[[0, -1]], np.array(planned.com_m)[[0, -1]], atol=2e-3)
 
     hold(page, "/contacts/3", (x, y - 0.06, z))
     until(page, lambda: np.abs(np.asarray(way_m(page, "/live/planned")) - before).max() > 2e-3)
-    assert service.client.scenario(kept.id).phases == kept.phases, "nothing is stored while it is held"
+    assert service.client.scenario(scenario.id).phases == scenario.phases, "nothing is stored while it is held"
     page.mouse.up()
     expect(page.locator("[data-said]")).to_have_text("Stored.")
 
@@ -65,19 +65,19 @@ def test_the_plan_follows_a_contact_that_is_held(tab: Tab, service: Service) -> 
 
 def test_the_plan_follows_a_length_that_is_typed(tab: Tab, service: Service) -> None:
     stored = service.client.scenario("flat-walk")
-    kept = service.client.add_scenario(Scenario(**{name: getattr(stored, name) for name in Scenario.model_fields}))
-    page = opened(tab, f"/view/?scenario={kept.id}&phase=3")
+    scenario = service.client.add_scenario(Scenario(**{name: getattr(stored, name) for name in Scenario.model_fields}))
+    page = opened(tab, f"/view/?scenario={scenario.id}&phase=3")
     expect(page.locator("[data-live-said]")).to_contain_text("solved in", timeout=STARTED_WITHIN_MS)
     until(page, lambda: way_m(page, "/live/planned") is not None)
     before = way_m(page, "/live/planned")
     assert before is not None
-    page.get_by_label("lasts").fill(str(kept.phases[3].duration_s + 0.6))
+    page.get_by_label("lasts").fill(str(scenario.phases[3].duration_s + 0.6))
     until(page, lambda: np.abs(np.asarray(way_m(page, "/live/planned")) - before).max() > 2e-3)
-    assert service.client.scenario(kept.id).phases == kept.phases, "nothing is stored while it is typed"
+    assert service.client.scenario(scenario.id).phases == scenario.phases, "nothing is stored while it is typed"
     page.locator("h1").click()  # which leaves the field, and so stores
     expect(page.locator("[data-said]").first).to_have_text("Phase 3 stored.")
-    changed = service.client.scenario(kept.id).phases
-    assert [k for k, (a, b) in enumerate(zip(kept.phases, changed, strict=True)) if a != b] == [3]
+    changed = service.client.scenario(scenario.id).phases
+    assert [k for k, (a, b) in enumerate(zip(scenario.phases, changed, strict=True)) if a != b] == [3]
 
 
 def test_a_push_and_what_follows_it(tab: Tab, service: Service) -> None:

@@ -63,7 +63,7 @@ def test_the_page_follows_a_walk_to_its_end(tab: Tab, service: Service) -> None:
     expect(page.locator('[data-fact="time"]')).to_have_text("1.20 s")
 
 
-def test_what_is_missing_is_said_and_no_number_is_made_up(tab: Tab, service: Service) -> None:
+def test_what_is_missing_is_named_and_no_number_is_made_up(tab: Tab, service: Service) -> None:
     page = tab.go("/live")
     nothing = [None] * len(sample().markers_m)
     with service.client.stream_markers(HEADER) as stream:

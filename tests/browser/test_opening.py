@@ -13,22 +13,22 @@ from support.fakes.web_app import Lab
 pytestmark = pytest.mark.usefixtures("lab")
 
 WATCHED = """(() => {
-    const told = window.top.__told ??= { contexts: 0, shaders: [], pictures: [], draws: 0 };
+    const report = window.top.__report ??= { contexts: 0, shaders: [], pictures: [], draws: 0 };
     const all = WebGL2RenderingContext.prototype, element = HTMLCanvasElement.prototype;
     const { getContext } = element, { shaderSource } = all;
     element.getContext = function (kind, ...options) {
-        if (kind.startsWith("webgl")) told.contexts += 1;
+        if (kind.startsWith("webgl")) report.contexts += 1;
         return getContext.call(this, kind, ...options);
     };
     all.shaderSource = function (shader, text) {
-        told.shaders.push(/#define SHADER_NAME (\\w+)/.exec(text)?.[1] ?? "");
+        report.shaders.push(/#define SHADER_NAME (\\w+)/.exec(text)?.[1] ?? "");
         return shaderSource.call(this, shader, text);
     };
     for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"]) {
         const draw = all[name];
         all[name] = function (...how) {
-            told.draws += 1;
-            told.held ??= window.top.document.querySelector("[data-stage]").hasAttribute("data-held");
+            report.draws += 1;
+            report.held ??= window.top.document.querySelector("[data-stage]").hasAttribute("data-held");
             return draw.apply(this, how);
         };
     }
@@ -54,19 +54,19 @@ def watched(tab: Tab, address: str) -> tuple[Page, dict[str, Any]]:
     """A page whose scene is complete, and what it took until then."""
     tab.page.add_init_script(WATCHED)
     page = opened(tab, address)
-    told: dict[str, Any] = page.evaluate("() => ({ ...window.__told })")
-    return page, told
+    reports: dict[str, Any] = page.evaluate("() => ({ ...window.__report })")
+    return page, reports
 
 
 @pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize("kind", PAGES)
 def test_nothing_is_drawn_before_the_scene_is_complete(tab: Tab, addresses: dict[str, str], kind: str) -> None:
     """Without a graphics card each picture costs a third of a second, and the image of a city a whole one."""
-    page, told = watched(tab, addresses[kind])
-    assert told["draws"] > 0
-    assert told["held"] is False
-    assert told["contexts"] == 2, "one to look whether there is WebGL, one to draw"
-    assert "GainMapDecoderMaterial" not in told["shaders"]
+    page, reports = watched(tab, addresses[kind])
+    assert reports["draws"] > 0
+    assert reports["held"] is False
+    assert reports["contexts"] == 2, "one to look whether there is WebGL, one to draw"
+    assert "GainMapDecoderMaterial" not in reports["shaders"]
     assert page.locator("[data-veil]").is_hidden()
 
 

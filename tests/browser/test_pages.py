@@ -55,7 +55,7 @@ def test_upload_estimate_and_read_the_result(tab: Tab, service: Service, trial: 
     assert download.value.path().read_bytes().startswith(b"PK")
 
 
-def test_a_method_is_asked_only_for_what_it_uses(tab: Tab, service: Service, trial: Path) -> None:
+def test_a_method_has_only_the_fields_that_it_uses(tab: Tab, service: Service, trial: Path) -> None:
     page = tab.go(f"/recordings/{service.client.upload(trial, filename='options.c3d').id}")
     form = page.locator("[data-estimate]")
     cutoffs, plates = form.get_by_label("Cut-off frequencies"), form.get_by_label("Error of the plates")
@@ -77,10 +77,10 @@ def test_a_method_is_asked_only_for_what_it_uses(tab: Tab, service: Service, tri
     page.get_by_role("button", name="Estimate", exact=True).click()
     page.wait_for_url("**/jobs/*")
     expect(page.get_by_role("heading", name="Result")).to_be_visible(timeout=120_000)
-    asked = service.client.result(page.url.rpartition("/")[2]).input
-    assert (asked["method"], asked["cutoffs"]) == ("smoother", "auto")
-    assert asked["smoother"]["segment_momentum"] is True
-    assert {k: v for k, v in asked["smoother"]["priors"].items() if v is not None} == {"plate_force_n": 5}
+    request = service.client.result(page.url.rpartition("/")[2]).input
+    assert (request["method"], request["cutoffs"]) == ("smoother", "auto")
+    assert request["smoother"]["segment_momentum"] is True
+    assert {k: v for k, v in request["smoother"]["priors"].items() if v is not None} == {"plate_force_n": 5}
     assert "marker_mm" in " ".join(facts(page))
 
 
@@ -108,10 +108,10 @@ def test_inputs_are_switched_by_keyboard(tab: Tab, estimated: tuple[str, str]) -
     page.wait_for_selector("#plots[data-ready]")
 
     def shown() -> list[str]:
-        found: list[str] = page.evaluate(
+        result: list[str] = page.evaluate(
             "() => document.getElementById('plots').data.filter(t => t.key && t.visible !== false).map(t => t.key)"
         )
-        return found
+        return result
 
     assert {"axis_y_m", "geometry_y_m", "y_m", "force_y_n"} <= set(shown())
     page.get_by_role("checkbox", name="central axis").press(" ")
@@ -255,7 +255,7 @@ def test_cancel_a_waiting_and_a_running_job(tab: Tab, service: Service) -> None:
         service.client.cancel(job.id)
 
 
-def test_failure_is_told_with_its_reason(tab: Tab, service: Service, trial: Path) -> None:
+def test_failure_is_shown_with_its_reason(tab: Tab, service: Service, trial: Path) -> None:
     recording = service.client.upload(trial, filename="no windows.c3d")
     page = tab.go(f"/recordings/{recording.id}")
     for box in page.get_by_role("checkbox", name="Use plate").all():

@@ -43,9 +43,9 @@ def phone(open_tab: Callable[..., Tab]) -> Tab:
 
 
 def box(page: Page, selector: str) -> dict[str, float]:
-    found: Any = page.locator(selector).bounding_box()
-    assert found is not None
-    return dict(found)
+    result: Any = page.locator(selector).bounding_box()
+    assert result is not None
+    return dict(result)
 
 
 CONTROLS = {"view-plan": "Speed", "view-recording": "Follow", "view-scenario": "lasts", "view-robot": "Measure"}

@@ -17,8 +17,8 @@ RATIO = """() => {
 
 
 def ratio(page: Page) -> float:
-    found: float = page.evaluate(RATIO)
-    return found
+    result: float = page.evaluate(RATIO)
+    return result
 
 
 @pytest.mark.parametrize("screen", [1, 2])
@@ -41,7 +41,7 @@ def test_the_editor_and_the_robot_have_them_too(open_tab: Callable[..., Tab], ad
 
 def test_the_ratio_follows_the_time_that_pictures_take(tab: Tab) -> None:
     page = tab.go("/jobs")
-    found = page.evaluate("""async () => {
+    result = page.evaluate("""async () => {
         const { nextLevel, pixelRatios } = await import("/static/js/viewer/adaptive_resolution.js");
         const all = pixelRatios(2);
         return {
@@ -51,7 +51,7 @@ def test_the_ratio_follows_the_time_that_pictures_take(tab: Tab) -> None:
             fast: [[1, 16], [2, 12], [2, 20]].map(([k, ms]) => all[nextLevel(all, k, ms)]),
         };
     }""")
-    assert found["ratios"] == [[0.5], [1, 0.75], [2, 1.5, 1], [3, 2.25, 1.5]]
-    assert found["slow"] == [1.5, 1, 1], "the finest with which a picture takes 50 ms at most, else the coarsest"
-    assert found["between"] == 1.5
-    assert found["fast"] == [2, 1.5, 1], "a finer one where that stays below 33 ms"
+    assert result["ratios"] == [[0.5], [1, 0.75], [2, 1.5, 1], [3, 2.25, 1.5]]
+    assert result["slow"] == [1.5, 1, 1], "the finest with which a picture takes 50 ms at most, else the coarsest"
+    assert result["between"] == 1.5
+    assert result["fast"] == [2, 1.5, 1], "a finer one where that stays below 33 ms"

@@ -1,4 +1,4 @@
-"""Plan against plan in a browser: chosen in a form, drawn full and dashed over the same axes, kept in the address."""
+"""Plan against plan in a browser: chosen in a form, drawn full and dashed over the same axes, stored in the address."""
 
 import io
 import json

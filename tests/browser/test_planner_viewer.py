@@ -95,7 +95,7 @@ def test_contacts_and_forces_are_there_while_the_effector_touches(tab: Tab, lab:
 def test_cones_follow_the_forces_of_loaded_contacts_when_switched_on(tab: Tab, lab: Lab) -> None:
     job = lab.fake.add_plan()
     page = opened(tab, f"/view/?plan={job.id}&t=1.5")
-    asked: list[str] = []
+    requested: list[str] = []
     names = ("/cones/1", "/cones/2", "/cones/3", "/momentum/com_head")
 
     def there() -> list[bool]:
@@ -112,10 +112,10 @@ def test_cones_follow_the_forces_of_loaded_contacts_when_switched_on(tab: Tab, l
     assert page.evaluate(DRAWN_OVER, ["/cones/1"]) == [True]
     page.get_by_label("See through").uncheck()
     assert page.evaluate(CLEAR, "/cones/1"), "what can be seen through stays so"
-    page.on("request", lambda request: asked.append(request.url))
+    page.on("request", lambda request: requested.append(request.url))
     page.get_by_role("slider", name="Time").fill("25")  # 0.5 s: both feet
     until(page, lambda: there() == [True, True, False, True])
-    assert [url for url in asked if "/view/scene/" in url] == []
+    assert [url for url in requested if "/view/scene/" in url] == []
 
 
 def test_the_ghost_of_the_replay_and_its_forces_are_there_until_it_falls(tab: Tab, lab: Lab) -> None:
@@ -189,11 +189,11 @@ def test_a_recording_has_nothing_to_see_through(tab: Tab, lab: Lab) -> None:
 
 
 def test_the_robot_at_the_start_does_not_keep_its_footholds(tab: Tab, lab: Lab) -> None:
-    kept = lab.fake.add_scenario()
-    page = opened(tab, f"/view/?scenario={kept.id}")
+    scenario = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={scenario.id}")
     drag(page, "/contacts/1", (0.0, 0.14, 0.0))  # the left foot's link is above it
     expect(page.locator("[data-said]")).to_have_text("Stored.")
-    stored = positions(lab, kept.id, "left_foot")[0] or ()
+    stored = positions(lab, scenario.id, "left_foot")[0] or ()
     assert math.dist(stored, (0.0, 0.14, 0.0)) < 0.01
     middle = (stored[1] - 0.09) / 2
     until(page, lambda: abs(nodes(page, "/robot")["/robot"]["position"][1] - middle) < 1e-6)
@@ -215,41 +215,41 @@ def test_the_phase_strip_leads_to_its_instant(tab: Tab, lab: Lab) -> None:
 
 
 def test_a_dragged_foothold_is_stored_where_it_was_let_go(tab: Tab, lab: Lab) -> None:
-    kept = lab.fake.add_scenario()
-    page = opened(tab, f"/view/?scenario={kept.id}")
-    before = positions(lab, kept.id, "left_foot")
+    scenario = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={scenario.id}")
+    before = positions(lab, scenario.id, "left_foot")
     target = (0.28, 0.21, 0.1)  # touch 5: the left foot on the first step, phases 4 to 6
     drag(page, "/contacts/5", target)
     expect(page.locator("[data-said]")).to_have_text("Stored.")
-    after = positions(lab, kept.id, "left_foot")
+    after = positions(lab, scenario.id, "left_foot")
     assert [k for k, (a, b) in enumerate(zip(before, after, strict=True)) if a != b] == [4, 5, 6]
     assert after[4] == after[5] == after[6] != None  # noqa: E711
     assert math.dist(after[4] or (), target) < 0.01
     expect(page.get_by_role("button", name="5 left foot")).to_contain_text(f"{(after[4] or ())[0]:.3f}")
 
     page.get_by_role("button", name="Undo").click()
-    until(page, lambda: positions(lab, kept.id, "left_foot") == before)
+    until(page, lambda: positions(lab, scenario.id, "left_foot") == before)
     until(page, lambda: math.dist(nodes(page, "/contacts/5")["/contacts/5"]["position"], before[4] or ()) < 1e-6)
 
 
 def test_a_foothold_does_not_leave_its_tread(tab: Tab, lab: Lab) -> None:
-    kept = lab.fake.add_scenario()
-    page = opened(tab, f"/view/?scenario={kept.id}")
+    scenario = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={scenario.id}")
     drag(page, "/contacts/4", (1.2, -0.15, 0.1))  # far into the next step
     expect(page.locator("[data-said]")).to_have_text("Stored.")
-    stored = positions(lab, kept.id, "right_foot")[2] or ()
+    stored = positions(lab, scenario.id, "right_foot")[2] or ()
     # the next step begins at 0.445, half the sole is 0.10 m long
     assert stored[0] == pytest.approx(0.345, abs=1e-3)
     assert stored[2] == pytest.approx(0.1)
 
 
 def test_what_the_service_refuses_goes_back_with_its_sentence(tab: Tab, lab: Lab) -> None:
-    kept = lab.fake.add_scenario()
-    page = opened(tab, f"/view/?scenario={kept.id}")
-    before = positions(lab, kept.id, "left_foot")
+    scenario = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={scenario.id}")
+    before = positions(lab, scenario.id, "left_foot")
     drag(page, "/contacts/5", (0.3, 0.48, 0.1))  # beyond what the fake judge allows
     expect(page.locator("[data-said]")).to_contain_text("The foot stands on nothing.")
-    assert positions(lab, kept.id, "left_foot") == before
+    assert positions(lab, scenario.id, "left_foot") == before
     until(page, lambda: math.dist(nodes(page, "/contacts/5")["/contacts/5"]["position"], before[4] or ()) < 1e-6)
     tab.missteps = [m for m in tab.missteps if "422" not in m]
 
@@ -262,27 +262,27 @@ def test_without_the_fast_solver_the_page_says_so_and_asks_for_no_push(tab: Tab,
 
 def test_keys_and_numbers_move_what_the_mouse_moves(tab: Tab, lab: Lab) -> None:
     tab.page.set_viewport_size({"width": 800, "height": 600})
-    kept = lab.fake.add_scenario()
-    page = opened(tab, f"/view/?scenario={kept.id}")
+    scenario = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={scenario.id}")
     assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
     assert page.evaluate("() => document.documentElement.scrollHeight <= window.innerHeight")
     contact = page.get_by_role("button", name="4 right foot")
     for key in ("ArrowUp", "ArrowUp", "ArrowRight", "Shift+ArrowDown"):
         contact.press(key)
     expect(page.locator("[data-said]")).to_have_text("Contact 4 stored.")
-    assert positions(lab, kept.id, "right_foot")[2] == pytest.approx((0.319, -0.1, 0.1))
-    assert positions(lab, kept.id, "right_foot")[4] == pytest.approx((0.319, -0.1, 0.1))
+    assert positions(lab, scenario.id, "right_foot")[2] == pytest.approx((0.319, -0.1, 0.1))
+    assert positions(lab, scenario.id, "right_foot")[4] == pytest.approx((0.319, -0.1, 0.1))
 
     row = page.locator("li", has=contact)
     row.get_by_label("x").fill("0.31")
     row.get_by_label("x").press("Enter")
-    until(page, lambda: positions(lab, kept.id, "right_foot")[3] == pytest.approx((0.31, -0.1, 0.1)))
+    until(page, lambda: positions(lab, scenario.id, "right_foot")[3] == pytest.approx((0.31, -0.1, 0.1)))
     row.get_by_label("turn").fill("10")
     row.get_by_label("turn").press("Enter")
     half = math.radians(5)
 
     def turned() -> bool:
-        contacts = {c.effector: c for c in lab.fake.scenarios[kept.id].phases[3].contacts}
+        contacts = {c.effector: c for c in lab.fake.scenarios[scenario.id].phases[3].contacts}
         return contacts["right_foot"].orientation_wxyz == pytest.approx((math.cos(half), 0, 0, math.sin(half)))
 
     until(page, turned)
@@ -290,14 +290,14 @@ def test_keys_and_numbers_move_what_the_mouse_moves(tab: Tab, lab: Lab) -> None:
     page.locator("h1").click()
     page.keyboard.press("Control+z")
     page.keyboard.press("Control+z")
-    until(page, lambda: positions(lab, kept.id, "right_foot")[3] == pytest.approx((0.319, -0.1, 0.1)))
+    until(page, lambda: positions(lab, scenario.id, "right_foot")[3] == pytest.approx((0.319, -0.1, 0.1)))
 
 
 def test_a_phase_that_is_only_passed_in_motion_says_so(tab: Tab, lab: Lab) -> None:
     page = opened(tab, f"/view/?scenario={lab.fake.add_scenario().id}")
-    bars, said = page.locator("[data-phases] button"), page.locator("[data-phase-said]")
+    bars, message = page.locator("[data-phases] button"), page.locator("[data-phase-said]")
     expect(bars.nth(3)).to_have_attribute("aria-pressed", "true")  # the tightest, before anything is chosen
-    expect(said).to_have_text(
+    expect(message).to_have_text(
         "Phase 3: right foot, right hand. "
         "Only passed in motion: to rest, the CoM would have to be 2.0 cm farther than it reaches."
     )
@@ -305,7 +305,7 @@ def test_a_phase_that_is_only_passed_in_motion_says_so(tab: Tab, lab: Lab) -> No
     page.get_by_role("button", name="4 right foot").click()  # phases 2 to 4
     expect(bars.nth(3)).to_have_attribute("aria-pressed", "true")
     bars.nth(2).click()
-    expect(said).to_contain_text(
+    expect(message).to_contain_text(
         "Phase 2: left foot, right foot, right hand. The CoM can rest here with 6.0 cm to spare."
     )
     row = page.locator("li", has=page.get_by_role("button", name="4 right foot"))
@@ -356,22 +356,22 @@ def test_a_drag_in_a_sample_makes_a_copy_and_moves_nothing_for_others(tab: Tab, 
 
 
 def test_planning_shows_its_progress_and_leads_to_the_plan(tab: Tab, lab: Lab) -> None:
-    kept = lab.fake.add_scenario()
-    page = opened(tab, f"/view/?scenario={kept.id}")
+    scenario = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={scenario.id}")
     page.get_by_role("button", name="Plan").click()
     expect(page.get_by_role("progressbar")).to_be_visible()
     page.wait_for_url("**/view/?plan=*")
     page.wait_for_selector("[data-player][data-ready]", timeout=60_000)
     job_id = page.url.partition("plan=")[2].partition("&")[0]
-    assert lab.fake.inputs[job_id] == {"scenario_id": kept.id, "whole_body": True, "replay": True}
+    assert lab.fake.inputs[job_id] == {"scenario_id": scenario.id, "whole_body": True, "replay": True}
     expect(page.get_by_role("link", name="Scenario", exact=True)).to_have_attribute(
-        "href", f"/view/?scenario={kept.id}"
+        "href", f"/view/?scenario={scenario.id}"
     )
 
 
 def test_a_plan_can_be_cancelled_and_a_failure_says_why(tab: Tab, lab: Lab) -> None:
-    kept = lab.fake.add_scenario()
-    page = opened(tab, f"/view/?scenario={kept.id}")
+    scenario = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={scenario.id}")
     page.get_by_role("button", name="Plan").click()
     page.get_by_role("button", name="Cancel").click()
     expect(page.get_by_role("alert")).to_have_text("Cancelled.")

@@ -33,7 +33,7 @@ def frame(page: Page) -> int:
     return int(page.get_by_role("slider", name="Time").input_value())
 
 
-def test_a_range_is_played_again_and_again_and_kept_in_the_address(tab: Tab, lab: Lab) -> None:
+def test_a_range_is_played_again_and_again_and_stays_in_the_address(tab: Tab, lab: Lab) -> None:
     job = lab.fake.add_plan()
     page = opened(tab, f"/view/?plan={job.id}&t=2")
     page.locator("body").press("[")
@@ -126,7 +126,7 @@ def picture(page: Page, times: int, transparent: bool) -> Image.Image:
 
 
 @pytest.mark.usefixtures("drawn")
-def test_what_is_seen_can_be_kept_as_a_picture(tab: Tab, lab: Lab) -> None:
+def test_what_is_seen_can_be_saved_as_a_picture(tab: Tab, lab: Lab) -> None:
     page = opened(tab, f"/view/?plan={lab.fake.add_plan().id}&t=1")
     box = page.locator("iframe").bounding_box()
     assert box is not None
@@ -180,7 +180,7 @@ def test_the_player_fits_a_small_window(tab: Tab, lab: Lab) -> None:
     assert min(width for width, _ in sizes) >= 24
 
 
-def test_steps_are_told_of_a_walk_whose_wheel_is_known(tab: Tab, lab: Lab) -> None:
+def test_steps_are_shown_of_a_walk_whose_wheel_is_known(tab: Tab, lab: Lab) -> None:
     recording = lab.fake.add_recording()
     page = opened(tab, f"/view/?recording={recording.id}&t=1")
     assert json.loads(page.locator("[data-player]").get_attribute("data-steps") or "") == []
@@ -191,11 +191,11 @@ def test_steps_are_told_of_a_walk_whose_wheel_is_known(tab: Tab, lab: Lab) -> No
 def test_a_small_recording_goes_up_from_within_the_viewer(tab: Tab, lab: Lab, tmp_path: Path) -> None:
     shown, uploaded = lab.fake.add_recording(), lab.fake.add_recording("new.c3d")
     refusal = {"title": "Unprocessable", "status": 422, "code": "not-c3d", "detail": "This is no C3D file."}
-    asked: list[str] = []
+    request: list[str] = []
 
     def answer(route: Route) -> None:
-        asked.append(route.request.method)
-        first = len(asked) == 1
+        request.append(route.request.method)
+        first = len(request) == 1
         route.fulfill(status=422 if first else 201, json=refusal if first else uploaded.model_dump(mode="json"))
 
     wrong, large, small = (tmp_path / name for name in ("<b>holiday.c3d", "large.c3d", "new.c3d"))
@@ -205,14 +205,14 @@ def test_a_small_recording_goes_up_from_within_the_viewer(tab: Tab, lab: Lab, tm
         file.truncate(31_000_000)
     page = opened(tab, f"/view/?recording={shown.id}")
     page.route("**/api/v1/recordings?*", answer)
-    said = page.locator("[data-said-upload]")
+    message = page.locator("[data-said-upload]")
     page.set_input_files("[data-upload-file]", wrong)
-    expect(said).to_have_text("<b>holiday.c3d: This is no C3D file.")
+    expect(message).to_have_text("<b>holiday.c3d: This is no C3D file.")
     page.set_input_files("[data-upload-file]", large)
-    expect(said).to_contain_text("page of recordings")
+    expect(message).to_contain_text("page of recordings")
     with page.expect_file_chooser() as chooser:
         page.get_by_role("button", name="Upload…").press("Enter")
     chooser.value.set_files(small)
     page.wait_for_url(f"**/view/?recording={uploaded.id}*")
-    assert asked == ["POST", "POST"], "what is too large is not sent"
+    assert request == ["POST", "POST"], "what is too large is not sent"
     tab.missteps = [m for m in tab.missteps if "status of 422" not in m]

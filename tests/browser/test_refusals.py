@@ -1,4 +1,4 @@
-"""What goes wrong is told calmly, in words, with what to do; and nothing that a file brings becomes part of a page."""
+"""What goes wrong is shown calmly, in words, with what to do; and nothing that a file brings becomes part of a page."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -63,31 +63,31 @@ def test_markup_in_stored_names_stays_text(tab: Tab, lab: Lab) -> None:
 
 def test_a_file_that_is_no_scenario_is_named_and_refused(tab: Tab, tmp_path: Path) -> None:
     page = tab.go("/scenarios")
-    for name, content, said in (
+    for name, content, message in (
         ("walk.txt.json", "feet first", "this is not JSON"),
         ("list.json", json.dumps([1, 2]), "this is not a scenario"),
     ):
         (tmp_path / name).write_text(content)
         page.set_input_files("#scenario-file", tmp_path / name)
-        expect(page.locator("[data-import] [data-said]")).to_have_text(f"{name}: {said}")
+        expect(page.locator("[data-import] [data-said]")).to_have_text(f"{name}: {message}")
 
 
 @pytest.mark.parametrize("address", ["/recordings/sample", "/scenarios/stairs"])
 def test_a_full_queue_says_when_to_come_back(tab: Tab, lab: Lab, address: str) -> None:
     if address.startswith("/recordings"):
         page = tab.go(f"/recordings/{lab.fake.add_recording().id}")
-        button, said = (
+        button, message = (
             page.get_by_role("button", name="Estimate", exact=True),
             page.locator("[data-estimate] [data-said]").first,
         )
     else:
         page = tab.go(f"/scenarios/{lab.fake.add_scenario().id}")
         form = page.locator("form[data-plan]")
-        button, said = form.get_by_role("button", name="Plan"), form.locator("[data-said]")
+        button, message = form.get_by_role("button", name="Plan"), form.locator("[data-said]")
     lab.fake.busy = 17
     try:
         button.click()
-        expect(said).to_have_text("200 jobs are waiting already. Try again in 17 s.")
+        expect(message).to_have_text("200 jobs are waiting already. Try again in 17 s.")
         expect(button).to_be_enabled()
     finally:
         lab.fake.busy = None
@@ -96,7 +96,7 @@ def test_a_full_queue_says_when_to_come_back(tab: Tab, lab: Lab, address: str) -
 
 
 def test_links_to_what_was_deleted_lead_on(tab: Tab) -> None:
-    for address, said in (
+    for address, message in (
         ("/plans/gone", "There is no such job."),
         ("/plans/gone?with=too", "There is no such job."),
         ("/jobs/gone", "There is no such job."),
@@ -107,13 +107,13 @@ def test_links_to_what_was_deleted_lead_on(tab: Tab) -> None:
     ):
         page = tab.go(address)
         expect(page.get_by_role("heading", level=1)).to_have_text("Not found")
-        expect(page.get_by_text(said)).to_be_visible()
+        expect(page.get_by_text(message)).to_be_visible()
         assert "Traceback" not in page.content()
     page.get_by_role("main").get_by_role("link", name="Home").click()
     expect(page).to_have_title("Home · stridelab")
 
 
-def test_a_service_that_goes_away_is_told_and_found_again(tab: Tab, lab: Lab) -> None:
+def test_a_service_that_goes_away_is_shown_and_reached_again(tab: Tab, lab: Lab) -> None:
     recording = lab.fake.add_recording()
     page = tab.go(f"/recordings/{recording.id}")
     notice = page.get_by_role("complementary", name="Connection")

@@ -1,4 +1,4 @@
-"""The page of the reproduction: what is missing is asked for once, a full queue is told, drawings are seen."""
+"""The page of the reproduction: what is missing is requested once, a full queue is shown, drawings are seen."""
 
 import re
 
@@ -16,7 +16,7 @@ SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="300" height="200"><rect w
 
 @pytest.fixture
 def page(lab: Lab, tab: Tab) -> Page:
-    """With a result of figure 2.6; nothing that is asked for ever begins."""
+    """With a result of figure 2.6; nothing that is requested ever begins."""
     fake = lab.fake
     fake.step_s = 3600.0
     fake.jobs.clear()
@@ -47,13 +47,13 @@ def test_an_item_unfolds_to_its_claims_and_its_drawing(page: Page) -> None:
     expect(drawing).to_be_hidden()
 
 
-def test_a_full_queue_is_told_and_what_is_missing_is_asked_for_once(page: Page, lab: Lab, tab: Tab) -> None:
+def test_a_full_queue_is_shown_and_what_is_missing_is_requested_once(page: Page, lab: Lab, tab: Tab) -> None:
     wanted = [name for name in ITEMS if name != "fig-2.6"]
     lab.fake.busy, lab.fake.inputs = 7, {}
     everything = page.get_by_role("button", name=re.compile("all missing items"))
     everything.click()
-    said = page.get_by_role("status")
-    expect(said).to_contain_text(f"0 of {len(wanted)} were started. 200 jobs are waiting already. Try again in 7 s.")
+    message = page.get_by_role("status")
+    expect(message).to_contain_text(f"0 of {len(wanted)} were started. 200 jobs are waiting already. Try again in 7 s.")
     expect(everything).to_be_enabled()
     lab.fake.busy = None
     page.get_by_label("Random draws").fill("3")
@@ -64,5 +64,5 @@ def test_a_full_queue_is_told_and_what_is_missing_is_asked_for_once(page: Page, 
     assert drawn == ITEMS_WITH_DRAWS - {"fig-2.6"}, "others would refuse a number of draws"
     assert {given["seeds"] for given in lab.fake.inputs.values()} == {3, None}
     expect(everything).to_be_disabled()
-    expect(said).to_contain_text("when the jobs below are finished")
+    expect(message).to_contain_text("when the jobs below are finished")
     tab.missteps = [m for m in tab.missteps if "status of 429" not in m]

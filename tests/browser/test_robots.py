@@ -44,8 +44,8 @@ def seen(page: Page) -> set[str]:
         for name in reachability.EFFECTORS
         for part in PARTS
     ]
-    found: list[str] = page.evaluate(SEEN, names)
-    return {name.removeprefix("/reach/") for name in found}
+    result: list[str] = page.evaluate(SEEN, names)
+    return {name.removeprefix("/reach/") for name in result}
 
 
 def test_the_list_asks_for_what_only_a_loaded_robot_tells(tab: Tab) -> None:
@@ -62,8 +62,8 @@ def test_the_list_asks_for_what_only_a_loaded_robot_tells(tab: Tab) -> None:
 def test_maps_are_those_of_the_service_and_a_metre_is_the_same_everywhere(tab: Tab) -> None:
     page = tab.go("/robots/boxes?measure=conditioned")
     page.wait_for_selector('#maps[data-ready="left_foot"]')
-    found = reachability.reach("conditioned").effectors[0].projections
-    expected = [values for each in found for values in (each.kernel_per_m2, each.mixture_per_m2)]
+    result = reachability.reach("conditioned").effectors[0].projections
+    expected = [values for each in result for values in (each.kernel_per_m2, each.mixture_per_m2)]
     drawn = page.evaluate(HEATMAPS)
     assert len(drawn) == 7, "six maps and the scale of their colours"
     assert np.allclose(drawn[:6], expected)
@@ -155,7 +155,7 @@ def test_a_robot_that_is_being_prepared_tells_how_far_it_is_and_then_opens_by_it
     finally:
         lab.fake.preparation = robots.READY
     page.wait_for_selector("[data-ready=true]", timeout=120_000)
-    assert "robot=boxes&show=robot" in page.url, "what the address asked for is kept"
+    assert "robot=boxes&show=robot" in page.url, "the address stays"
 
 
 def test_a_viewer_without_room_says_which_limit_is_met(tab: Tab) -> None:

@@ -149,8 +149,10 @@ def test_a_question_mark_lists_them_all(page: Page) -> None:
     )
     page.evaluate(Axe().axe_script)
     options = json.dumps({"resultTypes": ["violations"], "iframes": False})
-    found: list[dict[str, Any]] = page.evaluate(f"axe.run('dialog[open]', {options}).then((found) => found.violations)")
-    assert [one["id"] for one in found] == []
+    result: list[dict[str, Any]] = page.evaluate(
+        f"axe.run('dialog[open]', {options}).then((found) => found.violations)"
+    )
+    assert [one["id"] for one in result] == []
     page.keyboard.press("3")
     expect(page.get_by_label("View")).to_have_value("")
     page.keyboard.press("Escape")

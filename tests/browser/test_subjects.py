@@ -9,7 +9,7 @@ from support.fakes.web_app import Lab
 pytestmark = pytest.mark.usefixtures("lab")
 
 
-def test_a_person_is_kept_with_recordings(tab: Tab, lab: Lab) -> None:
+def test_a_person_is_stored_with_recordings(tab: Tab, lab: Lab) -> None:
     recording = lab.fake.add_recording("walk.c3d")
     page = tab.go("/subjects")
     page.get_by_label("Pseudonym").fill("P07")

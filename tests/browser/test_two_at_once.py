@@ -55,15 +55,15 @@ def test_two_look_at_one_plan_at_different_times(two: tuple[Tab, Tab], lab: Lab)
 
 
 def test_one_drags_while_the_other_plays(two: tuple[Tab, Tab], lab: Lab) -> None:
-    job, kept, untouched = lab.fake.add_plan(), lab.fake.add_scenario(), lab.fake.add_scenario()
+    job, remaining, untouched = lab.fake.add_plan(), lab.fake.add_scenario(), lab.fake.add_scenario()
     before = lab.fake.scenarios[untouched.id]
     player = opened(two[0], f"/view/?plan={job.id}&t=0.5")
     player.get_by_label("Speed").select_option("0.1")
     player.locator("body").press(" ")
-    editor = opened(two[1], f"/view/?scenario={kept.id}")
+    editor = opened(two[1], f"/view/?scenario={remaining.id}")
     drag(editor, "/contacts/5", (0.28, 0.21, 0.1))
     expect(editor.locator("[data-said]")).to_have_text("Stored.")
-    stored = next(c for c in lab.fake.scenarios[kept.id].phases[4].contacts if c.effector == "left_foot")
+    stored = next(c for c in lab.fake.scenarios[remaining.id].phases[4].contacts if c.effector == "left_foot")
     assert math.dist(stored.position_m, (0.28, 0.21, 0.1)) < 0.02
     assert lab.fake.scenarios[untouched.id] == before
     expect(player.get_by_role("button", name="Pause (space)")).to_have_attribute("aria-pressed", "true")
@@ -131,7 +131,7 @@ def test_the_frame_of_a_scene_cannot_speak_to_another_host(two: tuple[Tab, Tab],
     tab.missteps = [m for m in tab.missteps if "127.0.0.2" not in m]
 
 
-def test_what_is_gone_is_said_calmly(two: tuple[Tab, Tab], lab: Lab) -> None:
+def test_what_is_gone_is_shown_calmly(two: tuple[Tab, Tab], lab: Lab) -> None:
     """A link to a plan that is gone; and a page that stays open while its recording is deleted plays on."""
     tab = two[0]
     page = tab.go("/view/?plan=gone")

@@ -42,7 +42,7 @@ def drawn(page: Page, until: Callable[[dict[str, Any]], bool]) -> dict[str, Any]
         if until(state):
             return state
         page.wait_for_timeout(100)
-    raise AssertionError("the scene does not come to the state that was asked for")
+    raise AssertionError("the scene does not come to the expected state")
 
 
 def at_rest(state: dict[str, Any]) -> bool:

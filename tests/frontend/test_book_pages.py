@@ -35,10 +35,10 @@ def test_every_link_and_picture_exists() -> None:
                 continue
             inside = address.removeprefix("/help/") if address else name
             if inside.startswith("pictures/"):
-                found = (book_dir() / inside).is_file()
+                result = (book_dir() / inside).is_file()
             else:
-                found = inside in IDS and (not anchor or anchor in IDS[inside])
-            if not found:
+                result = inside in IDS and (not anchor or anchor in IDS[inside])
+            if not result:
                 missing.append((name, target))
     assert missing == []
 

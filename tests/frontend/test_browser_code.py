@@ -43,8 +43,8 @@ def test_the_client_of_viser_is_unpacked() -> None:
 
 def test_three_places_of_the_application_are_others() -> None:
     html = files("viser").joinpath("client", "build", "index.html").read_bytes()
-    found = viser_client.installed_client()
-    code = next(content for name, content in found.files.items() if name.endswith(".js"))
+    result = viser_client.installed_client()
+    code = next(content for name, content in result.files.items() if name.endswith(".js"))
     before, after = viser_client.LATER
     assert (code.count(viser_client.NO_ENVIRONMENT), code.count(before), code.count(after)) == (1, 2, 2)
     back = code.replace(viser_client.NO_ENVIRONMENT, viser_client.DEFAULT_ENVIRONMENT)
@@ -92,9 +92,7 @@ def encode88(content: bytes) -> bytes:
     return bytes(text)
 
 
-def test_frame_asks_for_files_that_are_kept_for_ever(
-    browse: Callable[[str], httpx.Response], fake: FakeService
-) -> None:
+def test_frame_loads_files_that_are_cached_for_ever(browse: Callable[[str], httpx.Response], fake: FakeService) -> None:
     client, web = viser_client.installed_client(), make_client(fake)
     answer = browse("/view/scene/recording/some/-/")
     assert answer.content == client.page

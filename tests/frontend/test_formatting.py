@@ -55,7 +55,7 @@ def test_one_is_counted_in_the_singular(number: int, words_of: tuple[str, ...], 
     assert count_text(number, *words_of) == text
 
 
-def test_a_failure_is_told_once() -> None:
+def test_a_failure_is_shown_once() -> None:
     progress = "last progress message: replay: 92 %"
     faults = [FaultItem(where="stage: replay", message=progress), FaultItem(where="plate 2", message="never loaded")]
     detail = "It took longer than 600 s. Last progress message: replay: 92 %."

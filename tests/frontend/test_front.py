@@ -66,7 +66,7 @@ def test_without_login_a_page_sends_to_the_login_and_back(locked_door: httpx.Cli
     assert locked_door.get("/static/css/app.css").status_code == 200
 
 
-def test_wrong_token_is_said_and_the_right_one_opens(locked_door: httpx.Client) -> None:
+def test_wrong_token_is_reported_and_the_right_one_opens(locked_door: httpx.Client) -> None:
     form = {"token": "guess", "next": "/jobs"}
     answer = locked_door.request("POST", "/login", data=form)
     again = locked_door.get(answer.headers["location"], headers=PAGE)

@@ -92,7 +92,7 @@ def test_every_item_of_the_interface_can_be_started(fake: FakeService, browse: B
     assert f"/jobs/{other.id}" not in page
 
 
-def test_what_has_no_result_is_said_with_a_button(fake: FakeService, browse: Browse) -> None:
+def test_what_has_no_result_has_a_button(fake: FakeService, browse: Browse) -> None:
     add(fake, "fig-2.6", "met")
     page = browse("/reproduction").text
     without = [name for name in get_args(ReproductionItem) if name != "fig-2.6"]
@@ -132,7 +132,7 @@ def test_an_item_is_shown_by_its_newest_result_with_claims_and_drawing(fake: Fak
     assert re.findall(r'<span class="mark [^>]*>(.*?)</span>', summary) == ["1 cannot hold as printed"]
 
 
-def test_nothing_is_asked_for_twice_while_jobs_are_under_way(fake: FakeService, browse: Browse) -> None:
+def test_nothing_is_requested_twice_while_jobs_are_under_way(fake: FakeService, browse: Browse) -> None:
     assert not re.search(r"data-missing=[^>]* disabled>", browse("/reproduction").text)
     fake.add_job("reproduce", "queued")
     page = browse("/reproduction").text
@@ -152,7 +152,7 @@ def test_items_and_verdicts_have_names() -> None:
 
 
 def test_a_result_of_an_older_version_is_still_shown(fake: FakeService, browse: Browse) -> None:
-    """Claims without evidence: everything was simulated, and an aim was told by its words."""
+    """Claims without evidence: everything was simulated, and an aim was known by its words."""
     job = fake.results[add(fake, "fig-2.6", "met", seeds=7)]
     for key in ("evidence", "n", "aim", "solver"):
         del job.summary["claims"][0][key]

@@ -29,14 +29,14 @@ def test_robots_are_reached_from_every_page_and_listed(browse: Browse) -> None:
 
 
 def test_robot_page_tells_mass_soles_licence_and_what_was_learned(browse: Browse) -> None:
-    said = texts(browse("/robots/boxes").text)
-    assert "60.00 kg" in said
-    assert "200 × 120 mm" in said
-    assert "BSD-3-Clause" in said
-    assert "0.0700 ± 0.0073" in said
-    assert "right hand contact 6 14" in said
-    assert "20000 37.5 % of 32000" in said
-    assert "Learned on 2026-01-02 with seed 3" in said
+    message = texts(browse("/robots/boxes").text)
+    assert "60.00 kg" in message
+    assert "200 × 120 mm" in message
+    assert "BSD-3-Clause" in message
+    assert "0.0700 ± 0.0073" in message
+    assert "right hand contact 6 14" in message
+    assert "20000 37.5 % of 32000" in message
+    assert "Learned on 2026-01-02 with seed 3" in message
 
 
 def test_the_measure_is_chosen_by_the_address(browse: Browse) -> None:
@@ -59,10 +59,10 @@ def test_the_curve_marks_the_chosen_size_and_that_of_the_thesis(browse: Browse) 
 
 def test_maps_and_volumes_are_those_of_the_service(browse: Browse) -> None:
     drawn = browse("/robots/boxes/reach.json?measure=conditioned&effector=right_hand").json()
-    found = reachability.reach("conditioned").effectors[2]
+    result = reachability.reach("conditioned").effectors[2]
     assert (drawn["effector"], drawn["frame"], drawn["components"]) == ("right_hand", "heading", 6)
     assert drawn["volumes_m3"] == {f"{m:g}": pytest.approx(4 / 3 * r**3) for m, r in reachability.RADII_M.items()}
-    assert drawn["maps"] == [each.model_dump(mode="json") for each in found.projections]
+    assert drawn["maps"] == [each.model_dump(mode="json") for each in result.projections]
     assert browse("/robots/boxes/reach.json?effector=tail").status_code == 404
     assert browse("/robots/boxes/reach.json").json()["effector"] == "left_foot"
 
@@ -91,12 +91,12 @@ def test_a_robot_that_is_not_installed_says_what_is_known(fake: FakeService, bro
     fake.robot_refusal = (503, code, "Its package <b> is missing.")
     answer = browse("/robots/boxes")
     assert answer.status_code == 503
-    said = texts(answer.text)
-    assert "Its package &lt;b&gt; is missing." in said
-    assert "left foot, right foot, right hand" in said
+    message = texts(answer.text)
+    assert "Its package &lt;b&gt; is missing." in message
+    assert "left foot, right foot, right hand" in message
 
 
-def test_other_refusals_are_told_as_everywhere(fake: FakeService, browse: Browse) -> None:
+def test_other_refusals_are_shown_as_everywhere(fake: FakeService, browse: Browse) -> None:
     fake.robot_refusal = (404, "robot-not-found", "There is no robot of this name.")
     answer = browse("/robots/nao")
     assert answer.status_code == 404
@@ -143,7 +143,7 @@ def test_a_viewer_whose_robot_is_being_prepared_tells_how_far_it_is(fake: FakeSe
         assert 'data-preparing="boxes"' in waiting.text
         assert 'max="100" value="41"' in waiting.text
         assert "41 %: thinning out its meshes" in texts(waiting.text)
-        assert "<iframe" not in waiting.text, "no scene is asked for before it can be built"
+        assert "<iframe" not in waiting.text, "no scene is requested before it can be built"
         fake.preparation = robots.READY
         ready = browse(address).text
         assert "<iframe" in ready

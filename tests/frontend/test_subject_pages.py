@@ -38,7 +38,7 @@ def test_the_page_of_one_lists_the_recordings_and_offers_those_of_nobody(fake: F
     assert f'href="/subjects/{person.subject_id}"' in browse(f"/recordings/{own.id}").text
 
 
-def test_recordings_of_a_person_and_of_nobody_are_offered_page_by_page(fake: FakeService, browse: Browse) -> None:
+def test_recordings_of_a_person_and_without_one_are_offered_page_by_page(fake: FakeService, browse: Browse) -> None:
     person = fake.subjects.add()
     own = [fake.add_recording(f"own {n}.c3d").id for n in range(53)]
     for recording_id in own:
@@ -63,7 +63,7 @@ def test_a_pseudonym_is_text_and_never_markup(fake: FakeService, browse: Browse)
         assert "&lt;script&gt;alert" in page
 
 
-def test_nobody_yet_and_nobody_of_that_name_are_told_calmly(browse: Browse) -> None:
+def test_no_subjects_and_no_subject_of_that_name_have_a_sentence(browse: Browse) -> None:
     assert "No subjects yet." in browse("/subjects").text
     gone = browse("/subjects/gone")
     assert (gone.status_code, "There is no such subject." in gone.text) == (404, True)

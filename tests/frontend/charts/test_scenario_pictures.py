@@ -33,8 +33,8 @@ def steps() -> Scenario:
 
 
 def test_a_touch_lasts_as_long_as_the_effector_stays(steps: Scenario) -> None:
-    found = [(t.number, t.effector, t.first_phase, t.last_phase, t.start_s, t.end_s) for t in placed_contacts(steps)]
-    assert found == [
+    result = [(t.number, t.effector, t.first_phase, t.last_phase, t.start_s, t.end_s) for t in placed_contacts(steps)]
+    assert result == [
         (1, "left_foot", 0, 2, 0.0, 4.5),
         (2, "right_foot", 0, 0, 0.0, 0.5),
         (3, "right_foot", 2, 4, 2.0, 12.5),

@@ -16,10 +16,10 @@ from stridelab_web.charts.svg import Chart, axis_ticks, range_of
     ],
 )
 def test_ticks_are_round_and_inside(span: tuple[float, float], texts: list[str]) -> None:
-    found = axis_ticks(span, 5 if len(texts) > 3 else 4)
-    assert [text for _, text in found] == texts
-    assert all(span[0] <= value <= span[1] for value, _ in found)
-    assert [float(text) for _, text in found] == pytest.approx([value for value, _ in found], abs=1e-12)
+    ticks = axis_ticks(span, 5 if len(texts) > 3 else 4)
+    assert [text for _, text in ticks] == texts
+    assert all(span[0] <= value <= span[1] for value, _ in ticks)
+    assert [float(text) for _, text in ticks] == pytest.approx([value for value, _ in ticks], abs=1e-12)
 
 
 def test_values_stand_between_the_ticks_of_their_size() -> None:

@@ -22,9 +22,9 @@ Browse = Callable[[str], httpx.Response]
 def stairs(fake: FakeService) -> None:
     """The two samples, with newer scenarios in front of them."""
     fake.recordings[SAMPLE_RECORDING] = fake.add_recording(bundled=True).model_copy(update={"id": SAMPLE_RECORDING})
-    kept = fake.add_scenario(bundled=True)
-    del fake.scenarios[kept.id]
-    fake.scenarios[SAMPLE_SCENARIO] = kept.model_copy(update={"id": SAMPLE_SCENARIO, "name": "Six stairs"})
+    scenario = fake.add_scenario(bundled=True)
+    del fake.scenarios[scenario.id]
+    fake.scenarios[SAMPLE_SCENARIO] = scenario.model_copy(update={"id": SAMPLE_SCENARIO, "name": "Six stairs"})
     for _ in range(8):
         fake.add_scenario()
 
@@ -80,14 +80,14 @@ def test_every_page_is_reached_from_the_navigation(browse: Browse) -> None:
     nav = re.findall(r'<a href="([^"]+)"', page.partition("<nav")[2].partition("</nav>")[0])
     assert len(nav) == len(set(nav)) == 11
     for address in nav:
-        found = browse(address)
-        assert found.status_code == 200
-        assert re.search(rf'<a href="{address}" aria-current="page"', found.text), address
+        outcome = browse(address)
+        assert outcome.status_code == 200
+        assert re.search(rf'<a href="{address}" aria-current="page"', outcome.text), address
 
 
 def test_every_page_is_documented() -> None:
-    said = (Path(__file__).parents[3] / "docs" / "pages.md").read_text(encoding="utf-8")
-    documented = set(re.findall(r"`(/[^`?]*)`", said))
+    message = (Path(__file__).parents[3] / "docs" / "pages.md").read_text(encoding="utf-8")
+    documented = set(re.findall(r"`(/[^`?]*)`", message))
     pages = {
         route.path
         for route in web_routes()

@@ -19,9 +19,9 @@ SHOWN = "Certified, but the &lt;robot&gt; falls at 7.9 s"
 
 
 def row_of(page: str, job_id: str) -> str:
-    found = re.search(rf'<tr data-job="{job_id}".*?</tr>', page, re.DOTALL)
-    assert found is not None
-    return found.group()
+    match = re.search(rf'<tr data-job="{job_id}".*?</tr>', page, re.DOTALL)
+    assert match is not None
+    return match.group()
 
 
 @pytest.mark.parametrize("verdict", [FELL, DOUBTFUL, AGREE])
@@ -86,8 +86,8 @@ def test_the_viewer_says_of_a_plan_that_failed_how_far_its_motion_goes(fake: Fak
 
 
 def test_a_card_that_offers_a_motion_to_watch_says_its_verdict(fake: FakeService, browse: Browse) -> None:
-    kept = fake.add_scenario()
-    fake.scenarios[SAMPLE_SCENARIO] = kept.model_copy(update={"id": SAMPLE_SCENARIO})
+    scenario = fake.add_scenario()
+    fake.scenarios[SAMPLE_SCENARIO] = scenario.model_copy(update={"id": SAMPLE_SCENARIO})
     plan = fake.add_plan(scenario_id=SAMPLE_SCENARIO)
     fake.change(plan.id, scenario_id=SAMPLE_SCENARIO, verdict=FELL)
     page = browse("/").text

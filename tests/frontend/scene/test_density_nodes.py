@@ -40,8 +40,8 @@ def test_the_heading_is_that_of_the_soles_and_of_those_that_were_left() -> None:
 
 def test_a_foot_has_one_place_per_touch_and_a_hand_one_per_phase() -> None:
     places = reach_places(TURNING)
-    told = [(place.name, place.start_s, place.end_s) for place in places]
-    assert told == [
+    reports = [(place.name, place.start_s, place.end_s) for place in places]
+    assert reports == [
         ("/reach/1/0", 0.0, 3.5),
         ("/reach/2/0", 0.0, 1.0),
         ("/reach/3/0", 0.0, 1.0),
@@ -70,7 +70,7 @@ def test_a_density_in_the_heading_frame_turns_with_the_soles_only() -> None:
 
 
 def test_the_level_set_of_four_fifths_is_shown() -> None:
-    found, level = shown_level_sets(reachability.reach("uniform"))["left_foot"]
-    assert (found.card.effector, level.mass) == ("left_foot", 0.8)
+    result, level = shown_level_sets(reachability.reach("uniform"))["left_foot"]
+    assert (result.card.effector, level.mass) == ("left_foot", 0.8)
     assert np.ptp(np.array(level.vertices_m), axis=0) == pytest.approx([0.3] * 3)
     assert shown_level_sets(None) == {}

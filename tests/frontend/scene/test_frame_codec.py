@@ -29,7 +29,7 @@ def test_numbers_come_back_within_half_a_step_and_gaps_as_gaps(n: int) -> None:
     ]).all()  # fmt: skip
 
 
-def test_numbers_too_large_for_their_step_are_told_in_larger_ones() -> None:
+def test_numbers_too_large_for_their_step_are_written_in_larger_ones() -> None:
     values = np.array([[2.0**8, 3e6], [-(2.0**8), -3e6], [2.0**8, np.inf]], dtype=np.float32)
     bits = fit_bits(values, np.array([20, 20]))
     assert bits.tolist() == [20, 6]

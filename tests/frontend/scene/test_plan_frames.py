@@ -118,8 +118,8 @@ def test_a_cone_stands_where_the_force_acts_while_its_contact_is_loaded() -> Non
 
 
 def test_a_cone_is_as_wide_as_its_friction() -> None:
-    found = friction_cones(SCENARIO, robots.centroidal(SCENARIO))
-    assert {cone.touch.effector: cone.friction for cone in found} == robots.FRICTION
+    result = friction_cones(SCENARIO, robots.centroidal(SCENARIO))
+    assert {cone.touch.effector: cone.friction for cone in result} == robots.FRICTION
     vertices, faces = meshes.open_cone(0.5, 0.4)
     assert np.hypot(*vertices[: meshes.RIM_STEPS, :2].T) == pytest.approx(0.5 * 0.4)
     assert vertices[: meshes.RIM_STEPS, 2] == pytest.approx(0.4)
@@ -166,20 +166,20 @@ def test_browser_gets_the_poses_of_the_file(fake: FakeService, browse: Callable[
 
 
 def test_frames_of_a_plan_are_packed_once(fake: FakeService) -> None:
-    """One app for all requests, since what is kept is the app's."""
+    """One app for all requests, since the cache is the app's."""
     web, job = make_client(fake), fake.add_plan()
     address = f"/view/scene/plan/{job.id}/-/frames.bin"
     first = web.get(address).content
-    kept: FrameCache = web.app.state.packed  # type: ignore[attr-defined]
-    kept.store_frames(Document("plan", job.id), gzip.compress(b"kept"))
+    stored: FrameCache = web.app.state.packed  # type: ignore[attr-defined]
+    stored.store_frames(Document("plan", job.id), gzip.compress(b"kept"))
     assert len(first) > 100
     assert web.get(address).content == b"kept"
 
 
-def test_frames_that_were_asked_for_last_are_kept_for_those_who_may_see_the_plan() -> None:
-    kept, documents = FrameCache(), [Document("plan", str(k)) for k in range(MAX_PLANS + 1)]
+def test_frames_that_were_requested_last_are_cached_for_those_who_may_see_the_plan() -> None:
+    stored, documents = FrameCache(), [Document("plan", str(k)) for k in range(MAX_PLANS + 1)]
     for document in documents:
-        kept.store_frames(document, document.id.encode())
+        stored.store_frames(document, document.id.encode())
 
     class Lab:
         async def result(self, job_id: str) -> None:
@@ -188,7 +188,7 @@ def test_frames_that_were_asked_for_last_are_kept_for_those_who_may_see_the_plan
                 raise LookupError(job_id)
 
     async def found(document: Document) -> bytes | None:
-        return await kept.cached_frames(Lab(), document)  # type: ignore[arg-type]
+        return await stored.cached_frames(Lab(), document)  # type: ignore[arg-type]
 
     there = [asyncio.run(found(document)) for document in documents[:-1]]
     assert there == [None, *(document.id.encode() for document in documents[1:-1])]

@@ -21,7 +21,7 @@ PATH = "/view/scene/recording/some/-"
 
 def talk(fake: FakeService, headers: dict[str, str], viewer_url: str | None = None) -> list[Message]:
     """What the web app says to a websocket that only says hello."""
-    said: list[Message] = []
+    sentence: list[Message] = []
     scope: dict[str, Any] = {
         "type": "websocket", "path": PATH, "raw_path": PATH.encode(), "query_string": b"",
         "headers": [(k.lower().encode(), v.encode()) for k, v in headers.items()], "subprotocols": ["viser-v1.1.1"],
@@ -32,15 +32,15 @@ def talk(fake: FakeService, headers: dict[str, str], viewer_url: str | None = No
         return {"type": "websocket.connect"}
 
     async def send(message: Message) -> None:
-        said.append(message)
+        sentence.append(message)
 
     asyncio.run(make_client(fake, viewer_url=viewer_url).app(scope, receive, send))
-    return said
+    return sentence
 
 
 def test_a_foreign_page_is_closed_out(fake: FakeService) -> None:
-    said = talk(fake, {"Host": "127.0.0.1", "Origin": "https://elsewhere.example"})
-    assert [(m["type"], m["code"]) for m in said] == [("websocket.close", 4403)]
+    sentence = talk(fake, {"Host": "127.0.0.1", "Origin": "https://elsewhere.example"})
+    assert [(m["type"], m["code"]) for m in sentence] == [("websocket.close", 4403)]
 
 
 @pytest.mark.parametrize("viewer_url", [None, "http://127.0.0.1:9"])
@@ -48,8 +48,8 @@ def test_without_a_viewer_the_socket_closes_and_the_page_says_why(
     fake: FakeService, viewer_url: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(proxy, "STARTING_RETRIES", 0)
-    said = talk(fake, {"Host": "127.0.0.1", "Origin": "http://127.0.0.1"}, viewer_url)
-    assert [(m["type"], m.get("code")) for m in said] == [("websocket.accept", None), ("websocket.close", 1013)]
+    sentence = talk(fake, {"Host": "127.0.0.1", "Origin": "http://127.0.0.1"}, viewer_url)
+    assert [(m["type"], m.get("code")) for m in sentence] == [("websocket.accept", None), ("websocket.close", 1013)]
     recording = fake.add_recording()
     answer = make_client(fake, viewer_url=viewer_url).request("POST", f"/view/scene/recording/{recording.id}/-/open")
     assert answer.status_code == 503
@@ -93,7 +93,7 @@ def test_share_requests_are_known_by_the_name_that_viser_gives_them() -> None:
 def test_a_refusal_of_the_viewer_is_a_problem_with_its_code(
     fake: FakeService, answered: tuple[int, str], status: int
 ) -> None:
-    asked: list[bytes] = []
+    request: list[bytes] = []
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def refuse() -> None:
@@ -101,7 +101,7 @@ def test_a_refusal_of_the_viewer_is_a_problem_with_its_code(
                 _, _, sent = caller.recv(65536).partition(b"\r\n\r\n")
                 while not sent.endswith(b"}"):
                     sent += caller.recv(65536)
-                asked.append(sent)
+                request.append(sent)
                 body = json.dumps({"code": answered[1], "detail": "What to do."}).encode()
                 caller.sendall(b"HTTP/1.1 %d No\r\nContent-Length: %d\r\n\r\n%b" % (answered[0], len(body), body))
 
@@ -113,4 +113,4 @@ def test_a_refusal_of_the_viewer_is_a_problem_with_its_code(
     assert (answer.status_code, answer.headers["content-type"]) == (status, "application/problem+json")
     problem = answer.json()
     assert (problem["status"], problem["code"], problem["detail"]) == (status, answered[1], "What to do.")
-    assert json.loads(asked[0])["user"] == "änn"
+    assert json.loads(request[0])["user"] == "änn"

@@ -51,14 +51,14 @@ def test_every_contact_finds_what_it_slides_on() -> None:
 @settings(max_examples=150, deadline=None)
 def test_the_patch_stays_on_the_step_and_out_of_the_next_one(x: float, y: float, yaw: float) -> None:
     touch = foot(0.25, 0.0, 0.1, yaw)
-    kept = keep(tread_of(touch), touch, np.array([x, y, 0.1]))
-    assert kept is not None
-    placed = corners(touch, kept)
+    moved = keep(tread_of(touch), touch, np.array([x, y, 0.1]))
+    assert moved is not None
+    placed = corners(touch, moved)
     # the first step is open from 0.145 to the second one at 0.445, and 1.2 m wide; it is wide enough for any yaw
     assert placed[:, 0].min() > 0.145 - 1e-9
     assert placed[:, 0].max() < 0.445 + 1e-6
     assert np.abs(placed[:, 1]).max() < 0.6 + 1e-9
-    assert kept[2] == 0.1
+    assert moved[2] == 0.1
 
 
 @given(x=st.floats(0.62, 1.2), y=st.floats(-0.45, 0.45), yaw=angles)
@@ -66,9 +66,9 @@ def test_the_patch_stays_on_the_step_and_out_of_the_next_one(x: float, y: float,
 def test_where_there_is_room_nothing_is_moved(x: float, y: float, yaw: float) -> None:
     touch = foot(0.8, 0.0, 0.2, yaw)
     wanted = np.array([x, y, 0.2])
-    kept = keep(tread_of(touch), touch, wanted)
-    assert kept is not None
-    assert np.abs(kept - wanted).max() < 1e-12
+    moved = keep(tread_of(touch), touch, wanted)
+    assert moved is not None
+    assert np.abs(moved - wanted).max() < 1e-12
 
 
 def test_a_patch_goes_round_a_post_but_not_through_it() -> None:
@@ -106,9 +106,9 @@ def test_on_a_slope_the_patch_stays_in_its_plane(x: float, y: float, slope: floa
     hit = tread.ray_intersection(eye, eye + 0.3 * (target - eye))
     assert hit is not None
     assert np.abs(hit - target).max() < 1e-9
-    kept = keep(tread, touch, hit)
-    assert kept is not None
-    own = (corners(touch, kept) - top) @ R
+    moved = keep(tread, touch, hit)
+    assert moved is not None
+    own = (corners(touch, moved) - top) @ R
     assert np.abs(own[:, 2]).max() < 1e-9
     assert (np.abs(own[:, :2]) <= np.array([0.5, 0.4]) + 1e-9).all()
 
@@ -146,7 +146,7 @@ def test_a_hand_slides_along_its_rail_and_no_farther(x: float, s: float) -> None
     hit = bar.ray_intersection(eye, start + s * along)  # the ray passes through the axis itself
     assert hit is not None
     assert np.abs(hit - (start + s * along)).max() < 1e-6
-    kept = keep(bar, touch, hit, (0.0, 0.0))
-    assert kept is not None
+    moved = keep(bar, touch, hit, (0.0, 0.0))
+    assert moved is not None
     expected = start + np.clip(s, 0.0, bar.length_m) * along + 0.02 * normal
-    assert np.abs(kept - expected).max() < 1e-6
+    assert np.abs(moved - expected).max() < 1e-6

@@ -28,22 +28,22 @@ def read(file: bytes) -> dict[str, Any]:
     """What viser's player finds in a ``.viser`` file."""
     inner = zstandard.ZstdDecompressor().decompress(file[8:], max_output_size=int.from_bytes(file[:8], "little"))
     length = int.from_bytes(inner[:8], "little")
-    told: dict[str, Any] = msgspec.msgpack.decode(inner[8 : 8 + length])
-    return told
+    reports: dict[str, Any] = msgspec.msgpack.decode(inner[8 : 8 + length])
+    return reports
 
 
 def states_at(told: dict[str, Any], time_s: float) -> dict[str, dict[str, Any]]:
-    """Position, turn, scale and visibility of every node once all that is told until ``time_s`` has been heard."""
-    found: dict[str, dict[str, Any]] = {}
+    """Position, turn, scale and visibility of every node once all messages until ``time_s`` have been read."""
+    result: dict[str, dict[str, Any]] = {}
     for at_s, message in told["messages"]:
         if at_s > time_s + 1e-9 or "name" not in message:
             continue
-        state = found.setdefault(message["name"], {})
+        state = result.setdefault(message["name"], {})
         for key in ("position", "wxyz", "visible"):
             if key in message:
                 state[key] = message[key]
         state.update({k: v for k, v in message.get("updates", {}).items() if k == "scale"})
-    return found
+    return result
 
 
 @pytest.fixture
@@ -62,15 +62,15 @@ def player(fake: FakeService, document: dict[str, str], form: str) -> httpx.Resp
 
 def test_the_player_shows_what_the_page_shows(fake_with_estimate: tuple[FakeService, dict[str, str]]) -> None:
     fake, document = fake_with_estimate
-    told = read(player(fake, document, "viser").content)
+    reports = read(player(fake, document, "viser").content)
     frames = build_frames(fake.recordings[document["id"]], read_columns(fake.tracks), read_columns(fake.com))
     lasts_s = float(frames.time_s[-1] - frames.time_s[0])
-    assert told["durationSeconds"] == pytest.approx(lasts_s, rel=0.02)
-    half_s = told["durationSeconds"] / 2
+    assert reports["durationSeconds"] == pytest.approx(lasts_s, rel=0.02)
+    half_s = reports["durationSeconds"] / 2
     row = frames.values[int(np.searchsorted(frames.time_s, frames.time_s[0] + half_s - 1e-6))].astype(float)
     # a frame lasts until the next one: the step that begins at or before the instant
     near = frames.values[np.abs(frames.time_s - frames.time_s[0] - half_s) < 0.05].astype(float)
-    shown = states_at(told, half_s)
+    shown = states_at(reports, half_s)
     moved = 0
     for point in frames.points:
         if not np.isfinite(row[point.at : point.at + 3]).all():
@@ -107,9 +107,9 @@ def test_the_page_holds_the_player_and_the_same_recording(
 ) -> None:
     fake, document = fake_with_estimate
     page = player(fake, document, "html").text
-    kept = re.search(r'__VISER_EMBED_DATA__="([^"]+)"', page)
-    assert kept is not None
-    assert len(read(base64.b64decode(kept[1]))["messages"]) > 100
+    match = re.search(r'__VISER_EMBED_DATA__="([^"]+)"', page)
+    assert match is not None
+    assert len(read(base64.b64decode(match[1]))["messages"]) > 100
     assert "https://" not in page.partition("</head>")[0]
 
 

@@ -74,9 +74,9 @@ def test_the_ghost_is_the_replay_and_gone_once_it_has_fallen() -> None:
 
 
 def test_links_keep_their_frames() -> None:
-    found = read_links(robots.links_glb())
-    assert set(found) == set(robots.LINKS) - {"bare_link"}
-    assert found["base_link"].bounds == pytest.approx(np.array([[-0.15, -0.2, -0.4], [0.15, 0.2, 0.4]]))
+    links = read_links(robots.links_glb())
+    assert set(links) == set(robots.LINKS) - {"bare_link"}
+    assert links["base_link"].bounds == pytest.approx(np.array([[-0.15, -0.2, -0.4], [0.15, 0.2, 0.4]]))
 
 
 def test_links_keep_their_colours() -> None:
@@ -236,23 +236,23 @@ def start() -> Iterator[Start]:
 
 
 def test_a_drag_moves_all_phases_of_a_touch_and_is_stored_once(start: Start) -> None:
-    kept = robots.stored(robots.scenario())
+    scenario = robots.stored(robots.scenario())
     sent: list[Scenario] = []
 
     def put(scenario_id: str, body: Scenario, known: StoredScenario, key: str) -> StoredScenario:
-        assert (scenario_id, known, key) == (kept.id, kept, "of-somebody")
+        assert (scenario_id, known, key) == (scenario.id, scenario, "of-somebody")
         sent.append(body)
         return robots.stored(body, key=scenario_id)
 
-    scene = start(kept, put)
+    scene = start(scenario, put)
     # taken hold of 5 cm beside its middle, on the mark, which lies a little above the tread
     Drag(scene)(5, (0.35, 0.09, 0.1), (0.36, 0.12, 0.1), (0.33, 0.19, 0.1))
     assert len(sent) == 1
     placed = [t.contact.position_m for t in placed_contacts(sent[0])]
-    before = [t.contact.position_m for t in placed_contacts(kept)]
+    before = [t.contact.position_m for t in placed_contacts(scenario)]
     assert placed[4] == pytest.approx((0.28, 0.19, 0.1))
     assert placed[:4] + placed[5:] == before[:4] + before[5:]
-    assert [t.last_phase for t in placed_contacts(sent[0])] == [t.last_phase for t in placed_contacts(kept)]
+    assert [t.last_phase for t in placed_contacts(sent[0])] == [t.last_phase for t in placed_contacts(scenario)]
     assert tuple(scene._marks[5].position) == pytest.approx((0.28, 0.19, 0.1))
     assert tuple(scene._turn.position) == (1.0, 0.0, 0.0)
 
@@ -290,29 +290,31 @@ def test_without_a_key_only_the_dragging_browser_sees_the_contact_move(start: St
 
 
 def test_a_scene_follows_what_others_store(fake: FakeService, library: ScenePool) -> None:
-    kept = fake.add_scenario()
-    first = library.open_scene(Document("scenario", kept.id))
+    scenario = fake.add_scenario()
+    first = library.open_scene(Document("scenario", scenario.id))
     changed = robots.scenario()
     changed.phases[0].contacts[0] = changed.phases[0].contacts[0].model_copy(update={"position_m": (0.02, 0.1, 0.0)})
     for k in (1, 2):
         changed.phases[k].contacts[0] = changed.phases[0].contacts[0]
-    fake.scenarios[kept.id] = robots.stored(changed, key=kept.id)
-    assert library.open_scene(Document("scenario", kept.id)) is first
+    fake.scenarios[scenario.id] = robots.stored(changed, key=scenario.id)
+    assert library.open_scene(Document("scenario", scenario.id)) is first
     assert isinstance(first.live, ScenarioScene)
     assert tuple(first.live._marks[1].position) == pytest.approx((0.02, 0.1, 0.0))
-    fake.scenarios[kept.id] = robots.stored(changed.model_copy(update={"terrain": changed.terrain[:3]}), key=kept.id)
-    assert library.open_scene(Document("scenario", kept.id)) is not first
+    fake.scenarios[scenario.id] = robots.stored(
+        changed.model_copy(update={"terrain": changed.terrain[:3]}), key=scenario.id
+    )
+    assert library.open_scene(Document("scenario", scenario.id)) is not first
 
 
 def test_marks_come_and_go_with_the_contacts(start: Start) -> None:
     given = robots.scenario()
-    kept = robots.stored(given)
-    scene = start(kept, lambda scenario_id, body, *_: robots.stored(body, key=scenario_id))
+    scenario = robots.stored(given)
+    scene = start(scenario, lambda scenario_id, body, *_: robots.stored(body, key=scenario_id))
     first = scene._marks[1]
     handles: Any = first._impl.api._handle_from_node_name
     assert set(scene._marks) == {touch.number for touch in placed_contacts(given)} == {1, 2, 3, 4, 5, 6, 7}
     fewer = given.model_copy(update={"phases": [*given.phases[:2], *given.phases[3:5]]})
-    stored = robots.stored(fewer, key=kept.id)
+    stored = robots.stored(fewer, key=scenario.id)
     assert scene.show_source(stored)
     assert tuple(scene._turn.position) == (1.0, 0.0, 0.0)
     assert scene.show_source(stored)
@@ -324,7 +326,7 @@ def test_marks_come_and_go_with_the_contacts(start: Start) -> None:
     for touch in placed_contacts(fewer):
         assert tuple(scene._marks[touch.number].position) == pytest.approx(touch.contact.position_m)
         assert scene._marks[touch.number]._impl.drag_cb
-    assert scene.show_source(kept)
+    assert scene.show_source(scenario)
     assert set(scene._marks) == {1, 2, 3, 4, 5, 6, 7}
     assert tuple(scene._marks[7].position) == pytest.approx(placed_contacts(given)[6].contact.position_m)
 
@@ -374,18 +376,18 @@ def test_the_robot_follows_the_first_footholds(start: Start) -> None:
 
 
 def test_pages_say_what_they_show(fake: FakeService, browse: Callable[..., httpx.Response]) -> None:
-    kept = fake.add_scenario()
-    job = fake.add_plan(scenario_id=kept.id)
+    scenario = fake.add_scenario()
+    job = fake.add_plan(scenario_id=scenario.id)
     page = browse(f"/view/?plan={job.id}").text
     assert f'data-scene="/view/scene/plan/{job.id}/-"' in page
     assert "right foot touches: 0.00 s to 1.00 s; 1.80 s to 3.00 s; 3.80 s to 5.80 s" in page
-    assert f'href="/view/?scenario={kept.id}"' in page
-    del fake.scenarios[kept.id]
+    assert f'href="/view/?scenario={scenario.id}"' in page
+    del fake.scenarios[scenario.id]
     assert "/view/?scenario=" not in browse(f"/view/?plan={job.id}").text
-    kept = fake.add_scenario()
-    running = fake.add_job("plan-motion", "running", scenario_id=kept.id)
+    scenario = fake.add_scenario()
+    running = fake.add_job("plan-motion", "running", scenario_id=scenario.id)
     waiting = browse(f"/view/?plan={running.id}", follow_redirects=False)
-    assert waiting.headers["location"] == f"/view/?scenario={kept.id}&planning={running.id}"
+    assert waiting.headers["location"] == f"/view/?scenario={scenario.id}&planning={running.id}"
     own = browse(f"/view/?plan={fake.add_job('plan-motion', 'running').id}", follow_redirects=False)
     assert own.headers["location"].endswith("?watch=1"), "without a stored scenario, the page of the plan waits"
     assert browse(f"/view/?plan={fake.add_job('estimate-com', 'succeeded').id}").status_code == 404

@@ -28,24 +28,24 @@ def nodes(scene: OpenScene) -> dict[str, Any]:
 
 
 def test_a_robot_stands_with_each_density_at_its_effector(library: ScenePool) -> None:
-    found = nodes(library.open_scene(Document("robot", "boxes")))
+    scene_nodes = nodes(library.open_scene(Document("robot", "boxes")))
     for link, pose in zip(robots.LINKS, robots.REFERENCE, strict=True):
-        assert tuple(found[f"/robot/{link}"].position) == pytest.approx(pose[:3])
+        assert tuple(scene_nodes[f"/robot/{link}"].position) == pytest.approx(pose[:3])
     for measure in reachability.MEASURES:
         for each in reachability.reach(measure).effectors:
             name = f"/reach/{measure}/{each.card.effector}"
-            assert tuple(found[name].position) == pytest.approx(each.reference_pose[:3])
-            assert tuple(found[name].wxyz) == pytest.approx(each.reference_pose[3:])
-            assert {f"{name}/{part}" for part in ("cloud", "mode", "50", "80", "95")} <= set(found)
-            assert len(found[f"{name}/95"].vertices) == 6
-            assert len(found[f"{name}/cloud"].points) == 300
+            assert tuple(scene_nodes[name].position) == pytest.approx(each.reference_pose[:3])
+            assert tuple(scene_nodes[name].wxyz) == pytest.approx(each.reference_pose[3:])
+            assert {f"{name}/{part}" for part in ("cloud", "mode", "50", "80", "95")} <= set(scene_nodes)
+            assert len(scene_nodes[f"{name}/95"].vertices) == 6
+            assert len(scene_nodes[f"{name}/cloud"].points) == 300
 
 
 def test_a_robot_of_which_nothing_was_learned_stands_alone(fake: FakeService, library: ScenePool) -> None:
     fake.measures = []
-    found = nodes(library.open_scene(Document("robot", "boxes")))
-    assert "/robot/base_link" in found
-    assert not any(name.startswith("/reach/") for name in found)
+    scene_nodes = nodes(library.open_scene(Document("robot", "boxes")))
+    assert "/robot/base_link" in scene_nodes
+    assert not any(name.startswith("/reach/") for name in scene_nodes)
 
 
 def test_what_was_learned_since_is_shown(fake: FakeService, library: ScenePool) -> None:
@@ -74,21 +74,21 @@ def test_another_robot_of_the_same_name_is_drawn_as_itself(
 @pytest.mark.parametrize("learned", [True, False])
 def test_a_plan_has_a_level_set_at_each_contact(fake: FakeService, library: ScenePool, learned: bool) -> None:
     fake.measures = ["uniform"] if learned else []
-    found = nodes(library.open_scene(Document("plan", fake.add_plan().id)))
+    scene_nodes = nodes(library.open_scene(Document("plan", fake.add_plan().id)))
     places = reach_places(robots.scenario())
-    assert {place.name for place in places} <= set(found)
+    assert {place.name for place in places} <= set(scene_nodes)
     drawn_as_another = dict(repeated_nodes(places))
-    assert all(hasattr(found[p.name], "vertices") == learned for p in places if p.name not in drawn_as_another)
-    assert not any(hasattr(found[name], "vertices") for name in drawn_as_another), "the page gives it the meshes"
+    assert all(hasattr(scene_nodes[p.name], "vertices") == learned for p in places if p.name not in drawn_as_another)
+    assert not any(hasattr(scene_nodes[name], "vertices") for name in drawn_as_another), "the page gives it the meshes"
     if learned:
         rail = next(place for place in places if place.contact.effector == "right_hand")
-        assert tuple(found[rail.name].position) == pytest.approx(rail.contact.position_m)
+        assert tuple(scene_nodes[rail.name].position) == pytest.approx(rail.contact.position_m)
 
 
 def test_a_plan_shows_the_densities_of_its_own_measure(fake: FakeService, library: ScenePool) -> None:
     job = fake.add_plan()
     fake.inputs[job.id] = {"scenario_id": None, "measure": "conditioned"}
-    found = nodes(library.open_scene(Document("plan", job.id)))
+    scene_nodes = nodes(library.open_scene(Document("plan", job.id)))
     first = reach_places(robots.scenario())[0]
     middle = reachability.MIDDLE_M["conditioned"][2]
-    assert found[first.name].vertices[:, 2].mean() == pytest.approx(middle, abs=1e-6)
+    assert scene_nodes[first.name].vertices[:, 2].mean() == pytest.approx(middle, abs=1e-6)

@@ -70,10 +70,10 @@ def test_meshes_put_together_keep_their_triangles() -> None:
 def test_a_path_is_drawn_through_few_of_its_points_and_stays_near_all() -> None:
     angle = np.linspace(0, 2 * np.pi, 500)
     path = np.column_stack([np.cos(angle), np.sin(angle), 0.1 * angle])
-    kept = shapes.simplify_path(path, 1e-3)
-    assert (kept[0], kept[-1]) == (0, 499)
-    assert len(kept) < 150
-    between = np.column_stack([np.interp(np.arange(500), kept, path[kept, k]) for k in range(3)])
+    simplified = shapes.simplify_path(path, 1e-3)
+    assert (simplified[0], simplified[-1]) == (0, 499)
+    assert len(simplified) < 150
+    between = np.column_stack([np.interp(np.arange(500), simplified, path[simplified, k]) for k in range(3)])
     # a straight piece is as near to the arc at the same share of its length
     assert np.linalg.norm(between - path, axis=1).max() < 1.5e-3
     assert shapes.simplify_path(path[:1].repeat(5, axis=0), 1e-3).tolist() == [0, 4]

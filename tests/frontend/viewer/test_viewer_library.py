@@ -1,4 +1,4 @@
-"""Scenes are opened once, rebuilt when their recording changes, and closed when nobody looks; they have limits."""
+"""Scenes are opened once, rebuilt when their recording changes, and closed without viewers; they have limits."""
 
 import socket
 import threading
@@ -87,12 +87,11 @@ def test_a_scene_holds_every_node_that_the_page_moves(shelf: Shelf) -> None:
 def test_each_language_has_a_scene_with_its_own_labels(shelf: Shelf) -> None:
     recording = shelf.fake.add_recording()
     document = of(recording.id)
-    texts = {
-        language: shelf.library.open_scene(replace(document, language=language))
-        .server.scene._handle_from_node_name["/plates/1/label"]
-        .text
-        for language in LANGUAGES
-    }
+    texts = {}
+    for language in LANGUAGES:
+        scene = shelf.library.open_scene(replace(document, language=language)).server.scene
+        label: Any = scene._handle_from_node_name["/plates/1/label"]
+        texts[language] = label.text
     assert texts == {"en": "Plate 1", "de": "Platte 1", "fr": "Plateforme 1", "ja": "プレート 1"}
 
 
@@ -212,7 +211,7 @@ def test_a_scene_whose_browser_is_about_to_come_is_not_closed(fake: FakeService)
         assert not is_open(coming), "its browser came and went"
 
 
-def test_a_user_at_the_limit_loses_the_own_idle_scene_and_nobody_elses(fake: FakeService) -> None:
+def test_a_user_at_the_limit_loses_the_own_idle_scene_and_no_other(fake: FakeService) -> None:
     documents = [of(fake.add_recording().id) for _ in range(5)]
     with limited(fake, total=9, per_user=2) as shelf:
         theirs = shelf.library.open_scene(documents[0], "bob")

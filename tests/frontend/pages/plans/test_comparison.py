@@ -1,4 +1,4 @@
-"""Plan against plan: numbers side by side, both curves over one axis, and what is said where that cannot be."""
+"""Plan against plan: numbers side by side, both curves over one axis, and a sentence where that cannot be."""
 
 import re
 from collections.abc import Callable
@@ -32,35 +32,35 @@ def brief() -> Scenario:
 
 
 def test_equal_plans_differ_by_nothing() -> None:
-    found = pair_rows(facts(), facts())
-    assert {row.difference for row in found} == {"0", ""}
-    assert {row.note for row in found} == {""}
+    result = pair_rows(facts(), facts())
+    assert {row.difference for row in result} == {"0", ""}
+    assert {row.note for row in result} == {""}
     assert pair_remarks(facts(), facts()) == []
 
 
-def test_rounding_is_no_difference_and_unknown_densities_are_not_said_to_differ() -> None:
+def test_rounding_is_no_difference_and_unknown_densities_do_not_differ() -> None:
     mine, theirs = (facts(solve_time_s=value, measure=None) for value in (0.99, 0.99 - 2e-15))
     assert rows(mine, theirs)["solve_time_s"].difference == "0"
     assert pair_remarks(mine, facts()) == []
 
 
 def test_differences_are_the_first_less_the_second() -> None:
-    found = rows(facts(iterations=30, objective=-14.0), facts(solve_time_s=0.5))
-    assert (found["iterations"].first, found["iterations"].second, found["iterations"].difference) == (
+    compared = rows(facts(iterations=30, objective=-14.0), facts(solve_time_s=0.5))
+    assert (compared["iterations"].first, compared["iterations"].second, compared["iterations"].difference) == (
         "30",
         "18",
         "+12",
     )
-    assert found["objective"].difference == "+0.4670 s"
-    assert found["solve_time_s"].difference == "+50 ms"
-    assert found["terrain_distance_min"].difference == "0"
-    assert found["replay.com_error_max_m"].first == "0.25 m"
+    assert compared["objective"].difference == "+0.4670 s"
+    assert compared["solve_time_s"].difference == "+50 ms"
+    assert compared["terrain_distance_min"].difference == "0"
+    assert compared["replay.com_error_max_m"].first == "0.25 m"
 
 
 def test_what_only_one_plan_has_is_not_compared() -> None:
-    found = rows(facts(), facts(whole_body=False))
-    assert (found["certificate"].first, found["certificate"].second) == ("not passed", "–")
-    assert "terrain_distance_min" not in found
+    compared = rows(facts(), facts(whole_body=False))
+    assert (compared["certificate"].first, compared["certificate"].second) == ("not passed", "–")
+    assert "terrain_distance_min" not in compared
     assert "certificate" not in rows(facts(whole_body=False), facts(whole_body=False))
 
 
@@ -88,9 +88,9 @@ def test_what_only_one_plan_has_is_not_compared() -> None:
 def test_figures_that_cannot_be_compared_have_no_difference(
     other: PlanFacts, kept: set[str], not_compared: set[str], said: str
 ) -> None:
-    found = rows(facts(), other)
-    assert {key for key in not_compared if found[key].note and found[key].difference == "–"} == not_compared
-    assert {key for key in kept if not found[key].note} == kept
+    compared = rows(facts(), other)
+    assert {key for key in not_compared if compared[key].note and compared[key].difference == "–"} == not_compared
+    assert {key for key in kept if not compared[key].note} == kept
     assert said in " ".join(pair_remarks(facts(), other))
 
 
@@ -119,10 +119,10 @@ def test_both_curves_are_drawn_at_the_nodes_of_both_while_they_last() -> None:
 
 def test_the_page_shows_both_and_offers_those_of_the_scenario_first(fake: FakeService, browse: Browse) -> None:
     elsewhere = fake.add_plan(given=robots.scenario())
-    kept = fake.add_scenario()
-    job, other = (fake.add_plan(scenario_id=kept.id) for _ in range(2))
+    scenario = fake.add_scenario()
+    job, other = (fake.add_plan(scenario_id=scenario.id) for _ in range(2))
     for each in (job, other):
-        fake.change(each.id, scenario_id=kept.id)
+        fake.change(each.id, scenario_id=scenario.id)
     page = browse(f"/plans/{job.id}?with={other.id}").text
     assert f'data-plots="/plans/{job.id}/plots.json?with={other.id}"' in page
     assert re.search(rf'<option value="{other.id}" selected[ >]', page)
@@ -138,14 +138,14 @@ def test_the_page_shows_both_and_offers_those_of_the_scenario_first(fake: FakeSe
 
 def test_another_plan_that_cannot_be_shown_is_named_and_this_one_stays(fake: FakeService, browse: Browse) -> None:
     job, running = fake.add_plan(), fake.add_job("plan-motion", "running")
-    said = {
+    message = {
         job.id: "This is the same plan",
         "gone": "does not exist; it may have been deleted",
         running.id: "The other plan is running",
         fake.add_job("estimate-com", "succeeded").id: "The other job is not a plan",
         '"><b>': "does not exist; it may have been deleted",
     }
-    for other, sentence in said.items():
+    for other, sentence in message.items():
         answer = browse(f"/plans/{job.id}?with={other}")
         assert answer.status_code == 200
         assert sentence in re.search(r"data-pair-refusal>([^<]*)<", answer.text).group(1)  # type: ignore[union-attr]

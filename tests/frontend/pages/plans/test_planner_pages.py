@@ -25,34 +25,34 @@ def texts(page: str) -> str:
 
 
 def test_home_plans_a_scenario_with_one_press(fake: FakeService, browse: Browse) -> None:
-    kept = fake.add_scenario(bundled=True)
+    scenario = fake.add_scenario(bundled=True)
     page = browse("/").text
-    assert f'data-plan="{kept.id}"' in page
-    assert f'href="/scenarios/{kept.id}"' in page
+    assert f'data-plan="{scenario.id}"' in page
+    assert f'href="/scenarios/{scenario.id}"' in page
     assert "<polygon" in page
 
 
 def test_list_of_scenarios_and_what_a_name_smuggles_in(fake: FakeService, browse: Browse) -> None:
-    kept = fake.add_scenario(given=robots.scenario(name="<b>stairs</b>"))
+    scenario = fake.add_scenario(given=robots.scenario(name="<b>stairs</b>"))
     page = browse("/scenarios").text
     assert "<b>stairs" not in page
     assert "&lt;b&gt;stairs" in page
-    assert f'href="/view/?scenario={kept.id}"' in page
+    assert f'href="/view/?scenario={scenario.id}"' in page
     assert "BOXES" in page
     assert "9 phases" in texts(page)
 
 
 def test_scenario_page_shows_pictures_check_and_plans(fake: FakeService, browse: Browse) -> None:
-    kept = fake.add_scenario()
+    scenario = fake.add_scenario()
     job = fake.add_job(
-        "plan-motion", "running", scenario_id=kept.id, progress=Progress(fraction=0.4, message="whole body")
+        "plan-motion", "running", scenario_id=scenario.id, progress=Progress(fraction=0.4, message="whole body")
     )
     other = fake.add_job("plan-motion", "succeeded", scenario_id="another")
-    page = browse(f"/scenarios/{kept.id}").text
+    page = browse(f"/scenarios/{scenario.id}").text
     assert page.count('<svg class="drawing') == 2
     assert f'href="/jobs/{job.id}"' in page
     assert other.id not in page
-    assert f'data-plan="{kept.id}"' in page
+    assert f'data-plan="{scenario.id}"' in page
     assert "The right foot passes through step 1." in page
     assert 'data-delete="' in page
     assert "right foot touches 0.00 s to 1.00 s; 1.80 s to" in page
@@ -60,12 +60,12 @@ def test_scenario_page_shows_pictures_check_and_plans(fake: FakeService, browse:
 
 def test_scenario_page_says_how_well_each_phase_is_held(fake: FakeService, browse: Browse) -> None:
     page = browse(f"/scenarios/{fake.add_scenario().id}").text
-    said = texts(page)
-    assert "The robot could stop and rest in 7 of 9 phases. It has the least room in phase 3: 2.0 cm short." in said
-    assert "3 2.00 s 2.80 s right foot, right hand only passed in motion -2.0 cm 4.0 cm 25.0 cm" in said
-    assert "0 0.00 s 1.00 s left foot, right foot yes 6.0 cm 4.0 cm 25.0 cm" in said
+    shown = texts(page)
+    assert "The robot could stop and rest in 7 of 9 phases. It has the least room in phase 3: 2.0 cm short." in shown
+    assert "3 2.00 s 2.80 s right foot, right hand only passed in motion -2.0 cm 4.0 cm 25.0 cm" in shown
+    assert "0 0.00 s 1.00 s left foot, right foot yes 6.0 cm 4.0 cm 25.0 cm" in shown
     assert '<polygon class="support"' in page
-    assert "where the CoM can rest in phase 3, the tightest" in said
+    assert "where the CoM can rest in phase 3, the tightest" in shown
 
 
 def test_a_sample_cannot_be_deleted_and_an_impossible_one_not_planned(fake: FakeService, browse: Browse) -> None:
@@ -73,8 +73,8 @@ def test_a_sample_cannot_be_deleted_and_an_impossible_one_not_planned(fake: Fake
     good = robots.scenario()
     astray = good.phases[0].contacts[0].model_copy(update={"position_m": (0.0, 3.0, 0.0)})
     first = good.phases[0].model_copy(update={"contacts": [astray, *good.phases[0].contacts[1:]]})
-    kept = fake.add_scenario(given=good.model_copy(update={"phases": [first, *good.phases[1:]]}))
-    page = browse(f"/scenarios/{kept.id}").text
+    scenario = fake.add_scenario(given=good.model_copy(update={"phases": [first, *good.phases[1:]]}))
+    page = browse(f"/scenarios/{scenario.id}").text
     assert "This scenario cannot be planned." in page
     assert "phases[0].contacts[left_foot]" in page
     assert "data-plan=" not in page
@@ -95,9 +95,9 @@ def test_a_replay_says_how_it_was_disturbed(fake: FakeService, browse: Browse, m
 
     assert "Disturbed:" not in texts(browse(f"/plans/{fake.add_plan().id}").text)
     monkeypatch.setattr(robots, "plan_summary", disturbed)
-    said = texts(browse(f"/plans/{fake.add_plan().id}").text)
+    shown = texts(browse(f"/plans/{fake.add_plan().id}").text)
     assert (
-        "Disturbed: push of 5 N s at 1.5 s on the trunk, 2.5 kg on the trunk, friction 0.2, control 2 ms late." in said
+        "Disturbed: push of 5 N s at 1.5 s on the trunk, 2.5 kg on the trunk, friction 0.2, control 2 ms late." in shown
     )
 
 
@@ -114,26 +114,26 @@ def test_a_robot_that_stays_on_its_feet_need_not_have_completed_the_motion(
         return summary.model_copy(update={"replay": summary.replay.model_copy(update=changed), "warnings": []})
 
     monkeypatch.setattr(robots, "plan_summary", standing)
-    said = texts(browse(f"/plans/{fake.add_plan().id}").text)
-    assert "Not completed: the robot does not fall, but departs from the plan." in said
-    assert "A loaded foot slips by 68 mm; at most 20 mm are allowed. replay-slipped" in said
-    assert "Colliding pairs 2" in said
-    assert "The robot falls" not in said
+    shown = texts(browse(f"/plans/{fake.add_plan().id}").text)
+    assert "Not completed: the robot does not fall, but departs from the plan." in shown
+    assert "A loaded foot slips by 68 mm; at most 20 mm are allowed. replay-slipped" in shown
+    assert "Colliding pairs 2" in shown
+    assert "The robot falls" not in shown
 
 
 def test_plan_page_shows_certificate_replay_and_where_to_look(fake: FakeService, browse: Browse) -> None:
     job = fake.add_plan()
     page = browse(f"/plans/{job.id}").text
-    said = texts(page)
-    assert "Not every check passed." in said
-    assert "CoM error, largest 0.155 mm at most 1 mm passed" in said
-    assert "Terrain distance, smallest -12.3 mm at least 0 m failed phase 1 left leg 4" in said
+    shown = texts(page)
+    assert "Not every check passed." in shown
+    assert "CoM error, largest 0.155 mm at most 1 mm passed" in shown
+    assert "Terrain distance, smallest -12.3 mm at least 0 m failed phase 1 left leg 4" in shown
     assert f'href="/view/?plan={job.id}&amp;t=1.250"' in page
-    assert "The robot falls at 3.21 s." in said
-    assert "Foot slip, largest 4.2 mm" in said
-    assert said.index("check 0.50 s") < said.index("centroidal 2.50 s") < said.index("export 1.00 s")
-    assert "Replayed in physics, the robot falls." in said
-    assert "1 7.5 N m s 2.5 N m s 3.0 ms 2 0.75 N m s 0.25 N m s 4.0 ms" in said
+    assert "The robot falls at 3.21 s." in shown
+    assert "Foot slip, largest 4.2 mm" in shown
+    assert shown.index("check 0.50 s") < shown.index("centroidal 2.50 s") < shown.index("export 1.00 s")
+    assert "Replayed in physics, the robot falls." in shown
+    assert "1 7.5 N m s 2.5 N m s 3.0 ms 2 0.75 N m s 0.25 N m s 4.0 ms" in shown
 
 
 def test_a_plan_that_the_body_cannot_follow_shows_where_it_stops(fake: FakeService, browse: Browse) -> None:
@@ -146,13 +146,13 @@ def test_a_plan_that_the_body_cannot_follow_shows_where_it_stops(fake: FakeServi
         time_s=1.24, phase=1, level=0, level_name="dynamics", names=["torque of leg_left_4_joint"]
     )
     page = browse(f"/plans/{job.id}").text
-    said = texts(page)
-    assert said.count(detail) == 1
-    assert said.count("leg_left_4_joint") == 1, "what stops the body is told once"
-    assert "The whole body follows the plan for 1.24 s of " in said
-    assert "Only complete motions are checked." in said
+    shown = texts(page)
+    assert shown.count(detail) == 1
+    assert shown.count("leg_left_4_joint") == 1, "what stops the body is shown once"
+    assert "The whole body follows the plan for 1.24 s of " in shown
+    assert "Only complete motions are checked." in shown
     assert f'href="/view/?plan={job.id}&amp;t=1.240"' in page
-    assert "Watch the motion" in said
+    assert "Watch the motion" in shown
     viewer = browse(f"/view/?plan={job.id}")
     assert viewer.status_code == 200
     assert "data-moments" not in viewer.text
@@ -196,11 +196,11 @@ def test_plan_page_of_the_centre_of_mass_alone(fake: FakeService, browse: Browse
 
 def test_plan_page_splits_the_objective_by_term(fake: FakeService, browse: Browse) -> None:
     page = browse(f"/plans/{fake.add_plan().id}").text
-    said = texts(page)
-    assert "CoM acceleration ∫ |c̈|² dt 0.4 m²/s³ 10 s⁴/m² 4.0000 s" in said
-    assert "Angular momentum rate ∫ |L̇|² dt 0.2 N² m² s 10 1/(N m)² 2.0000 s" in said
-    assert "Negative log-likelihood, right foot −∫ log p(c) dt -11 s 1 -11.0000 s" in said
-    assert said.index("right foot −∫") < said.index("Objective (4.20a) -14.4670 s") < said.index("Forces on hands ∫")
+    shown = texts(page)
+    assert "CoM acceleration ∫ |c̈|² dt 0.4 m²/s³ 10 s⁴/m² 4.0000 s" in shown
+    assert "Angular momentum rate ∫ |L̇|² dt 0.2 N² m² s 10 1/(N m)² 2.0000 s" in shown
+    assert "Negative log-likelihood, right foot −∫ log p(c) dt -11 s 1 -11.0000 s" in shown
+    assert shown.index("right foot −∫") < shown.index("Objective (4.20a) -14.4670 s") < shown.index("Forces on hands ∫")
     assert "data-not-minimised" not in page
 
 
@@ -213,13 +213,13 @@ def test_bars_of_the_cost_share_one_scale() -> None:
     assert np.allclose([row.width for row in rows], 100 / 15 * np.abs(costs), atol=0.01)
 
 
-def test_regularisers_of_a_wrench_are_said_not_to_have_been_minimised(fake: FakeService, browse: Browse) -> None:
+def test_regularisers_of_a_wrench_are_marked_as_not_minimised(fake: FakeService, browse: Browse) -> None:
     job = fake.add_plan()
     fake.inputs[job.id]["formulation"] = "wrench"
     assert "data-not-minimised" in browse(f"/plans/{job.id}").text
 
 
-def test_a_plan_of_a_version_that_told_no_weights_still_shows_its_terms() -> None:
+def test_a_plan_of_a_version_that_wrote_no_weights_still_shows_its_terms() -> None:
     bare = robots.plan_summary(whole_body=False).model_copy(update={"weights": None})
     assert {(row.integral, row.weight) for row in cost_rows(bare)} == {("–", "–")}
 
@@ -270,26 +270,26 @@ def test_jobs_and_plans_lead_to_each_other(fake: FakeService, browse: Browse) ->
 
 def test_chosen_durations_stand_beside_the_given_ones_and_can_be_kept(fake: FakeService, browse: Browse) -> None:
     given = robots.scenario()
-    found = [
+    result = [
         PhaseDuration(given_s=phase.duration_s, chosen_s=phase.duration_s * (0.7 if k == 1 else 1.4 if k == 2 else 1.0))
         for k, phase in enumerate(given.phases)
     ]
     job = fake.add_plan(given)
     assert "data-durations" not in browse(f"/plans/{job.id}").text
     plain = robots.plan_result(fake.inputs[job.id], fake.plans[job.id])
-    summary = plain.summary | {"phase_durations": [phase.model_dump() for phase in found]}
+    summary = plain.summary | {"phase_durations": [phase.model_dump() for phase in result]}
     fake.results[job.id] = plain.model_copy(update={"summary": summary})
     page = browse(f"/plans/{job.id}").text
-    said = texts(page)
-    assert "The durations are between 0.70 (phase 1) and 1.40 times (phase 2) those of the scenario." in said
-    assert "1 left foot, right hand 0.80 s 0.560 s 0.70" in said
+    shown = texts(page)
+    assert "The durations are between 0.70 (phase 1) and 1.40 times (phase 2) those of the scenario." in shown
+    assert "1 left foot, right hand 0.80 s 0.560 s 0.70" in shown
     assert "data-keep" in page
 
 
 def test_bars_of_both_timings_share_one_axis() -> None:
     given = robots.scenario()
-    found = [PhaseDuration(given_s=phase.duration_s, chosen_s=2.0 * phase.duration_s) for phase in given.phases]
-    drawn = chosen_durations(found, given)
+    result = [PhaseDuration(given_s=phase.duration_s, chosen_s=2.0 * phase.duration_s) for phase in given.phases]
+    drawn = chosen_durations(result, given)
     assert drawn.chosen[-1].x + drawn.chosen[-1].width == 100.0
     assert drawn.given[-1].x + drawn.given[-1].width == 50.0
     assert [row.share for row in drawn.rows] == [2.0] * len(given.phases)

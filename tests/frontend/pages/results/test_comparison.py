@@ -138,8 +138,8 @@ def test_contributions_and_filters_show_the_three_inputs(fake: FakeService, brow
 
 def test_one_figure_is_shown_and_the_others_are_offered(fake: FakeService, browse: Browse) -> None:
     job = fake.add_comparison()
-    for asked, shown in (("", "spectra"), ("?figure=time", "time"), ("?figure=nothing", "spectra")):
-        page = browse(f"/jobs/{job.id}{asked}").text
+    for request, shown in (("", "spectra"), ("?figure=time", "time"), ("?figure=nothing", "spectra")):
+        page = browse(f"/jobs/{job.id}{request}").text
         assert f'data-plots="/jobs/{job.id}/figures/{shown}.json"' in page
         assert re.findall(r'figure=(\w+)#figures" aria-current', page) == [shown]
         assert set(re.findall(r"figure=(\w+)#figures", page)) == set(FIGURES)

@@ -34,7 +34,7 @@ def cells(page: str, name: str) -> list[str]:
     return [re.sub(r"<[^>]*>|\s+", " ", cell).strip() for cell in re.findall(r"<td[^>]*>(.*?)</td>", row, re.DOTALL)]
 
 
-def test_every_step_has_a_row_and_the_asked_one_is_shown(address: str, browse: Browse) -> None:
+def test_every_step_has_a_row_and_the_requested_one_is_shown(address: str, browse: Browse) -> None:
     page = browse(f"{address}?step=2").text
     assert cells(page, 'data-step="1"') == [
         "0.60 – 1.20", "105.0", "15.0", "940.0", "11.00", "1.00", "0.52", "0.72", "-70", "30", "0.660", "1.10", "none",
@@ -79,8 +79,8 @@ def test_formal_deviation_and_scatter_stand_side_by_side(address: str, browse: B
 
 
 def test_without_a_second_step_there_is_no_scatter() -> None:
-    found = values_of(steps_of(summary())[0], None)
-    assert [line.scatter for line in found] == ["–"] * len(found)
+    values = values_of(steps_of(summary())[0], None)
+    assert [line.scatter for line in values] == ["–"] * len(values)
 
 
 def test_the_thesis_rule_stands_beside_the_measured_double_support(address: str, browse: Browse) -> None:
@@ -108,9 +108,9 @@ def test_the_best_model_is_marked_and_wins_are_counted() -> None:
 def test_samples_of_a_step_are_its_own_where_two_steps_meet() -> None:
     columns = read_columns(wheel_parquet())
     for k, step in enumerate(steps_of(summary())):
-        found = samples_of(columns, step)
-        np.testing.assert_array_equal(found["time_s"], samples(k)["time_s"])
-        assert radius_m(found) == pytest.approx(WHEELS[k][0], rel=1e-9)
+        result = samples_of(columns, step)
+        np.testing.assert_array_equal(result["time_s"], samples(k)["time_s"])
+        assert radius_m(result) == pytest.approx(WHEELS[k][0], rel=1e-9)
 
 
 def test_pictures_show_the_path_the_rest_and_the_angle() -> None:

@@ -71,15 +71,15 @@ def test_recording_page_offers_every_method_and_the_latency_that_the_interface_w
 ) -> None:
     page = browse(f"/recordings/{fake.add_recording().id}").text
     method = page[page.index('<select name="method">') :].partition("</select>")[0]
-    asked = EstimateComInput.model_fields["method"].annotation
-    named = {name for part in get_args(asked) for name in get_args(part)}
+    requested = EstimateComInput.model_fields["method"].annotation
+    named = {name for part in get_args(requested) for name in get_args(part)}
     assert set(re.findall(r'value="(\w+)"', method)) == named
     latency = page[page.index('<select name="latency">') :].partition("</select>")[0]
     assert re.findall(r'value="(\w+)" selected', latency) == [EstimateComInput(recording_id="x").latency]
 
 
 @pytest.mark.parametrize(
-    ("found_s", "sd_s", "applied_s", "said"),
+    ("estimated_s", "sd_s", "applied_s", "said"),
     [
         (0.0123, 0.002, 0.0123, "The force comes 12.3 ± 2.0 ms later than the markers; this was corrected."),
         (-0.004, None, 0.0, "The force comes 4.0 ms earlier than the markers; this was not corrected."),
@@ -91,11 +91,11 @@ def test_recording_page_offers_every_method_and_the_latency_that_the_interface_w
         ),
     ],
 )
-def test_the_sentence_on_the_clocks_says_what_was_found_and_done(
-    found_s: float, sd_s: float | None, applied_s: float, said: str
+def test_the_sentence_on_the_clocks_says_what_was_estimated_and_done(
+    estimated_s: float, sd_s: float | None, applied_s: float, said: str
 ) -> None:
     summary: dict[str, Any] = {
-        "latency_s": found_s,
+        "latency_s": estimated_s,
         "latency_sd_s": sd_s,
         "latency_applied_s": applied_s,
         "observability": {},
@@ -108,8 +108,10 @@ def test_the_sentence_on_the_clocks_says_whose_latency_it_is() -> None:
     summary = {"latency_s": 0.0181, "latency_sd_s": 0.0006, "latency_applied_s": 0.0181, "observability": {}}
     summary |= {"latency_source": "session", "latency_n_trials": 12}
     result = JobResult(kind="estimate-com", input={}, versions={}, references=[], summary=summary, artifacts=[])
-    said = "The force comes 18.1 ± 0.6 ms later than the markers, as 12 trials of its session say; this was corrected."
-    assert sentences_of(result) == [said]
+    message = (
+        "The force comes 18.1 ± 0.6 ms later than the markers, as 12 trials of its session say; this was corrected."
+    )
+    assert sentences_of(result) == [message]
 
 
 def test_a_result_with_a_band_starts_with_how_well_the_position_is_known() -> None:
@@ -218,7 +220,7 @@ def test_failed_job_says_why_and_where_and_shows_its_log(fake: FakeService, brow
     assert page.count("No interval is measured.") == 1
 
 
-def test_a_failure_is_told_once_on_the_page_of_its_job(fake: FakeService, browse: Browse) -> None:
+def test_a_failure_is_shown_once_on_the_page_of_its_job(fake: FakeService, browse: Browse) -> None:
     detail = "The knee is straight in phases[3]. The hand is 0.2 m too far away."
     places = [
         FaultItem(where="phases[3]", message="The knee is straight"),
@@ -301,7 +303,7 @@ def test_pages_hold_no_inline_script_style_or_handler(browse: Browse, address: s
     assert not re.search(r'(?:src|href)="(?:https?:)?//', page)
 
 
-def test_pages_are_not_kept_by_browsers(browse: Browse) -> None:
+def test_pages_are_not_cached_by_browsers(browse: Browse) -> None:
     assert browse("/jobs").headers["cache-control"] == "no-store"
 
 
@@ -336,10 +338,10 @@ def estimate_form(page: str) -> str:
 
 def buttons(form: str) -> dict[str, bool]:
     """The form's buttons by their text, and whether they can be pressed."""
-    found = re.findall(r"<button([^>]*)>([^<]*)</button>", form)
-    for attributes, _ in found:
+    outcome = re.findall(r"<button([^>]*)>([^<]*)</button>", form)
+    for attributes, _ in outcome:
         assert ("disabled" in attributes) == ('aria-describedby="refused"' in attributes)
-    return {text: "disabled" not in attributes for attributes, text in found}
+    return {text: "disabled" not in attributes for attributes, text in outcome}
 
 
 def test_what_is_known_to_fail_is_not_offered_and_says_why(fake: FakeService, browse: Browse) -> None:

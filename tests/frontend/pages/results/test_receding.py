@@ -32,10 +32,10 @@ def test_every_replan_is_a_mark_on_its_side_of_the_line() -> None:
     replans = [mark for mark in chart.marks if mark.css != "push"]
     assert len(replans) == np.isfinite(columns["replan_ms"]).sum()
     (line,) = [level for level in chart.whiskers if level.css == "rule"]
-    for mark, took_ms, kept in zip(replans, columns["replan_ms"], columns["carried_on"], strict=False):
+    for mark, took_ms, stored in zip(replans, columns["replan_ms"], columns["carried_on"], strict=False):
         assert (mark.y < line.y1) == (took_ms > 50.0)
-        assert mark.css == ("late" if took_ms > 50.0 or kept else "timely")
-        assert mark.shape == ("cross" if kept else "circle")
+        assert mark.css == ("late" if took_ms > 50.0 or stored else "timely")
+        assert mark.shape == ("cross" if stored else "circle")
     assert next(mark.text for mark in chart.marks if mark.css == "push") == "Pushed by +0.06 m/s in y at 1.10 s"
 
 
@@ -50,13 +50,13 @@ def test_curves_are_those_of_the_table_and_shaded_after_a_push() -> None:
 def test_the_page_says_it_in_words_with_units(fake: FakeService, browse: Browse) -> None:
     job = fake.add_receding([push.model_dump(mode="json") for push in PUSHES])
     page = browse(f"/jobs/{job.id}").text
-    said = texts(page)
-    assert "In 1 of 40 periods no solution was found" in said
-    assert "The centre of mass ends at its place of rest." in said
-    assert "30 of 40 replans took at most 50 ms, the period of 20 Hz" in said
-    assert "Replan, longest 120 ms" in said
-    assert "Solver CasADi with ipopt" in said
-    assert "1.10 s: +0.06 m/s in y" in said
+    shown = texts(page)
+    assert "In 1 of 40 periods no solution was found" in shown
+    assert "The centre of mass ends at its place of rest." in shown
+    assert "30 of 40 replans took at most 50 ms, the period of 20 Hz" in shown
+    assert "Replan, longest 120 ms" in shown
+    assert "Solver CasADi with ipopt" in shown
+    assert "1.10 s: +0.06 m/s in y" in shown
     assert f'href="/view/?plan={job.id}"' in page
     assert f'data-plots="/jobs/{job.id}/plots.json"' in page
     assert browse(f"/jobs/{job.id}/plots.json").json()["columns"]["com_z_m"][0] == 0.88
@@ -70,9 +70,9 @@ def test_it_is_watched_like_a_plan(fake: FakeService, browse: Browse) -> None:
 
 
 def test_a_scenario_is_walked_from_its_page(fake: FakeService, browse: Browse) -> None:
-    kept = fake.add_scenario()
-    job = fake.add_job("plan-receding", "succeeded", scenario_id=kept.id)
-    page = browse(f"/scenarios/{kept.id}").text
-    assert f'data-receding="{kept.id}"' in page
+    scenario = fake.add_scenario()
+    job = fake.add_job("plan-receding", "succeeded", scenario_id=scenario.id)
+    page = browse(f"/scenarios/{scenario.id}").text
+    assert f'data-receding="{scenario.id}"' in page
     assert "Plan with a receding horizon" in page
     assert f'href="/jobs/{job.id}"' in page

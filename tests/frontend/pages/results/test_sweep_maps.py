@@ -63,12 +63,12 @@ def test_a_curve_shows_the_cost_and_where_there_is_none() -> None:
 
 def test_a_third_field_has_a_map_for_each_of_its_values() -> None:
     timing = SweepAxis(field="timing", unit="", values=[1.0 + 0.1 * k for k in range(MAX_MAPS + 2)], present=1.0)
-    found = swept(STRIDE, FRICTION, timing, outcomes=["feasible"] * 6 * len(timing.values)).draw_charts()
-    assert [title for title, _ in found][:2] == ["timing 1", "timing 1.1"]
-    assert len(found) == MAX_MAPS
+    result = swept(STRIDE, FRICTION, timing, outcomes=["feasible"] * 6 * len(timing.values)).draw_charts()
+    assert [title for title, _ in result][:2] == ["timing 1", "timing 1.1"]
+    assert len(result) == MAX_MAPS
 
 
-def test_the_borders_are_told_in_numbers() -> None:
+def test_the_borders_have_numbers() -> None:
     assert swept(STRIDE, FRICTION, outcomes=OUTCOMES).feasible_ranges() == [
         ("friction 0.2", "0.5 to 0.5 m, 1 of 3"),
         ("friction 0.4", "0.5 to 1 m, 2 of 3"),

@@ -32,7 +32,7 @@ def judged(margins_m: list[float | None], regions: list[list[tuple[float, float]
     )
 
 
-def test_a_phase_is_held_at_rest_only_in_motion_or_nobody_knows() -> None:
+def test_a_phase_is_held_at_rest_only_in_motion_or_unknown() -> None:
     phases = phase_equilibria(SCENARIO, judged([0.06, -0.031, None, None], [SQUARE, SQUARE, [], SQUARE]))
     assert [phase.kind for phase in phases[:4]] == ["rest", "motion", "motion", "unknown"]
     assert [phase.kind_text for phase in phases[:4]] == [
