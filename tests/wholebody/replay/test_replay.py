@@ -15,7 +15,6 @@ from stridelab.errors import InvalidInput
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import WholeBodyMotion
-from stridelab.wholebody.replay.dcm_feedback import CapturePointFeedback, Sole, ankle_torques_nm, ankles_of
 from stridelab.wholebody.replay.disturbances import Disturbances, Push, SensorNoise
 from stridelab.wholebody.replay.mujoco_model import build_simulation
 from stridelab.wholebody.replay.replay import PhysicsReplay, Replay
@@ -170,71 +169,6 @@ def test_the_stabiliser_acts_on_the_estimated_state(robot: Robot) -> None:
     true = physics.run(robot, motion.sequence, motion, quiet)
     wrong = physics.run(robot, motion.sequence, motion, quiet, observe=blind)
     assert wrong.com_m[-1, 1] < true.com_m[-1, 1] - 0.002, "a robot that estimates itself too far left leans right"
-
-
-def test_ankle_torques_move_the_centre_of_pressure_where_the_command_says(robot: Robot) -> None:
-    """A sole pressed with f at d ahead is in balance under the ankle torques that the stabiliser adds for d."""
-    ankles = ankles_of(robot)
-    assert set(ankles) == set(FEET)
-    for d in ([0.03, 0.0, 0.0], [0.0, 0.02, 0.0], [0.02, -0.01, 0.0]):
-        tau = ankle_torques_nm(ankles["left_foot"], np.array(d[:2]), 900.0)
-        data = robot.model.createData()
-        q = robot.q_reference
-        frame = robot.model.getFrameId(robot.effectors["left_foot"].frame)
-        J = pin.computeFrameJacobian(robot.model, data, q, frame, pin.LOCAL)
-        moment = np.cross(d, [0.0, 0.0, 900.0])
-        balance = -(J[3:].T @ moment)[6:]
-        assert np.allclose(tau, balance[list(ankles["left_foot"].joints)], atol=1e-6)
-
-
-HALF_M = {"left_foot": (0.10, 0.06), "right_foot": (0.10, 0.06)}
-
-
-def soles(load_left_n: float, load_right_n: float, pressure_y_m: float = 0.0) -> dict[str, Sole]:
-    pressure = np.array([0.0, pressure_y_m])
-    return {
-        "left_foot": Sole(np.array([0.0, 0.1, 0.0]), np.eye(3), load_left_n, pressure),
-        "right_foot": Sole(np.array([0.0, -0.1, 0.0]), np.eye(3), load_right_n, pressure),
-    }
-
-
-def test_the_tilt_of_a_narrow_sole_hardly_moves_the_centre_of_pressure() -> None:
-    shares = {}
-    for name in ("talos", "g1"):
-        robot = load_robot(name)
-        stiffness, _ = PhysicsReplay().joint_gains(robot, 0.001)
-        half_m = (robot.effectors["left_foot"].contact_half_size_m or (0.0, 0.0))[1]
-        pitch, roll = robot.effectors["left_foot"].ankle or ("", "")
-        k = {joint: float(stiffness[robot.joint_names.index(joint)]) for joint in (pitch, roll)}
-        # one edge 1 mm lower than the middle: the sole turns by 1 mm / b, and k times this moves the pressure
-        shares[name] = k[roll] * (1e-3 / half_m) / (robot.mass_kg * 9.81) / half_m
-        if name == "talos":
-            assert k[roll] == k[pitch]
-        else:
-            assert k[roll] < 0.3 * k[pitch]
-    assert shares["talos"] == pytest.approx(0.188, abs=1e-3)
-    assert shares["g1"] == pytest.approx(0.2)
-
-
-def test_the_pressure_stays_inside_the_sole_wherever_it_was_planned() -> None:
-    capture = CapturePointFeedback(edge_m=0.005)
-    for planned_m in (0.0, 0.03, -0.05):
-        for y in (5.0, -5.0):
-            shifts, _ = capture.distribute_shift(np.array([9.0, y]), soles(900.0, 1.0, planned_m), HALF_M)
-            assert planned_m + shifts["left_foot"][1] == pytest.approx(np.sign(y) * 0.055)
-            assert shifts["left_foot"][0] == pytest.approx(0.095)
-
-
-def test_what_two_soles_cannot_do_is_done_by_shifting_load() -> None:
-    """Pressure and load together move the common centre of pressure by the requested distance."""
-    capture, both = CapturePointFeedback(), soles(400.0, 500.0)
-    for y in (0.02, 0.075, -0.08):
-        shifts, gained = capture.distribute_shift(np.array([0.0, y]), both, HALF_M)
-        assert gained["left_foot"] == pytest.approx(-gained["right_foot"])
-        own = sum(sole.load_n * shifts[name][1] for name, sole in both.items()) / 900.0
-        assert own + gained["left_foot"] * 0.2 / 900.0 == pytest.approx(y, abs=5e-4)
-    gained = capture.distribute_shift(np.array([0.0, 9.0]), both, HALF_M)[1]
-    assert gained["right_foot"] == pytest.approx(45.0 - 500.0), "a twentieth of the weight stays on either sole"
 
 
 def test_a_push_and_a_load_are_survived_and_noticed(robot: Robot) -> None:

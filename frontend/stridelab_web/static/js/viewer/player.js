@@ -37,8 +37,7 @@ let scene;
 let camera;
 /** @type {HoverNames | undefined} */
 let hoverNames;
-/** @type {DarkMode} */
-let darkMode;
+/** @type {DarkMode} */ let darkMode;
 let time_s = [],
   phases_s = [],
   starts_s = [],
