@@ -14,7 +14,8 @@ from stridelab.robots.assembly import robot_sha256
 from stridelab.robots.card import card_bytes, parse_card, robot_card
 from stridelab.robots.data_files import DataFiles, data_files
 from stridelab.robots.loader import load_robot, robot_names
-from stridelab.robots.robot import Robot, joint_words
+from stridelab.robots.part_names import part_words
+from stridelab.robots.robot import Robot
 
 
 @pytest.fixture(scope="module")
@@ -213,13 +214,15 @@ def test_a_broken_description_is_unavailable(tmp_path: Path, talos: Robot) -> No
         ("torso_1_link_0", "torso 1"),
         ("CHEST_LINK0_3", "chest 0"),
         ("leg_left_9_joint", "leg left 9"),
+        ("left_foot", "left foot"),
+        ("waist_yaw_joint", "waist yaw"),
     ],
 )
 def test_joints_and_links_have_names_in_words(name: str, words: str) -> None:
-    assert joint_words(name) == words
+    assert part_words(name) == words
 
 
 @pytest.mark.parametrize("name", robot_names())
 def test_no_two_joints_of_a_robot_have_the_same_words(name: str) -> None:
-    names = [joint_words(joint) for joint in load_robot(name).joint_names]
+    names = [part_words(joint) for joint in load_robot(name).joint_names]
     assert len(set(names)) == len(names)

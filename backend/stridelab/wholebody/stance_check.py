@@ -25,7 +25,8 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.inverse_kinematics import ComRegion, IkResult, reference_posture_at, stand_in_com_region
-from stridelab.robots.robot import Robot, joint_words
+from stridelab.robots.part_names import part_words
+from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import PairSeparation, SelfCollision
 from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.task_stack import Settings
@@ -257,7 +258,7 @@ class StanceCheck:
         contact = max(at_fault, key=lambda name: posture.position_errors_m[name], default=None)
         limbs = {joint for name in at_fault for joint in self._limb_joints(name)}
         joints = tuple(joint for joint in posture.at_limit if joint in limbs)[:3]
-        ends = f", with the {' and the '.join(map(joint_words, joints))} at the end of the range" if joints else ""
+        ends = f", with the {' and the '.join(map(part_words, joints))} at the end of the range" if joints else ""
         if contact is None:
             far = self._farthest_contact(stance, posture)
             away = f"{100.0 * posture.position_errors_m[CENTRE_OF_MASS]:.1f} cm from where the contacts let it be"
@@ -275,7 +276,7 @@ class StanceCheck:
 
     def _collision_result(self, posture: IkResult, numbers: tuple[int, ...]) -> StanceResult:
         first, second = self._collision.colliding_links(posture.q)[0]
-        reason = f"{UNREACHABLE} without touching itself: the {joint_words(first)} is inside the {joint_words(second)}"
+        reason = f"{UNREACHABLE} without touching itself: the {part_words(first)} is inside the {part_words(second)}"
         return StanceResult(False, posture.q, False, reason, (first, second))
 
     def _limb_joints(self, name: str) -> set[str]:

@@ -57,7 +57,7 @@ export class HoverNames {
     this.iframe = iframe;
     /** @type {number[] | null} */
     this.pointer = null;
-    this.asked = false;
+    this.isPending = false;
     this.tag = document.createElement("div");
     this.tag.className = "hover-name";
     this.tag.hidden = true;
@@ -73,10 +73,10 @@ export class HoverNames {
   /** @param {number[] | null} pointer */
   pointTo(pointer) {
     this.pointer = pointer;
-    if (this.asked) return;
-    this.asked = true;
+    if (this.isPending) return;
+    this.isPending = true;
     requestAnimationFrame(() => {
-      this.asked = false;
+      this.isPending = false;
       this.update();
     });
   }
