@@ -87,12 +87,11 @@ def test_a_scene_holds_every_node_that_the_page_moves(shelf: Shelf) -> None:
 def test_each_language_has_a_scene_with_its_own_labels(shelf: Shelf) -> None:
     recording = shelf.fake.add_recording()
     document = of(recording.id)
-    texts = {
-        language: shelf.library.open_scene(replace(document, language=language))
-        .server.scene._handle_from_node_name["/plates/1/label"]
-        .text
-        for language in LANGUAGES
-    }
+    texts = {}
+    for language in LANGUAGES:
+        scene = shelf.library.open_scene(replace(document, language=language)).server.scene
+        label: Any = scene._handle_from_node_name["/plates/1/label"]
+        texts[language] = label.text
     assert texts == {"en": "Plate 1", "de": "Platte 1", "fr": "Plateforme 1", "ja": "プレート 1"}
 
 

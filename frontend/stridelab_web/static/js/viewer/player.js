@@ -35,8 +35,7 @@ const range = new LoopRange(player.querySelector("[data-range]"), writeRangeToUr
 let scene;
 /** @type {Camera} */
 let camera;
-/** @type {HoverNames | undefined} */
-let hoverNames;
+let hoverNames = /** @type {HoverNames | undefined} */ (undefined);
 /** @type {DarkMode} */
 let darkMode;
 let time_s = [],
