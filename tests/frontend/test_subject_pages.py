@@ -71,5 +71,5 @@ def test_no_subjects_and_no_subject_of_that_name_have_a_sentence(browse: Browse)
 
 def test_a_sample_offers_nothing_that_would_be_refused(fake: FakeService, browse: Browse) -> None:
     sample, own = fake.add_recording(bundled=True), fake.add_recording()
-    assert browse(f"/recordings/{sample.id}").text.count('<fieldset class="bare" disabled>') == 5
+    assert browse(f"/recordings/{sample.id}").text.count('<fieldset class="bare" disabled>') == 6
     assert 'fieldset class="bare" disabled' not in browse(f"/recordings/{own.id}").text

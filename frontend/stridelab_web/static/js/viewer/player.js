@@ -35,9 +35,9 @@ const range = new LoopRange(player.querySelector("[data-range]"), writeRangeToUr
 let scene;
 /** @type {Camera} */
 let camera;
-/** @type {HoverNames | undefined} */
-let hoverNames;
-/** @type {DarkMode} */ let darkMode;
+let hoverNames = /** @type {HoverNames | undefined} */ (undefined);
+/** @type {DarkMode} */
+let darkMode;
 let time_s = [],
   phases_s = [],
   starts_s = [],
