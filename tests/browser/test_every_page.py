@@ -26,8 +26,12 @@ SIZES: tuple[ViewportSize, ...] = (
     {"width": 390, "height": 844},
 )
 """Each has to fit; the pictures for people are also as wide as a large screen."""
-CHECKED_BY_AXE: dict[int, tuple[Literal["light", "dark"], ...]] = {1400: ("light", "dark"), 390: ("light",)}
-"""Schemes in which axe-core looks at a page, by the width: what it sees in between is the layout of one of them."""
+CHECKED_BY_AXE: dict[int, tuple[Literal["light", "dark"], ...]] = {
+    1400: ("light", "dark"),
+    800: ("light",),
+    390: ("light",),
+}
+"""Schemes in which axe-core looks at a page, by the width."""
 LARGE: ViewportSize = {"width": 2560, "height": 1440}
 TWO_PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 LEAST_BYTES = 4_000
