@@ -49,7 +49,7 @@ def build_plan_scene(
     sizes: HalfSizes,
     frames: Frames,
     cones: Iterable[Cone],
-    meshes: Mapping[str, trimesh.Trimesh],
+    link_meshes: Mapping[str, trimesh.Trimesh],
     reach: RobotReachability | None,
 ) -> None:
     """Put a plan into an empty server; the page moves its nodes. ``reach`` holds the densities of the plan."""
@@ -59,7 +59,7 @@ def build_plan_scene(
     add_marks(scene, scenario, sizes, touching=True)
     copies = frozenset(copy.name for copy in frames.copies)
     _add_reach(scene, scenario, reach, copies)
-    add_robot(scene, [b.name.removeprefix(ROBOT) for b in frames.bodies if b.name.startswith(ROBOT)], meshes)
+    add_robot(scene, [b.name.removeprefix(ROBOT) for b in frames.bodies if b.name.startswith(ROBOT)], link_meshes)
     for ghost in (body.name for body in frames.bodies if body.name.startswith(GHOST)):
         scene.add_frame(ghost, show_axes=False)
     for arrow in frames.arrows:

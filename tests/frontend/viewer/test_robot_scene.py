@@ -1,14 +1,18 @@
-"""The scene of a robot has all that its page may show, where the service says; a plan shows its densities."""
+"""The scene of a robot has all that its page may show, where the service says; a plan its densities and the imitated person."""
 
+import io
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import trimesh
 
 from stridelab_web.scene.density_nodes import reach_places, repeated_nodes
 from stridelab_web.scene.documents import Document
+from stridelab_web.scene.result_files import PERSON, read_plan
 from stridelab_web.viewer.scene_builders import document_kinds
 from stridelab_web.viewer.scene_limits import SceneLimits
 from stridelab_web.viewer.scene_pool import OpenScene, ScenePool
@@ -92,3 +96,15 @@ def test_a_plan_shows_the_densities_of_its_own_measure(fake: FakeService, librar
     first = reach_places(robots.scenario())[0]
     middle = reachability.MIDDLE_M["conditioned"][2]
     assert scene_nodes[first.name].vertices[:, 2].mean() == pytest.approx(middle, abs=1e-6)
+
+
+def test_the_imitated_person_is_in_the_scene(fake: FakeService, library: ScenePool) -> None:
+    job, time_s = fake.add_plan(), np.array([0.0, 1.0, 2.0])
+    points = {f"{name}_{axis}_m": 0.1 + time_s for name in ("com", "l_hip", "l_knee") for axis in "xyz"}
+    sink = io.BytesIO()
+    pq.write_table(pa.table({"time_s": time_s, **points}), sink)
+    fake.plans[job.id] = {**fake.plans[job.id], PERSON: sink.getvalue()}
+    layout = read_plan(fake.plans[job.id])[1].to_layout()
+    moved = {node[0] for key in ("points", "sticks") for node in layout[key] if node[0].startswith("/person/")}
+    assert moved == {"/person/com", "/person/0"}
+    assert moved <= set(nodes(library.open_scene(Document("plan", job.id))))
