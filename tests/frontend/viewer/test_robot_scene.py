@@ -1,4 +1,4 @@
-"""The scene of a robot has all that its page may show, where the service says; a plan its densities and the imitated person."""
+"""The scene of a robot has all that its page may show; a plan has its densities and the imitated person."""
 
 import io
 from collections.abc import Iterator
