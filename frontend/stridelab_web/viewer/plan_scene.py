@@ -64,11 +64,7 @@ def build_plan_scene(
         scene.add_frame(ghost, show_axes=False)
     for arrow in frames.arrows:
         add_arrow(scene, arrow, next((c for group, c in ARROWS.items() if arrow.shaft.startswith(group)), FORCE))
-    for stick in frames.sticks:
-        add_mesh(scene, stick.name, meshes.cylinder(BONE_RADIUS_M), PERSON_COLOUR)
-    for point in frames.points:
-        if point.name.startswith(PERSON):
-            add_mesh(scene, point.name, meshes.ball(PERSON_COM_RADIUS_M), PERSON_COLOUR)
+    _add_person(scene, frames)
     _add_cones(scene, cones, copies)
     add_path(scene, "/paths/com", frames.track_m("/paths/com"), COM_COLOUR, PATH_RADIUS_M)
     add_com(scene, COM)
@@ -83,6 +79,15 @@ def add_com(scene: viser.SceneApi, name: str) -> None:
     dark, light = meshes.sphere_halves(COM_RADIUS_M)
     add_mesh(scene, name, dark, COM_COLOUR, side="front")
     add_mesh(scene, f"{name}/light", light, COM_LIGHT, side="front")
+
+
+def _add_person(scene: viser.SceneApi, frames: Frames) -> None:
+    """Add the bones and the centre of mass of the person whose walk is imitated."""
+    for stick in frames.sticks:
+        add_mesh(scene, stick.name, meshes.cylinder(BONE_RADIUS_M), PERSON_COLOUR)
+    for point in frames.points:
+        if point.name.startswith(PERSON):
+            add_mesh(scene, point.name, meshes.ball(PERSON_COM_RADIUS_M), PERSON_COLOUR)
 
 
 def _add_cones(scene: viser.SceneApi, cones: Iterable[Cone], copies: Container[str]) -> None:
