@@ -25,16 +25,12 @@ from stridelab_web.scene.plan_frames import (
 )
 from stridelab_web.scene.result_files import read_plan
 from stridelab_web.viewer import meshes
-from stridelab_web.viewer.access_guard import start_guarded_server
-from stridelab_web.viewer.plan_scene import build_plan_scene
 from support.browser.page import read_frames
 from support.fakes import robots
 from support.fakes.service import FakeService
 from support.fakes.web_app import make_client
 
 SCENARIO = robots.scenario()
-
-SIZES = {"left_foot": robots.HALF_M, "right_foot": robots.HALF_M}
 
 
 def test_every_link_and_force_is_as_in_its_file() -> None:
@@ -105,19 +101,6 @@ def test_the_person_is_drawn_between_the_joints_that_are_known_while_recorded() 
     assert np.isnan(thigh[[0, 4]]).all()
     assert f"{PERSON}com" in [point.name for point in frames.points]
     assert not plan_frames(SCENARIO, columns, None).sticks
-
-
-def test_the_imitated_person_has_every_node_that_the_page_moves() -> None:
-    columns = robots.centroidal(SCENARIO)
-    points = ("com", "l_hip", "l_knee", "r_knee")
-    person = {f"{name}_{axis}_m": 0.1 * k + columns["time_s"] for k, name in enumerate(points) for axis in "xyz"}
-    frames = plan_frames(SCENARIO, columns, None, None, {"time_s": columns["time_s"], **person})
-    server, _ = start_guarded_server()
-    try:
-        build_plan_scene(server, SCENARIO, SIZES, frames, (), {}, None)
-        assert set(server.scene._handle_from_node_name) >= {"/person/com", "/person/0", "/com/plan"}
-    finally:
-        server.stop()
 
 
 def test_a_cone_stands_where_the_force_acts_while_its_contact_is_loaded() -> None:
