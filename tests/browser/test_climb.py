@@ -45,7 +45,7 @@ RECORD_PLANNING = """([ghost, base]) => {
 COM_MOVES, BODY_MOVES = "The centre of mass moves as planned, solved in", "The body moves as far as it is solved."
 
 
-def recorded(page: Page, name: str) -> list[Any]:
+def recorded_values(page: Page, name: str) -> list[Any]:
     """All values that ``RECORD_PLANNING`` has recorded under this name, in their order."""
     values: list[Any] = json.loads(page.evaluate("name => sessionStorage.getItem(name) ?? '[]'", name))
     return values
@@ -72,10 +72,10 @@ def test_from_a_sample_over_a_dragged_foothold_to_the_robot_that_walks_on_it(tab
     page.get_by_role("button", name="Plan", exact=True).click()
     with few_pictures(page):
         page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
-    assert any("Certified: all" in text for text in recorded(page, "certificate"))
-    assert len(set(recorded(page, "base"))) > 1, "the body moves before the plan is complete"
-    assert recorded(page, "ghosts"), "the replay is a ghost beside the body"
-    messages, playing = recorded(page, "messages"), recorded(page, "playing")
+    assert any("Certified: all" in text for text in recorded_values(page, "certificate"))
+    assert len(set(recorded_values(page, "base"))) > 1, "the body moves before the plan is complete"
+    assert recorded_values(page, "ghosts"), "the replay is a ghost beside the body"
+    messages, playing = recorded_values(page, "messages"), recorded_values(page, "playing")
     assert playing.index("body") < playing.index("replay")
     if not isinstance(native_availability(), NativeUnavailable):  # without it there is no motion before the plan
         assert playing.index("path") < playing.index("body")

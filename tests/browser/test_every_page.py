@@ -44,7 +44,7 @@ COUNTED = ("serious", "critical")
 
 
 @pytest.fixture
-def folder() -> Path | None:
+def pictures() -> Path | None:
     """Folder of the pictures, light and dark at four sizes; None where they are not looked at."""
     named = os.environ.get("STRIDELAB_SCREENSHOTS")
     if not named:
@@ -54,7 +54,9 @@ def folder() -> Path | None:
 
 
 @pytest.mark.timeout(600)
-def test_every_page_fits_and_is_accessible(open_tab: Callable[..., Tab], lab: Lab, folder: Path | None) -> None:
+def test_every_page_fits_and_is_accessible(
+    open_tab: Callable[..., Tab], lab: Lab, pictures_folder: Path | None
+) -> None:
     """Each page is loaded once, at the first size, and then its window is made smaller."""
     tab = open_tab(SIZES[0]["width"], SIZES[0]["height"])
     result = {}
@@ -69,12 +71,12 @@ def test_every_page_fits_and_is_accessible(open_tab: Callable[..., Tab], lab: La
             tab.page.emulate_media(color_scheme="light")
             page.set_viewport_size(size)
             page.evaluate(TWO_PICTURES)
-            if wrong := [*_unfit(page, CHECKED_BY_AXE.get(size["width"], ()))]:
+            if wrong := [*_page_faults(page, CHECKED_BY_AXE.get(size["width"], ()))]:
                 result[f"{name} at {size['width']}"] = wrong
         if len(page.screenshot(type="png")) <= LEAST_BYTES:
             result[name] = ["empty"]
-        if folder is not None:
-            _store_pictures(page, name, folder)
+        if pictures is not None:
+            _store_pictures(page, name, pictures)
     assert result == {}
     tab.missteps = [misstep for misstep in tab.missteps if "status of 404" not in misstep]
 
@@ -120,7 +122,7 @@ def _excess_width(page: Page) -> int:
     return max(0, int(page.evaluate("document.documentElement.scrollWidth - innerWidth")))
 
 
-def _unfit(page: Page, schemes: Sequence[Literal["light", "dark"]]) -> Iterator[str]:
+def _page_faults(page: Page, schemes: Sequence[Literal["light", "dark"]]) -> Iterator[str]:
     """Widths, and what axe-core, which is in the page, has to say."""
     for _ in range(50):  # curves take their new width a moment later
         if not _excess_width(page):

@@ -72,6 +72,26 @@ def without_shapes(root: ET.Element) -> str:
     return ET.tostring(root, encoding="unicode")
 
 
+def compared_inertia(
+    ours: pin.Model, q: np.ndarray, theirs: mujoco.MjModel, data: mujoco.MjData, body: str
+) -> np.ndarray:
+    """Inertia matrix of MuJoCo, after CoM and the place of ``body`` were compared in the frame of the base."""
+    base, state = theirs.body("base").id, ours.createData()
+    mujoco.mj_kinematics(theirs, data)
+    mujoco.mj_comPos(theirs, data)
+    R, p_m = data.xmat[base].reshape(3, 3), data.xpos[base]
+    com_m = pin.centerOfMass(ours, state, q)
+    np.testing.assert_allclose(com_m, R.T @ (data.subtree_com[base] - p_m), atol=1e-12)
+    pin.framesForwardKinematics(ours, state, q)
+    at, there = state.oMf[ours.getFrameId(body)], theirs.body(body).id
+    np.testing.assert_allclose(at.translation, R.T @ (data.xpos[there] - p_m), atol=1e-12)
+    np.testing.assert_allclose(at.rotation, R.T @ data.xmat[there].reshape(3, 3), atol=1e-12)
+    mujoco.mj_crb(theirs, data)
+    full = np.zeros((theirs.nv, theirs.nv))
+    mujoco.mj_fullM(theirs, data, full)
+    return full
+
+
 def test_links_and_masses_move_as_the_bodies_of_mujoco(tmp_path: Path) -> None:
     block = box_stl((0.1, 0.05, 0.2), (0.02, 0.03, 0.0))
     root, changed = converted(ODD, tmp_path, {"assets/block.stl": block})
@@ -109,19 +129,7 @@ def test_links_and_masses_move_as_the_bodies_of_mujoco(tmp_path: Path) -> None:
             at = theirs.joint(name).qposadr[0]
             data.qpos[at] = theirs.qpos0[at] + angle_rad
             q[ours.joints[ours.getJointId(name)].idx_q] = angle_rad
-        mujoco.mj_kinematics(theirs, data)
-        mujoco.mj_comPos(theirs, data)
-        R, p_m = data.xmat[base].reshape(3, 3), data.xpos[base]
-        com_m = pin.centerOfMass(ours, state, q)
-        np.testing.assert_allclose(com_m, R.T @ (data.subtree_com[base] - p_m), atol=1e-12)
-        pin.framesForwardKinematics(ours, state, q)
-        foot = state.oMf[ours.getFrameId("foot")]
-        theirs_m = R.T @ (data.xpos[theirs.body("foot").id] - p_m)
-        np.testing.assert_allclose(foot.translation, theirs_m, atol=1e-12)
-        np.testing.assert_allclose(foot.rotation, R.T @ data.xmat[theirs.body("foot").id].reshape(3, 3), atol=1e-12)
-        mujoco.mj_crb(theirs, data)
-        full = np.zeros((theirs.nv, theirs.nv))
-        mujoco.mj_fullM(theirs, data, full)
+        full = compared_inertia(ours, q, theirs, data, "foot")
         at = [theirs.joint(name).dofadr[0] for name in ("hip", "knee")]
         inertia = pin.crba(ours, state, q)
         np.testing.assert_allclose(np.triu(inertia)[6:, 6:], np.triu(full[np.ix_(at, at)]), atol=1e-12)
@@ -264,23 +272,11 @@ def test_several_joints_of_one_body_move_it_as_in_mujoco(tmp_path: Path) -> None
     ours = pin.buildModelFromXML(without_shapes(root), pin.JointModelFreeFlyer())
     assert list(ours.names)[2:] == names
     state, rng = ours.createData(), np.random.default_rng(8)
-    base = theirs.body("base").id
     for _ in range(5):
         angles_rad = rng.uniform(-1.0, 1.0, 4)
         data.qpos[7:] = angles_rad
         q = np.concatenate([pin.neutral(ours)[:7], angles_rad])
-        mujoco.mj_kinematics(theirs, data)
-        mujoco.mj_comPos(theirs, data)
-        R, p_m = data.xmat[base].reshape(3, 3), data.xpos[base]
-        com_m = pin.centerOfMass(ours, state, q)
-        np.testing.assert_allclose(com_m, R.T @ (data.subtree_com[base] - p_m), atol=1e-12)
-        pin.framesForwardKinematics(ours, state, q)
-        shin = state.oMf[ours.getFrameId("shin")]
-        np.testing.assert_allclose(shin.translation, R.T @ (data.xpos[theirs.body("shin").id] - p_m), atol=1e-12)
-        np.testing.assert_allclose(shin.rotation, R.T @ data.xmat[theirs.body("shin").id].reshape(3, 3), atol=1e-12)
-        mujoco.mj_crb(theirs, data)
-        full = np.zeros((theirs.nv, theirs.nv))
-        mujoco.mj_fullM(theirs, data, full)
+        full = compared_inertia(ours, q, theirs, data, "shin")
         inertia = np.triu(pin.crba(ours, state, q))[6:, 6:]
         # the spheres do not turn with the thigh: 2e-5 kg m2 of water against 0.1 of the leg
         np.testing.assert_allclose(inertia, np.triu(full[6:, 6:]), atol=3e-5)

@@ -15,7 +15,7 @@ from stridelab.conventions import Points, Series
 from stridelab.measures.walk_motion import AHEAD, WalkMotion
 from stridelab.pipelines.gait_measures import MeasuredRecording
 from stridelab.pipelines.imitation.recorded_walk import RecordedWalk
-from stridelab.pipelines.imitation.robot_walk import RobotWalk, straightening
+from stridelab.pipelines.imitation.robot_walk import RobotWalk, straightening_frame
 
 COM: Final = "com"
 HEEL, BALL, TIP = slice(0, 2), slice(2, 4), 4
@@ -61,7 +61,7 @@ def tracks_of_robot(
     offset_s = float(np.mean([ends_s[2 * k - 1] - rate * recorded.strikes_s[k] for k in struck]))
     plan_s = rate * time_s + offset_s
     inside = (plan_s >= 0.0) & (plan_s <= ends_s[-1])
-    turn_rad, origin_m = straightening(recorded.footholds)
+    turn_rad, origin_m = straightening_frame(recorded.footholds)
     R = np.array([[cos(turn_rad), sin(turn_rad), 0.0], [-sin(turn_rad), cos(turn_rad), 0.0], [0.0, 0.0, 1.0]])
     com_ahead_m = (points[COM] @ R.T)[:, AHEAD] - origin_m[AHEAD]
     columns = {"time_s": plan_s[inside]}

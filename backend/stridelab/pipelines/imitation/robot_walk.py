@@ -128,7 +128,7 @@ def scale_walk(recorded: RecordedWalk, robot: RobotScale, *, step_share: float =
     walk = _with_more_strides(recorded, LEAST_FOOTHOLDS)
     ratio = robot.hip_height_m / walk.hip_height_m
     signs = np.array([_sign(hold.side) for hold in walk.footholds])
-    turn, origin_m = straightening(walk.footholds)
+    turn, origin_m = straightening_frame(walk.footholds)
     places = ratio * (np.array([hold.position_m for hold in walk.footholds]) @ _turned_back(turn).T - origin_m)
     aside = signs * places[:, 1]
     wide = np.maximum(aside, 0.5 * robot.step_width_min_m)
@@ -175,7 +175,7 @@ def _direction_rad(places: Float[np.ndarray, "n 2"], signs: Float[np.ndarray, "n
     return float(np.arctan(np.linalg.lstsq(rows, places[:, 1], rcond=None)[0][1]))
 
 
-def straightening(footholds: Sequence[Foothold]) -> tuple[float, Float[np.ndarray, "2"]]:
+def straightening_frame(footholds: Sequence[Foothold]) -> tuple[float, Float[np.ndarray, "2"]]:
     """Angle by which a walk is turned back so that its middle line becomes the x axis, and its origin (after that)."""
     places = np.array([hold.position_m for hold in footholds])
     signs = np.array([_sign(hold.side) for hold in footholds])

@@ -32,14 +32,14 @@ class UnpackedRobot:
 
     def find_mesh(self, filename: str) -> Path | None:
         """The unpacked mesh whose path ends like ``filename``: the longest match, only if it is unique."""
-        return self._find(filename, self.meshes)
+        return self._find_unique(filename, self.meshes)
 
     def find_part(self, filename: str) -> Path | None:
         """The unpacked XML file whose path ends like ``filename``, as ``find_mesh``."""
-        return self._find(filename, self.parts)
+        return self._find_unique(filename, self.parts)
 
     @staticmethod
-    def _find(filename: str, files: Mapping[PurePosixPath, Path]) -> Path | None:
+    def _find_unique(filename: str, files: Mapping[PurePosixPath, Path]) -> Path | None:
         text = filename.replace("\\", "/").partition("://")[2] or filename.replace("\\", "/")
         parts = [part for part in PurePosixPath(text).parts if part not in ("..", ".", "/")]
         best: list[Path] = []

@@ -9,7 +9,7 @@ their anchor.
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Final
 
@@ -82,19 +82,19 @@ def _insert_included(root: ET.Element, upload: UnpackedRobot) -> None:
         path = upload.find_part(stated)
         if path is None or path in included or len(included) > _MAX_INCLUDED:
             reason = "which is not in the zip" if path is None else "a second time, or too many files"
-            raise _unreadable(f"The MJCF file includes {stated[:120]!r}, {reason}.", str(upload.inside))
+            raise _unreadable_error(f"The MJCF file includes {stated[:120]!r}, {reason}.", str(upload.inside))
         included.add(path)
         left_bytes -= path.stat().st_size
         if left_bytes < 0:
             message = f"The description and the files that it includes exceed {MAX_BYTES / 1e6:g} MB."
-            raise _unreadable(message, str(upload.inside), "robot-description-too-large")
+            raise _unreadable_error(message, str(upload.inside), "robot-description-too-large")
         at = list(parent).index(include)
         parent.remove(include)
         for k, element in enumerate(read_xml(path, stated)):
             parent.insert(at + k, element)
     if len(included) > 1 and _depth_of(root) > MAX_DEPTH:
         message = "The description is nested too deeply with the files that it includes."
-        raise _unreadable(message, str(upload.inside), "robot-description-too-large")
+        raise _unreadable_error(message, str(upload.inside), "robot-description-too-large")
 
 
 def _depth_of(root: ET.Element) -> int:
@@ -136,10 +136,10 @@ def _compile(root: ET.Element, upload: UnpackedRobot) -> mujoco.MjModel:
         return spec.compile()
     except (ValueError, KeyError, mujoco.FatalError) as error:
         text = " ".join(str(error).split())[:_MESSAGE_LENGTH]
-        raise _unreadable(f"MuJoCo does not compile the MJCF file: {text}", str(upload.inside)) from error
+        raise _unreadable_error(f"MuJoCo does not compile the MJCF file: {text}", str(upload.inside)) from error
 
 
-def _unreadable(message: str, filename: str, code: str = "robot-data-unreadable") -> UnreadableFile:
+def _unreadable_error(message: str, filename: str, code: str = "robot-data-unreadable") -> UnreadableFile:
     return UnreadableFile(code, message, [Fault(filename[:120], "cannot be read")])
 
 
@@ -164,40 +164,20 @@ def _joints_of(model: mujoco.MjModel, body: int) -> range:
     return range(first, first + int(model.body_jntnum[body])) if model.body_parentid[body] != 0 else range(0)
 
 
-@dataclass(frozen=True)
-class _Inertia:
-    """Mass, CoM and moments about it, both in the frame of the body."""
-
-    mass_kg: float
-    com_m: Vector3
-    moments_kg_m2: np.ndarray
-
-    def is_physical(self) -> bool:
-        """Whether the mass and the moments are those of a body."""
-        moments = np.linalg.eigvalsh(self.moments_kg_m2)
-        return bool(self.mass_kg > 0.0 and moments[0] > 0.0 and moments[0] + moments[1] >= moments[2] * (1.0 - 1e-9))
-
-    def minus(self, part: "_Inertia") -> "_Inertia":
-        """This body without ``part``."""
-        mass_kg = self.mass_kg - part.mass_kg
-        com_m = (self.mass_kg * self.com_m - part.mass_kg * part.com_m) / mass_kg
-        moments = self.moments_kg_m2 - part.moments_kg_m2
-        moments = moments + _point_moments(self.mass_kg, self.com_m) - _point_moments(part.mass_kg, part.com_m)
-        return _Inertia(mass_kg, com_m, moments - _point_moments(mass_kg, com_m))
-
-
-def _point_moments(mass_kg: float, at_m: Vector3) -> np.ndarray:
-    """Moments of inertia of a point mass about the origin, shape (3, 3)."""
-    return mass_kg * (float(at_m @ at_m) * np.eye(3) - np.outer(at_m, at_m))
-
-
-def _body_inertia(model: mujoco.MjModel, body: int) -> _Inertia:
+def _body_inertia(model: mujoco.MjModel, body: int) -> pin.Inertia:
+    """Inertia of a body in its frame."""
     R = pin.Quaternion(*_parts(model.body_iquat[body])).toRotationMatrix()
     moments = R @ np.diag(model.body_inertia[body]) @ R.T
-    return _Inertia(float(model.body_mass[body]), np.array(model.body_ipos[body]), moments)
+    return pin.Inertia(float(model.body_mass[body]), np.array(model.body_ipos[body]), moments)
 
 
-def _split_inertia(model: mujoco.MjModel, body: int, joints: range) -> list[_Inertia] | None:
+def _is_physical(body: pin.Inertia) -> bool:
+    """Whether the mass and the moments are those of a body."""
+    moments = np.linalg.eigvalsh(body.inertia)
+    return bool(body.mass > 0.0 and moments[0] > 0.0 and moments[0] + moments[1] >= moments[2] * (1.0 - 1e-9))
+
+
+def _split_inertia(model: mujoco.MjModel, body: int, joints: range) -> list[pin.Inertia] | None:
     """Inertias of the links of a body's joints, which sum to that of the body; None if no share leaves a body.
 
     Those of all but the last joint are spheres of water at the anchor of the next joint.
@@ -205,15 +185,15 @@ def _split_inertia(model: mujoco.MjModel, body: int, joints: range) -> list[_Ine
     whole = _body_inertia(model, body)
     if len(joints) < 2:
         return [whole]
-    for share in SPHERE_SHARES if whole.mass_kg > 0.0 else ():
-        mass_kg = share * whole.mass_kg
+    for share in SPHERE_SHARES if whole.mass > 0.0 else ():
+        mass_kg = share * whole.mass
         radius_m = (3.0 * mass_kg / (4.0 * np.pi * WATER_KG_M3)) ** (1.0 / 3.0)
-        moments = 0.4 * mass_kg * radius_m**2 * np.eye(3)
-        spheres = [_Inertia(mass_kg, np.array(model.jnt_pos[j]), moments) for j in joints[1:]]
+        moments = pin.Inertia.FromSphere(mass_kg, radius_m).inertia
+        spheres = [pin.Inertia(mass_kg, np.array(model.jnt_pos[j]), moments) for j in joints[1:]]
         rest = whole
         for sphere in spheres:
-            rest = rest.minus(sphere)
-        if rest.is_physical():
+            rest = rest - sphere
+        if _is_physical(rest):
             return [*spheres, rest]
     return None
 
@@ -243,12 +223,12 @@ class _Converter:
         links = [f"{_body_name(model, body)}_below_{self._joint_name(j)}" for j in joints[:-1]]
         for name, sphere, j in zip(links, spheres, joints, strict=False):
             _add_inertial(ET.SubElement(urdf, "link", name=name), sphere, model.jnt_pos[j])
-            percent = 100.0 * sphere.mass_kg / float(model.body_mass[body])
+            percent = 100.0 * sphere.mass / float(model.body_mass[body])
             self.changed[f"body {_body_name(model, body)}"] = (
                 f"it has {len(joints)} joints; each got a link, all but the last with {percent:.2g} % of its mass"
             )
         link = ET.SubElement(urdf, "link", name=_body_name(model, body))
-        if own.mass_kg > 0.0:
+        if own.mass > 0.0:
             _add_inertial(link, own, anchor_m)
         for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
             self._add_geom(link, geom, anchor_m)
@@ -363,13 +343,13 @@ def _add_place(joint: ET.Element, parent: str, child: str, position_m: Vector3, 
     ET.SubElement(joint, "child", link=child)
 
 
-def _add_inertial(link: ET.Element, body: _Inertia, origin_m: Vector3) -> None:
+def _add_inertial(link: ET.Element, body: pin.Inertia, origin_m: Vector3) -> None:
     """Add an inertia, given in the frame of the body, to a link whose origin is at ``origin_m``."""
     inertial = ET.SubElement(link, "inertial")
-    _add_origin(inertial, body.com_m - origin_m, np.array([1.0, 0.0, 0.0, 0.0]))
-    ET.SubElement(inertial, "mass", value=repr(body.mass_kg))
+    _add_origin(inertial, body.lever - origin_m, np.array([1.0, 0.0, 0.0, 0.0]))
+    ET.SubElement(inertial, "mass", value=repr(float(body.mass)))
     rows = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    ET.SubElement(inertial, "inertia", {key: repr(float(body.moments_kg_m2[at])) for key, at in rows.items()})
+    ET.SubElement(inertial, "inertia", {key: repr(float(body.inertia[at])) for key, at in rows.items()})
 
 
 def _add_origin(element: ET.Element, position_m: Vector3, wxyz: np.ndarray) -> None:

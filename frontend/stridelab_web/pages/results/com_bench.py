@@ -57,7 +57,7 @@ def com_bench_of(result: JobResult) -> dict[str, Any]:
     return {
         "summary": summary,
         "methods": METHODS,
-        "headline": _answer(summary),
+        "headline": _best_estimator_sentence(summary),
         "studied": gettext(
             "All estimators on %(recordings)s of %(people)s",
             recordings=ngettext("%(num)s recording", "%(num)s recordings", summary.n_recordings),
@@ -70,7 +70,7 @@ def com_bench_of(result: JobResult) -> dict[str, Any]:
     }
 
 
-def _answer(summary: ComBenchSummary) -> str:
+def _best_estimator_sentence(summary: ComBenchSummary) -> str:
     """Which estimator is best by the score that decides and that most people have, and what follows it."""
     deciding = [column for column in summary.columns if column.orders and column.scores]
     if not deciding:
@@ -84,7 +84,7 @@ def _answer(summary: ComBenchSummary) -> str:
         "method": method_name(method),
         "movement": translate_text(MOVEMENT_TITLES[column.movement]),
         "score": translate_text(SCORE_TITLES.get(score, score)),
-        "value": f"{cell.value} {_unit(column)}" if cell is not None else "",
+        "value": f"{cell.value} {_shown_unit(column)}" if cell is not None else "",
         "interval": f" ({cell.interval})" if cell is not None and cell.interval else "",
         "people": ngettext("%(num)s person", "%(num)s people", column.n),
     }
@@ -98,14 +98,14 @@ def _answer(summary: ComBenchSummary) -> str:
     return sentence
 
 
-def _unit(column: BenchColumn) -> str:
+def _shown_unit(column: BenchColumn) -> str:
     return "mm" if column.unit == "m" else "%"
 
 
 def _score_row(column: BenchColumn) -> Row:
     score = column.name.removeprefix(f"{column.movement}_")
     cells = tuple(_score_cell(column, column.scores.get(method)) for method in METHODS)
-    return Row(column.name, SCORE_TITLES.get(score, score), _unit(column), column.n, column.orders, cells)
+    return Row(column.name, SCORE_TITLES.get(score, score), _shown_unit(column), column.n, column.orders, cells)
 
 
 def _score_cell(column: BenchColumn, score: BenchScore | None) -> Cell | None:

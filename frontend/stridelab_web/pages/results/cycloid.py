@@ -195,7 +195,7 @@ async def cycloid_of(client: AsyncClient, job_id: str, result: JobResult, step_n
         charts = await run_in_threadpool(lambda: _step_charts(content, shown))
     return {
         "summary": summary,
-        "headline": _answer(steps),
+        "headline": _wheel_error_sentence(steps),
         "steps": steps,
         "parameters": PARAMETERS,
         "sources": SOURCES,
@@ -209,7 +209,7 @@ async def cycloid_of(client: AsyncClient, job_id: str, result: JobResult, step_n
     }
 
 
-def _answer(steps: Sequence[WheelStep]) -> str:
+def _wheel_error_sentence(steps: Sequence[WheelStep]) -> str:
     """How far the paths are from those of their wheels; empty without a step."""
     if not steps:
         return ""

@@ -6,7 +6,7 @@ from stridelab.estimation.evaluation.unseen_scores import SCORES
 from stridelab.schemas.comparison import BenchColumn, BenchScore, ComBenchSummary, MassAgreement
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.quality import Quality
-from stridelab_web.pages.results.com_bench import SCORE_TITLES, Cell, _answer, _score_row
+from stridelab_web.pages.results.com_bench import SCORE_TITLES, Cell, _best_estimator_sentence, _score_row
 
 
 def column(name: str, unit: Any, **scores: BenchScore) -> BenchColumn:
@@ -50,7 +50,7 @@ def test_the_answer_names_the_best_by_the_score_that_decides_for_most_people() -
             columns=list(columns), n_recordings=9, n_people=7, mass=MassAgreement(n=0, rms_share=None, max_share=None),
             refused=[], left_out=[], quality=Quality(verdict="good", checks=[], not_checked={}), trials=[], warnings=[],
         )  # fmt: skip
-        return _answer(summary)
+        return _best_estimator_sentence(summary)
 
     assert answer(undecided, fewer, decides) == (
         "Best: smoother, 8.0 mm (7.1 to 9.9). Score: Distance from the force path, ahead; On the ground; 7 people. "
