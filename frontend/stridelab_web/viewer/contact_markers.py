@@ -47,7 +47,7 @@ def add_fixed_marks(scene: viser.SceneApi, scenario: Scenario, sizes: HalfSizes)
         same = [touch for touch in placed if effector_side(touch.effector) == side]
         areas = [_placed_mesh(_mark_area(sizes.get(touch.effector), LIFT_M), touch) for touch in same]
         edges = [_placed_mesh(_mark_edge(sizes.get(touch.effector)), touch) for touch in same]
-        add_mesh(scene, name, meshes.merge_meshes(areas), COLOURS[side], opacity=PALE)
+        add_mesh(scene, name, meshes.merge_meshes(areas), COLOURS[side], opacity=PALE, side="front")
         add_mesh(scene, f"{name}/edge", meshes.merge_meshes(edges), COLOURS[side])
     for touch in placed:
         name, contact = contact_node(touch), touch.contact
