@@ -1,5 +1,5 @@
 // Requests to /api/v1; every failure becomes an error with a sentence.
-import { checkConnection } from "./connection_notice.js";
+import { checkConnection, isLoggedOut } from "./connection_notice.js";
 import { translate, translateServed } from "./translate.js";
 
 class ApiError extends Error {
@@ -71,8 +71,7 @@ export async function call(method, path, body, headers = {}) {
     checkConnection();
     throw new ApiError(0, null);
   }
-  if (response.status === 401)
-    location.assign(`/login?next=${encodeURIComponent(location.pathname + location.search)}`);
+  if (response.status === 401) checkConnection();
   const text = await response.text();
   let value = null;
   try {
@@ -82,6 +81,17 @@ export async function call(method, path, body, headers = {}) {
   }
   if (!response.ok) throw new ApiError(response.status, value, response.headers.get("Retry-After"));
   return value;
+}
+
+// A successful response of a page's own address. Throws the sentence of the service, or that it does not answer.
+/** @param {string} url @param {RequestInit} [options] */
+export async function fetchChecked(url, options) {
+  const response = await fetch(url, options).catch(() => null);
+  if (response?.ok) return response;
+  if (!response || response.status === 401) checkConnection();
+  if (!response) throw new Error(problemSentence(0, null));
+  const problem = await response.json().catch(() => null);
+  throw new Error(problem?.detail ? translateServed(problem.detail) : translate("The scene could not be read."));
 }
 
 // The JSON of a response to an XMLHttpRequest; null where a proxy answered with a page instead.
@@ -170,7 +180,8 @@ export function confirmDeletion(path, next) {
   });
 }
 
-const RETRY_MS = 1000;
+const RETRY_MS = 1000,
+  LOGGED_OUT_MS = 20_000;
 
 // Calls `onChange(job)` for every state of a job; resolves with the finished job, its error included. The browser resumes
 // a lost event stream; a closed one is opened again.
@@ -202,7 +213,7 @@ export function followJob(id, onChange) {
         if (source.readyState !== EventSource.CLOSED || isFinished) return;
         const job = await call("GET", `/jobs/${id}?wait=20`).catch(() => null);
         if (job && FINAL_STATES.has(job.state)) finish(job);
-        else setTimeout(connect, RETRY_MS);
+        else setTimeout(connect, isLoggedOut() ? LOGGED_OUT_MS : RETRY_MS);
       });
     };
     connect();
