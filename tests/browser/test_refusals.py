@@ -109,6 +109,11 @@ def test_links_to_what_was_deleted_lead_on(tab: Tab) -> None:
         expect(page.get_by_role("heading", level=1)).to_have_text("Not found")
         expect(page.get_by_text(message)).to_be_visible()
         assert "Traceback" not in page.content()
+    said = page.evaluate("""async () => {
+        const { fetchChecked } = await import("/static/js/shared/api.js");
+        return fetchChecked("/plans/gone").catch((error) => error.message);
+    }""")
+    assert said == "There is no such job.", "what a script asks for says the same as the page"
     page.get_by_role("main").get_by_role("link", name="Home").click()
     expect(page).to_have_title("Home · stridelab")
 

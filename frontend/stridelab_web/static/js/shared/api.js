@@ -83,22 +83,30 @@ export async function call(method, path, body, headers = {}) {
   return value;
 }
 
-// A successful response of a page's own address. Throws the sentence of the service, or that it does not answer.
-/** @param {string} url @param {RequestInit} [options] */
-export async function fetchChecked(url, options) {
+// A successful response of a page's own address. Throws the sentence of the service, of its error page, or `otherwise`.
+/** @param {string} url @param {RequestInit} [options] @param {string} [otherwise] */
+export async function fetchChecked(url, options, otherwise = translate("The scene could not be read.")) {
   const response = await fetch(url, options).catch(() => null);
   if (response?.ok) return response;
   if (!response || response.status === 401) checkConnection();
   if (!response) throw new Error(problemSentence(0, null));
-  const problem = await response.json().catch(() => null);
-  throw new Error(problem?.detail ? translateServed(problem.detail) : translate("The scene could not be read."));
+  const text = await response.text().catch(() => "");
+  if (response.headers.get("Content-Type")?.startsWith("text/html")) {
+    const page = new DOMParser().parseFromString(text, "text/html");
+    throw new Error(page.querySelector("[data-detail]")?.textContent || otherwise);
+  }
+  const { detail } = parsedJson(text) ?? {};
+  throw new Error(detail ? translateServed(detail) : otherwise);
 }
 
 // The JSON of a response to an XMLHttpRequest; null where a proxy answered with a page instead.
 /** @param {XMLHttpRequest} request */
-export function responseJson(request) {
+export const responseJson = (request) => parsedJson(request.responseText);
+
+/** @param {string} text */
+function parsedJson(text) {
   try {
-    return JSON.parse(request.responseText);
+    return JSON.parse(text);
   } catch {
     return null;
   }
