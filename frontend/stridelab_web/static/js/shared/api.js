@@ -13,6 +13,7 @@ class ApiError extends Error {
 
 /** @param {number} status @param {ApiProblem | null} problem @param {string | null} retryAfter */
 export function problemSentence(status, problem, retryAfter = null) {
+  if (status === 401) return translate("Your login has ended."); // the service's sentence is for programs
   if (!problem)
     return status === 0
       ? translate("The service does not answer. Is it still running?")

@@ -8,7 +8,7 @@ const RETRY_MS = 3000,
 const TEXTS = {
   lost: translate("The service does not answer. The page keeps what it shows and retries every few seconds."),
   login: translate(
-    "Your login has ended. The page keeps what it shows: log in in a new tab, then repeat what you did here.",
+    "Your login has ended. The page keeps what it shows: log in again in a new tab, then repeat what you did here.",
   ),
   restored: translate("The service answers again."),
   known: translate("You are logged in again."),
