@@ -11,9 +11,7 @@ from stridelab.service.api.dependencies import Parts
 
 PARQUET: Final = "application/vnd.apache.parquet"
 OCTETS: Final = "application/octet-stream"
-FILE_GONE: Final = (
-    "The stored file is gone. Restore it from a backup, or upload the recording or compute the result again."
-)
+FILE_GONE: Final = "The stored file is gone. Restore a backup, or upload the recording or compute the result again."
 
 
 def content_disposition(filename: str) -> str:
