@@ -130,7 +130,15 @@ def test_refusals_stay_with_name_and_reason_until_they_are_dismissed(tab: Tab, f
     expect(page.locator("[data-uploads] li")).to_have_count(0)
     page.reload()
     assert refusals(page) == []
-    tab.missteps = [m for m in tab.missteps if "status of 422" not in m]
+    page.route("**/api/v1/recordings*", lambda route: route.abort())
+    upload(page, [files[1]])
+    row = page.locator("[data-uploads] li")
+    expect(row).to_contain_text("not uploaded")
+    assert refusals(page) == ["The service does not answer. Is it still running?"]
+    page.unroute_all()
+    row.get_by_role("button", name="Try to upload b.c3d again").click()
+    page.wait_for_url("**/recordings/*")
+    tab.missteps = [m for m in tab.missteps if "status of 422" not in m and "net::ERR_FAILED" not in m]
 
 
 def test_times_are_those_of_the_reader_with_their_zone(lab: Lab, in_new_york: BrowserContext) -> None:

@@ -81,7 +81,8 @@ def test_contacts_and_forces_are_there_while_the_effector_touches(tab: Tab, lab:
 
     def there() -> list[bool]:
         shown = nodes(page, *names)
-        return [max(shown[name]["scale"]) > 1e-3 for name in names]
+        assert [shown[name]["drawn"] for name in names] == [max(shown[name]["scale"]) > 1e-3 for name in names]
+        return [shown[name]["drawn"] for name in names]
 
     until(page, lambda: there() == [True, True, False, False])
     page.get_by_role("slider", name="Time").fill("75")  # 1.5 s: left foot and right hand

@@ -109,6 +109,11 @@ def test_links_to_what_was_deleted_lead_on(tab: Tab) -> None:
         expect(page.get_by_role("heading", level=1)).to_have_text("Not found")
         expect(page.get_by_text(message)).to_be_visible()
         assert "Traceback" not in page.content()
+    said = page.evaluate("""async () => {
+        const { fetchChecked } = await import("/static/js/shared/api.js");
+        return fetchChecked("/plans/gone").catch((error) => error.message);
+    }""")
+    assert said == "There is no such job.", "what a script asks for says the same as the page"
     page.get_by_role("main").get_by_role("link", name="Home").click()
     expect(page).to_have_title("Home · stridelab")
 
@@ -131,6 +136,23 @@ def test_a_service_that_goes_away_is_shown_and_reached_again(tab: Tab, lab: Lab)
     notice.get_by_role("button", name="Retry now").click()
     expect(notice.get_by_role("status")).to_have_text("The service answers again.")
     expect(notice).to_be_hidden()
+    login_ended = json.dumps({"title": "Unauthenticated", "status": 401, "detail": "This service needs a token."})
+
+    def refuse(route: Route) -> None:
+        if route.request.url.endswith("/health"):
+            route.fallback()
+        else:
+            route.fulfill(status=401, content_type="application/problem+json", body=login_ended)
+
+    page.route("**/api/**", refuse)
+    page.get_by_role("button", name="Save subject").click()
+    expect(notice.get_by_role("status")).to_contain_text("Your login has ended.")
+    expect(page.locator("[data-subject] [data-said]")).to_have_text("Your login has ended.")
+    expect(notice.get_by_role("link", name="Log in")).to_have_attribute("target", "_blank")
+    expect(page.get_by_label("Height")).to_have_value("1.8")
+    page.unroute("**/api/**", refuse)
+    page.evaluate("() => window.dispatchEvent(new Event('focus'))")
+    expect(notice.get_by_role("status")).to_have_text("You are logged in again.")
     page.get_by_role("button", name="Save subject").click()
     page.wait_for_function("() => document.querySelector('[name=height_m]').defaultValue === '1.8'")
     assert lab.fake.patches[-1] == {"subject": {"height_m": 1.8}}, "only what was changed is sent"

@@ -1,5 +1,6 @@
 """Third-party browser code comes from the installed packages and runs under a policy that names it."""
 
+import re
 from collections.abc import Callable
 from importlib.resources import files
 
@@ -41,16 +42,21 @@ def test_the_client_of_viser_is_unpacked() -> None:
     assert client.page.count(b"<script") == 1, "and no script is written into the page itself"
 
 
-def test_three_places_of_the_application_are_others() -> None:
+def test_the_application_is_the_installed_one_but_for_four_kinds_of_places() -> None:
     html = files("viser").joinpath("client", "build", "index.html").read_bytes()
+    script = re.search(rb'data-p="([^"]*)" data-ss="(\d+)" data-cs="(\d+)"', html)
+    assert script is not None
+    whole = zstandard.ZstdDecompressor().decompress(viser_client.decode_base88(script[1]))
+    original = whole[int(script[2]) : int(script[2]) + int(script[3])]
     result = viser_client.installed_client()
     code = next(content for name, content in result.files.items() if name.endswith(".js"))
     before, after = viser_client.LATER
     assert (code.count(viser_client.NO_ENVIRONMENT), code.count(before), code.count(after)) == (1, 2, 2)
     back = code.replace(viser_client.NO_ENVIRONMENT, viser_client.DEFAULT_ENVIRONMENT)
     back = back.replace(before, b"=").replace(after, b"")
-    assert f'data-cs="{len(back)}"'.encode() in html
-    assert viser_client.defer_splats(viser_client.remove_environment(back)) == code
+    assert viser_client.NO_DATA.join(viser_client.UNUSED_DATA.split(original)[::2]) == back
+    assert viser_client.remove_data(viser_client.defer_splats(viser_client.remove_environment(original))) == code
+    assert len(code) < len(original) - 150_000
 
 
 @pytest.mark.parametrize("code", [b"{fog:null}", b"{environmentMap:null},{environmentMap:null}"])
@@ -59,6 +65,8 @@ def test_an_application_of_another_form_is_refused(code: bytes) -> None:
         viser_client.remove_environment(code)
     with pytest.raises(ValueError, match="an unknown form"):
         viser_client.defer_splats(code)
+    with pytest.raises(ValueError, match="an unknown form"):
+        viser_client.remove_data(code)
 
 
 def test_policy_of_the_frame_allows_files_of_this_service_alone() -> None:

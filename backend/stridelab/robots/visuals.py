@@ -15,6 +15,8 @@ import fast_simplification
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float, Int, UInt8
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from stridelab.conventions import Points
 from stridelab.dynamics.spatial import Placement
@@ -25,9 +27,15 @@ from stridelab.robots.urdf import full_configuration, full_model, visual_geometr
 Faces = Int[np.ndarray, "m 3"]
 """Triangles: three vertex indices each, counterclockwise seen from outside."""
 
-_AGGRESSIVENESS = 2.0
+_MAX_TRIANGLES: Final = 36_000
+"""Triangles of a whole robot, so that its scene with terrain, contacts and forces has at most 40 000."""
+TOLERANCES_M: Final = (0.003, 0.014)
+"""Square roots of the quadric errors, which are sums over all planes at a vertex: the second is used for robots that
+have too many triangles with the first. The outlines of TALOS and G1 then move by up to 4 mm."""
+_BASE_ERROR_M2, _LAST_PASS = 1e-9, 103.0
 """The k-th of the 100 passes of fast_simplification collapses edges up to a quadric error of 1e-9 (k + 3)^a, here in
-m^2. With a = 2 it ends at (3.2 mm)^2, however many triangles are left; its default of 7 begins at (1.5 mm)^2."""
+m^2, however many triangles are left; its default a = 7 begins at (1.5 mm)^2."""
+_SKIRT_M = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,39 +60,89 @@ def merge_meshes(name: str, meshes: Sequence[LinkMesh]) -> LinkMesh:
     )
 
 
-def mesh_of(shape: pin.GeometryObject) -> LinkMesh:
-    """One visual shape in the frame of its joint, in its own colour, decimated to a few millimetres.
+def mesh_of(shape: pin.GeometryObject, tolerance_m: float = TOLERANCES_M[0]) -> LinkMesh:
+    """One visual shape in the frame of its joint, in its own colour, decimated to ``tolerance_m``.
 
     Raises ``Unavailable`` (``robot-data-unreadable``) for an unsupported kind of shape.
     """
-    vertices, faces = _shape_triangles(shape)
-    if np.prod(np.sign(shape.meshScale)) < 0.0:  # a mirrored mesh is inside out
+    mirror = np.sign(shape.meshScale)
+    vertices, faces = _shape_triangles(shape.geometry, shape.name)
+    if isinstance(shape.geometry, coal.BVHModelBase):
+        # Not mirrored, so that the two sides of a robot are simplified alike.
+        vertices, faces = decimate(vertices * mirror, faces, tolerance_m)
+        vertices = vertices * mirror
+    if np.prod(mirror) < 0.0:  # a mirrored mesh is inside out
         faces = faces[:, ::-1]
     T_joint_shape = Placement(shape.placement.translation, shape.placement.rotation)
     colour = np.round(255 * np.asarray(shape.meshColor)).astype(np.uint8)
     return LinkMesh(shape.name, T_joint_shape.act(vertices), faces, np.repeat(colour[None], len(vertices), axis=0))
 
 
-def decimate(vertices_m: Points, faces: Faces) -> tuple[Float[np.ndarray, "n_shown 3"], Int[np.ndarray, "m_shown 3"]]:
-    """Simplify a surface by edge collapses of least quadric error.
+def decimate(
+    vertices_m: Points, faces: Faces, tolerance_m: float = TOLERANCES_M[0]
+) -> tuple[Float[np.ndarray, "n_shown 3"], Int[np.ndarray, "m_shown 3"]]:
+    """Simplify a surface by edge collapses of a quadric error up to ``tolerance_m`` squared.
 
-    The borders of open surfaces are preserved: otherwise whole sheets would shrink, by up to 46 mm on TALOS' torso.
-    99 % of its original vertices lie within 2.1 mm of the result, single ones in thin sheets at 11 mm.
+    The borders of open surfaces are held in place by planes perpendicular to the surface (Garland and Heckbert 1997,
+    section 6), here a skirt of triangles that is left out of the result: otherwise whole sheets would shrink, by up to
+    46 mm on TALOS' torso. Connected parts that are smaller than ``tolerance_m``, mostly screws, are left out.
     """
-    points, corners = fast_simplification.simplify(
-        vertices_m, faces, target_count=0, agg=_AGGRESSIVENESS, preserve_border=True
+    skirt_m, skirt = _border_planes(vertices_m, faces)
+    all_m, all_faces = np.concatenate([vertices_m, skirt_m]), np.concatenate([faces, skirt])
+    _, _, collapses = fast_simplification.simplify(
+        all_m,
+        all_faces,
+        target_count=0,
+        agg=float(np.log(tolerance_m**2 / _BASE_ERROR_M2) / np.log(_LAST_PASS)),
+        return_collapses=True,
     )
-    return np.asarray(points, dtype=float), np.asarray(corners, dtype=np.int64)
+    points, _, new_of = fast_simplification.replay_simplification(all_m, all_faces, collapses)
+    corners = np.asarray(new_of, dtype=np.int64)[faces]
+    corners = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]
+    return _without_small_parts(np.asarray(points, dtype=float), corners, tolerance_m)
 
 
-def _shape_triangles(shape: pin.GeometryObject) -> tuple[Points, Faces]:
+def _border_planes(
+    vertices_m: Points, faces: Faces
+) -> tuple[Float[np.ndarray, "n_more 3"], Int[np.ndarray, "m_more 3"]]:
+    """Triangles on both sides of each edge of only one triangle, perpendicular to that, and their further vertices."""
+    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    _, index, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+    rim = index[count == 1]
+    start, end = edges[rim].T
+    a, b, c = (vertices_m[faces[rim // 3, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    further_m, triangles = [], []
+    for k, side_m in enumerate((_SKIRT_M, -_SKIRT_M)):
+        further_m.append(np.stack([vertices_m[start], vertices_m[end]], axis=1) + side_m * normal[:, None])
+        beside = len(vertices_m) + 2 * (k * len(rim) + np.arange(len(rim)))
+        triangles += [np.column_stack([end, start, beside]), np.column_stack([end, beside, beside + 1])]
+    return np.concatenate(further_m).reshape(-1, 3), np.concatenate(triangles)
+
+
+def _without_small_parts(
+    vertices_m: Points, faces: Faces, size_m: float
+) -> tuple[Float[np.ndarray, "n_shown 3"], Int[np.ndarray, "m_shown 3"]]:
+    """The connected parts whose bounding box has a diagonal above ``size_m``, or all if none has."""
+    edges = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    n = len(vertices_m)
+    _, part = connected_components(coo_array((np.ones(len(edges)), edges.T), (n, n)), directed=False)
+    low_m, high_m = (np.full((n, 3), sign * np.inf) for sign in (1.0, -1.0))
+    np.minimum.at(low_m, part, vertices_m)
+    np.maximum.at(high_m, part, vertices_m)
+    large = (np.linalg.norm(high_m - low_m, axis=1) > size_m)[part[faces[:, 0]]]
+    used, corners = np.unique(faces[large] if large.any() else faces, return_inverse=True)
+    return vertices_m[used], corners.reshape(-1, 3)
+
+
+def _shape_triangles(geometry: coal.CollisionGeometry, name: str) -> tuple[Points, Faces]:
     import trimesh  # 17 MB that only the files of robots need
 
-    geometry = shape.geometry
     if isinstance(geometry, coal.BVHModelBase):
         corners = (geometry.tri_indices(i) for i in range(geometry.num_tris))
         faces = np.array([(corner[0], corner[1], corner[2]) for corner in corners], dtype=np.int64)
-        return decimate(np.array(geometry.vertices()), faces)
+        return np.array(geometry.vertices()), faces
     if isinstance(geometry, coal.Cylinder):
         solid = trimesh.creation.cylinder(geometry.radius, 2.0 * geometry.halfLength)
     elif isinstance(geometry, coal.Box):
@@ -93,7 +151,7 @@ def _shape_triangles(shape: pin.GeometryObject) -> tuple[Points, Faces]:
         solid = trimesh.creation.icosphere(2, geometry.radius)
     else:
         kind = type(geometry).__name__
-        raise Unavailable("robot-data-unreadable", f"Shape {shape.name} is a {kind}, which is not supported.")
+        raise Unavailable("robot-data-unreadable", f"Shape {name} is a {kind}, which is not supported.")
     return np.array(solid.vertices), np.array(solid.faces, dtype=np.int64)
 
 
@@ -106,7 +164,9 @@ def link_names(robot: Robot) -> tuple[str, ...]:
 
 
 def link_meshes(robot: Robot) -> tuple[LinkMesh, ...]:
-    """One mesh per link of ``link_names``, decimated to a few millimetres, including the locked links fixed to it.
+    """One mesh per link of ``link_names``, including the locked links fixed to it.
+
+    Decimated to a quadric error of 3 mm, or of 14 mm if the robot would have more than 36 000 triangles.
 
     Raises ``Unavailable`` (``robot-data-unreadable``) if the description's meshes cannot be read.
     """
@@ -114,7 +174,10 @@ def link_meshes(robot: Robot) -> tuple[LinkMesh, ...]:
     visual = visual_geometry(full, robot.urdf, robot.package_dirs)
     locked_ids = [full.getJointId(joint) for joint in robot.locked]
     _, visual = pin.buildReducedModel(full, visual, locked_ids, full_configuration(robot, full))
-    shapes = [(shape.parentJoint, mesh_of(shape)) for shape in visual.geometryObjects]
+    for tolerance_m in TOLERANCES_M:
+        shapes = [(shape.parentJoint, mesh_of(shape, tolerance_m)) for shape in visual.geometryObjects]
+        if sum(len(mesh.faces) for _, mesh in shapes) <= _MAX_TRIANGLES:
+            break
     return tuple(
         merge_meshes(name, [mesh for parent, mesh in shapes if parent == joint])
         for joint, name in enumerate(link_names(robot), start=1)

@@ -93,9 +93,18 @@ def contact_node(touch: PlacedContact) -> str:
     return f"/contacts/{touch.number}"
 
 
-def effector_side(effector: str) -> Literal["left", "right", "hand"]:
+Side = Literal["left", "right", "hand"]
+"""Colour key of an effector."""
+
+
+def effector_side(effector: str) -> Side:
     """Colour key of an effector."""
     return "hand" if "hand" in effector else "left" if effector.startswith("left") else "right"
+
+
+def side_nodes(placed: Iterable[PlacedContact]) -> dict[Side, str]:
+    """Node of all places of the effectors of one colour, by colour key, in the scene of a plan."""
+    return {side: f"/contacts/{side}" for side in dict.fromkeys(effector_side(touch.effector) for touch in placed)}
 
 
 def yaw_rad(touch: PlacedContact) -> float:

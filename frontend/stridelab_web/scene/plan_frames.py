@@ -12,7 +12,7 @@ import numpy as np
 
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.parquet import Columns, xyz_columns
-from stridelab_web.scene.contacts import PlacedContact, contact_node, effector_side, placed_contacts
+from stridelab_web.scene.contacts import PlacedContact, contact_node, effector_side, placed_contacts, side_nodes
 from stridelab_web.scene.density_nodes import reach_places, repeated_nodes
 from stridelab_web.scene.frames import (
     ARROW_M_PER_N,
@@ -141,7 +141,7 @@ def plan_frames(
             *(Span(place.name, place.start_s, place.end_s) for place in reach_places(scenario)),
         ),
         tracks=(Track("/paths/com", com_at),),
-        still=tuple(contact_node(touch) for touch in placed),
+        still=(*side_nodes(placed).values(), *(contact_node(touch) for touch in placed)),
         copies=(
             *(Copy(name, f"{ROBOT}{name.removeprefix(GHOST)}", PALE) for name in ghosts),
             *(Copy(name, of) for name, of in (*repeated_cones(loaded), *repeated_nodes(reach_places(scenario)))),

@@ -13,7 +13,7 @@ from stridelab_web.scene.density_nodes import Quaternion, reach_places, shown_le
 from stridelab_web.scene.frames import Frames
 from stridelab_web.scene.plan_frames import COM, GHOST, MEASURED, MOMENTUM, PERSON, ROBOT, Cone
 from stridelab_web.viewer import meshes
-from stridelab_web.viewer.contact_markers import COLOURS, add_marks
+from stridelab_web.viewer.contact_markers import COLOURS, add_fixed_marks
 from stridelab_web.viewer.robot_links import add_robot
 from stridelab_web.viewer.scene_parts import Colour, add_arrow, add_mesh, add_path, place_camera, prepare_scene
 from stridelab_web.viewer.terrain import add_terrain, is_ground
@@ -55,8 +55,8 @@ def build_plan_scene(
     """Put a plan into an empty server; the page moves its nodes. ``reach`` holds the densities of the plan."""
     scene = server.scene
     prepare_scene(scene, AMBIENT)
-    add_terrain(scene, scenario)
-    add_marks(scene, scenario, sizes, touching=True)
+    add_terrain(scene, scenario, merged=True)
+    add_fixed_marks(scene, scenario, sizes)
     copies = frozenset(copy.name for copy in frames.copies)
     _add_reach(scene, scenario, reach, copies)
     add_robot(scene, [b.name.removeprefix(ROBOT) for b in frames.bodies if b.name.startswith(ROBOT)], link_meshes)

@@ -200,7 +200,7 @@ class ScenarioScene:
 
     def _add_mark(self, touch: PlacedContact) -> None:
         """Add a mark for a new contact, or for one of another effector."""
-        mark = add_mark(self._scene, touch, self._sizes, touching=False)
+        mark = add_mark(self._scene, touch, self._sizes)
         mark.on_drag("left")(self._drag_of(touch.number))
         self._marks[touch.number], self._effectors[touch.number] = mark, touch.effector
 

@@ -27,14 +27,34 @@ Span = tuple[np.ndarray, np.ndarray]
 """The lowest and the highest corner of an axis-parallel box."""
 
 
-def add_terrain(scene: viser.SceneApi, scenario: Scenario) -> None:
-    """All surfaces of ``scenario`` below ``/terrain``."""
+def add_terrain(scene: viser.SceneApi, scenario: Scenario, *, merged: bool = False) -> None:
+    """All surfaces of ``scenario`` below ``/terrain``, one node per surface.
+
+    With ``merged`` all boxes that are not the ground are one node and their rims another: a browser draws node by node,
+    and twenty stones cost it as much as a robot.
+    """
     boxes = [surface for surface in scenario.terrain if isinstance(surface, BoxSurface)]
+    bodies, rims = [], []
     for k, surface in enumerate(scenario.terrain):
+        name = f"/terrain/{k}"
         if isinstance(surface, RailSurface):
-            _add_rail(scene, f"/terrain/{k}", surface)
+            _add_rail(scene, name, surface)
+            continue
+        body = _box_mesh(surface, [box for box in boxes if box is not surface])
+        if is_ground(surface):
+            if body is not None:
+                add_mesh(scene, name, body, GROUND)
+            _add_grid(scene, f"{name}/grid", surface)
+        elif merged:
+            bodies += [] if body is None else [body]
+            rims.append(_rim_mesh(surface))
         else:
-            _add_box(scene, f"/terrain/{k}", surface, [box for box in boxes if box is not surface])
+            if body is not None:
+                add_mesh(scene, name, body, BOX)
+            add_mesh(scene, f"{name}/rim", _rim_mesh(surface), RIM)
+    for name, parts, colour in (("/terrain/boxes", bodies, BOX), ("/terrain/boxes/rims", rims, RIM)):
+        if parts:
+            add_mesh(scene, name, meshes.merge_meshes(parts), colour)
 
 
 def is_ground(box: BoxSurface) -> bool:
@@ -86,33 +106,39 @@ def _span_in_frame(box: BoxSurface, other: BoxSurface) -> Span | None:
     return middle - reach, middle + reach
 
 
-def _add_box(scene: viser.SceneApi, name: str, box: BoxSurface, others: Sequence[BoxSurface]) -> None:
-    R, half = box_rotation(box), np.array(box.size_m) / 2
+def _box_mesh(box: BoxSurface, others: Sequence[BoxSurface]) -> meshes.Mesh | None:
+    """The visible faces of a box in the world; None if there are none."""
     # Every triangle has corners of its own, so that the faces of a box look flat.
     vertices = faces_m(box, others)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.float32)
-    faces = np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)
-    if len(faces):
-        add_mesh(scene, name, (vertices, faces), GROUND if is_ground(box) else BOX)
-    if is_ground(box):
-        yaw = np.arctan2(R[1, 0], R[0, 0]) / 2
-        scene.add_grid(
-            f"{name}/grid",
-            width=box.size_m[0],
-            height=box.size_m[1],
-            cell_size=0.25,
-            section_size=1.0,
-            cell_color=GRID_CELL,
-            section_color=GRID_SECTION,
-            shadow_opacity=0.0,
-            position=np.array(box.center_m) + (half[2] + LIFT_M) * R[:, 2],
-            wxyz=(float(np.cos(yaw)), 0.0, 0.0, float(np.sin(yaw))),
-        )
-        return
+    return (vertices, np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)) if len(vertices) else None
+
+
+def _add_grid(scene: viser.SceneApi, name: str, box: BoxSurface) -> None:
+    """The grid on the upper face of a box."""
+    R, height_m = box_rotation(box), box.size_m[2] / 2 + LIFT_M
+    yaw = np.arctan2(R[1, 0], R[0, 0]) / 2
+    scene.add_grid(
+        name,
+        width=box.size_m[0],
+        height=box.size_m[1],
+        cell_size=0.25,
+        section_size=1.0,
+        cell_color=GRID_CELL,
+        section_color=GRID_SECTION,
+        shadow_opacity=0.0,
+        position=np.array(box.center_m) + height_m * R[:, 2],
+        wxyz=(float(np.cos(yaw)), 0.0, 0.0, float(np.sin(yaw))),
+    )
+
+
+def _rim_mesh(box: BoxSurface) -> meshes.Mesh:
+    """The rim of the upper face of a box, in the world."""
+    R, half = box_rotation(box), np.array(box.size_m) / 2
     square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
     outer = np.column_stack([square * np.maximum(half[:2] - RIM_FROM_M, 0.0), np.full(4, half[2] + LIFT_M)])
     inner = np.column_stack([square * np.maximum(half[:2] - RIM_M, 0.0), np.full(4, half[2] + LIFT_M)])
-    rim, rim_faces = meshes.band_between(outer, inner)
-    add_mesh(scene, f"{name}/rim", ((np.array(box.center_m) + rim @ R.T).astype(np.float32), rim_faces), RIM)
+    rim, faces = meshes.band_between(outer, inner)
+    return (np.array(box.center_m) + rim @ R.T).astype(np.float32), faces
 
 
 def _add_rail(scene: viser.SceneApi, name: str, rail: RailSurface) -> None:

@@ -59,7 +59,7 @@ def test_a_plan_has_every_node_that_the_page_moves(
     assert ("/robot/bare_link" in names(opened)) == whole_body
     for group in ("/ghost/base_link", "/ghost/bare_link", "/measured/left_foot_shaft"):
         assert (group in names(opened)) == (group in moved) == replay
-    assert {"/terrain/0", "/terrain/3", "/terrain/0/grid", "/terrain/1/rim"} <= names(opened)
+    assert {"/terrain/0", "/terrain/3", "/terrain/0/grid", "/terrain/boxes", "/terrain/boxes/rims"} <= names(opened)
 
 
 def test_the_ghost_is_the_replay_and_gone_once_it_has_fallen() -> None:

@@ -163,6 +163,7 @@ NODES = """(names) => {
             position: object.position.toArray(),
             wxyz: [object.quaternion.w, ...object.quaternion.toArray().slice(0, 3)],
             scale: object.scale.toArray(),
+            drawn: object.layers.mask !== 0,
         }];
     }));
 }"""
@@ -211,7 +212,7 @@ def few_pictures(page: Page) -> Iterator[None]:
 
 
 def nodes(page: Page, *names: str) -> dict[str, Any]:
-    """Position, quaternion and scale of nodes, as they are drawn."""
+    """Position, quaternion and scale of nodes, and whether they are drawn at all."""
     poses: dict[str, Any] = page.evaluate(NODES, list(names))
     return poses
 

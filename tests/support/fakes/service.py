@@ -206,7 +206,7 @@ class FakeService:
         api = "/api/v1"
         routes = [
             *self.subjects.routes(api),
-            Route(f"{api}/health", self._health),
+            *(Route(f"{api}/{name}", self._health) for name in ("health", "caller")),
             Route(f"{api}/recordings", self._recordings, methods=["GET", "POST"]),
             Route(f"{api}/recordings/{{id}}", self._recording, methods=["GET", "PATCH", "DELETE"]),
             Route(f"{api}/recordings/{{id}}/tracks.parquet", self._tracks),

@@ -11,6 +11,7 @@ from stridelab.service.api.dependencies import Parts
 
 PARQUET: Final = "application/vnd.apache.parquet"
 OCTETS: Final = "application/octet-stream"
+FILE_GONE: Final = "The stored file is gone. Restore a backup, or upload the recording or compute the result again."
 
 
 def content_disposition(filename: str) -> str:
@@ -34,7 +35,7 @@ async def send_blob(
     """
     info = await parts.blobs.info(key)
     if info is None:
-        raise NotFound("file-gone", "The stored file is gone.")
+        raise NotFound("file-gone", FILE_GONE)
     if n_bytes not in (None, info.bytes):
         message = f"The store has {info.bytes} instead of {n_bytes} bytes of {filename}."
         raise Unavailable("stored-file-damaged", message)

@@ -12,7 +12,7 @@ from stridelab.machine.models_folder import models_dir
 from stridelab.robots.card import card_bytes, robot_card
 from stridelab.robots.data_files import DataFiles, data_files
 
-EDITION: Final = 3
+EDITION: Final = 4
 """Incremented when the computation of facts, meshes or densities changes within one version of this program."""
 LIBRARIES: Final = ("pin", "fast-simplification", "scikit-image", "trimesh")
 """Distributions whose versions affect the files."""

@@ -1,4 +1,5 @@
 // A figure of stacked curves with one time axis, so that zoom and cursor are shared.
+import { fetchChecked } from "../shared/api.js";
 import { colour, onColourScheme } from "../shared/colours.js";
 import { createElement } from "../shared/elements.js";
 import { translate } from "../shared/translate.js";
@@ -44,9 +45,11 @@ const [ROW_PX, GAP_PX, TOP_PX, BOTTOM_PX, LETTER_PX, SAMPLE_PX, LEFT_PX, RIGHT_P
 const box = document.getElementById("plots");
 const cursor = document.getElementById("cursor");
 const readout = document.getElementById("readout");
-const response = await fetch(box.dataset.plots).catch(() => null);
-if (response?.ok) draw(await response.json());
-else box.textContent = translate("The curves could not be read. Reload the page to try again.");
+const unreadable = translate("The curves could not be read. Reload the page to try again.");
+const response = await fetchChecked(box.dataset.plots, {}, unreadable).catch((error) => {
+  box.textContent = /** @type {Error} */ (error).message;
+});
+if (response) draw(await response.json());
 
 function rowTraces(row, columns) {
   return row.traces.flatMap((trace) => {

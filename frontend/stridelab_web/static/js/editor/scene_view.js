@@ -4,6 +4,7 @@ import { PREVIEW_NODES } from "./live_preview.js";
 import { ViserNodes } from "../viewer/viser_nodes.js";
 import { AdaptiveResolution } from "../viewer/adaptive_resolution.js";
 import { DarkMode } from "../viewer/dark_mode.js";
+import { fetchChecked } from "../shared/api.js";
 import { contactOf } from "./phase_edits.js";
 import { SUPPORT_NODES } from "./support_overlay.js";
 
@@ -41,10 +42,7 @@ export class SceneView {
   }
 
   async request(name, options) {
-    const response = await fetch(`${this.scene}/${name}`, options).catch(() => null);
-    const value = await response?.json().catch(() => null);
-    if (response?.ok && value) return value;
-    throw new Error(value?.detail || "The scene could not be read.");
+    return (await fetchChecked(`${this.scene}/${name}`, options)).json();
   }
 
   // Waits for the scene and enables `shortcuts` in it.

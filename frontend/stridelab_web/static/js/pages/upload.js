@@ -1,12 +1,15 @@
 // Uploads files that are dropped or chosen, two at a time, each with a progress bar and a Cancel button. The reason of a
 // refused file stays until it is dismissed.
 import { responseJson, problemSentence } from "../shared/api.js";
+import { checkConnection } from "../shared/connection_notice.js";
 import { createElement, smallButton } from "../shared/elements.js";
 import { refreshRecordings } from "./recordings_list.js";
 import { localTime } from "../shared/local_times.js";
 import { translate, translateCount } from "../shared/translate.js";
 
 const MAX_PARALLEL = 2;
+// No answer, no login, too many requests, part of the service away, storage full.
+const MAY_PASS_LATER = new Set([0, 401, 429, 503, 507]);
 const STORAGE_KEY = "stridelab-refused-uploads"; // of this tab, survives a reload
 const zone = document.querySelector("[data-upload]");
 const picker = zone.querySelector("input[type=file]");
@@ -108,11 +111,11 @@ function sendFile(upload) {
         const stored = request.status === 201 && response;
         if (stored && request.getResponseHeader("Stridelab-Reused")) onKnownFile(upload, response);
         else if (stored) onStored(upload, response);
-        else onRefused(upload, problemSentence(request.status, response));
+        else onFailed(upload, request.status, response);
         resolve();
       });
       request.addEventListener("error", () => {
-        onRefused(upload, problemSentence(0, null));
+        onFailed(upload, 0, null);
         resolve();
       });
       request.send(form);
@@ -160,9 +163,24 @@ function linkTo(recording, text) {
   return createElement("a", { href: `/recordings/${recording.id}` }, text);
 }
 
-function onRefused({ row, file }, text) {
-  storeRefusals([...readRefusals(), { name: file.name, text }]);
+// A file that may be welcome later is offered again; the refusal of any other is kept.
+function onFailed(upload, status, response) {
+  const { row, file } = upload,
+    text = problemSentence(status, response);
+  if (status === 0 || status === 401) checkConnection();
+  if (!MAY_PASS_LATER.has(status)) {
+    storeRefusals([...readRefusals(), { name: file.name, text }]);
+    return showRefusal(row, file.name, text);
+  }
   showRefusal(row, file.name, text);
+  row.state.textContent = translate("not uploaded");
+  const again = smallButton(translate("Try again"), translate("Try to upload %(file)s again", { file: file.name }));
+  again.addEventListener("click", () => {
+    row.row.remove();
+    enqueue({ ...upload, row: createRow(file.name) });
+    startNext();
+  });
+  row.state.after(again);
 }
 
 function showRefusal(row, name, text) {

@@ -1,5 +1,5 @@
 // Requests to /api/v1; every failure becomes an error with a sentence.
-import { checkConnection } from "./connection_notice.js";
+import { checkConnection, isLoggedOut } from "./connection_notice.js";
 import { translate, translateServed } from "./translate.js";
 
 class ApiError extends Error {
@@ -13,6 +13,7 @@ class ApiError extends Error {
 
 /** @param {number} status @param {ApiProblem | null} problem @param {string | null} retryAfter */
 export function problemSentence(status, problem, retryAfter = null) {
+  if (status === 401) return translate("Your login has ended."); // the service's sentence is for programs
   if (!problem)
     return status === 0
       ? translate("The service does not answer. Is it still running?")
@@ -71,8 +72,7 @@ export async function call(method, path, body, headers = {}) {
     checkConnection();
     throw new ApiError(0, null);
   }
-  if (response.status === 401)
-    location.assign(`/login?next=${encodeURIComponent(location.pathname + location.search)}`);
+  if (response.status === 401) checkConnection();
   const text = await response.text();
   let value = null;
   try {
@@ -84,11 +84,30 @@ export async function call(method, path, body, headers = {}) {
   return value;
 }
 
+// A successful response of a page's own address. Throws the sentence of the service, of its error page, or `otherwise`.
+/** @param {string} url @param {RequestInit} [options] @param {string} [otherwise] */
+export async function fetchChecked(url, options, otherwise = translate("The scene could not be read.")) {
+  const response = await fetch(url, options).catch(() => null);
+  if (response?.ok) return response;
+  if (!response || response.status === 401) checkConnection();
+  if (!response) throw new Error(problemSentence(0, null));
+  const text = await response.text().catch(() => "");
+  if (response.headers.get("Content-Type")?.startsWith("text/html")) {
+    const page = new DOMParser().parseFromString(text, "text/html");
+    throw new Error(page.querySelector("[data-detail]")?.textContent || otherwise);
+  }
+  const { detail } = parsedJson(text) ?? {};
+  throw new Error(detail ? translateServed(detail) : otherwise);
+}
+
 // The JSON of a response to an XMLHttpRequest; null where a proxy answered with a page instead.
 /** @param {XMLHttpRequest} request */
-export function responseJson(request) {
+export const responseJson = (request) => parsedJson(request.responseText);
+
+/** @param {string} text */
+function parsedJson(text) {
   try {
-    return JSON.parse(request.responseText);
+    return JSON.parse(text);
   } catch {
     return null;
   }
@@ -170,7 +189,8 @@ export function confirmDeletion(path, next) {
   });
 }
 
-const RETRY_MS = 1000;
+const RETRY_MS = 1000,
+  LOGGED_OUT_MS = 20_000;
 
 // Calls `onChange(job)` for every state of a job; resolves with the finished job, its error included. The browser resumes
 // a lost event stream; a closed one is opened again.
@@ -202,7 +222,7 @@ export function followJob(id, onChange) {
         if (source.readyState !== EventSource.CLOSED || isFinished) return;
         const job = await call("GET", `/jobs/${id}?wait=20`).catch(() => null);
         if (job && FINAL_STATES.has(job.state)) finish(job);
-        else setTimeout(connect, RETRY_MS);
+        else setTimeout(connect, isLoggedOut() ? LOGGED_OUT_MS : RETRY_MS);
       });
     };
     connect();

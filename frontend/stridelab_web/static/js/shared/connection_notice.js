@@ -1,57 +1,77 @@
-// A notice on the page while the service does not answer; it is asked again every few seconds, then the notice disappears.
+// A notice on the page while the service does not answer, or while the login has ended; it disappears by itself afterwards.
 import { createElement } from "./elements.js";
 import { translate } from "./translate.js";
 
 const RETRY_MS = 3000,
+  LOGIN_RETRY_MS = 20_000, // each refusal is a line in the log of the service
   SHOWN_MS = 5000;
-const LOST = translate("The service does not answer. The page keeps what it shows and retries every few seconds.");
-const RESTORED = translate("The service answers again.");
+const TEXTS = {
+  lost: translate("The service does not answer. The page keeps what it shows and retries every few seconds."),
+  login: translate(
+    "Your login has ended. The page keeps what it shows: log in again in a new tab, then repeat what you did here.",
+  ),
+  restored: translate("The service answers again."),
+  known: translate("You are logged in again."),
+};
 /** @type {any} */
 let notice = null,
-  timer = 0;
+  timer = 0,
+  /** @type {"up" | "lost" | "login"} */
+  state = "up";
 
-// Call after a failed request: shows the notice if the service does not answer.
+// Call after a failed request: shows the notice if the service does not answer, or knows the caller no more.
 export async function checkConnection() {
-  if (timer) return;
-  timer = setTimeout(retry, RETRY_MS);
-  if (await isServiceUp()) {
-    clearTimeout(timer);
-    timer = 0;
-  } else showNotice(LOST);
+  if (!timer) await retry();
 }
+
+// Whether requests are refused until the reader has logged in again.
+export const isLoggedOut = () => state === "login";
 
 async function retry() {
   clearTimeout(timer);
-  timer = setTimeout(retry, RETRY_MS);
-  if (!(await isServiceUp())) return showNotice(LOST);
+  timer = setTimeout(retry, state === "login" ? LOGIN_RETRY_MS : RETRY_MS);
+  const before = state;
+  state = await connectionState();
+  if (state !== "up") return showNotice(state);
   clearTimeout(timer);
   timer = 0;
   if (!notice || notice.hidden) return;
-  showNotice(RESTORED);
+  showNotice(before === "login" ? "known" : "restored");
   setTimeout(() => {
     if (!timer) notice.hidden = true;
   }, SHOWN_MS);
 }
 
-async function isServiceUp() {
-  const response = await fetch("/api/v1/health", { cache: "no-store" }).catch(() => null);
-  return Boolean(response?.ok);
+async function connectionState() {
+  const get = (/** @type {string} */ path) => fetch(`/api/v1/${path}`, { cache: "no-store" }).catch(() => null);
+  const health = await get("health");
+  if (!health?.ok) return "lost";
+  return (await get("caller"))?.status === 401 ? "login" : "up";
 }
 
-/** @param {string} text */
-function showNotice(text) {
+/** @param {keyof typeof TEXTS} kind */
+function showNotice(kind) {
   notice ??= createNotice();
   notice.hidden = false;
   const paragraph = notice.querySelector("p");
-  if (paragraph.textContent !== text) paragraph.textContent = text;
-  notice.querySelector("button").hidden = text === RESTORED;
+  if (paragraph.textContent !== TEXTS[kind]) paragraph.textContent = TEXTS[kind];
+  notice.querySelector("button").hidden = kind === "restored" || kind === "known";
+  notice.querySelector("a").hidden = kind !== "login";
 }
 
 function createNotice() {
   const button = createElement("button", { className: "small" }, translate("Retry now"));
   button.addEventListener("click", retry);
+  addEventListener("focus", () => isLoggedOut() && retry()); // back from the tab of the login
+  const link = createElement("a", { href: "/login", target: "_blank" }, translate("Log in"));
   const paragraph = createElement("p", { role: "status" });
-  const box = createElement("aside", { className: "lost", ariaLabel: translate("Connection") }, paragraph, button);
+  const box = createElement(
+    "aside",
+    { className: "lost", ariaLabel: translate("Connection") },
+    paragraph,
+    link,
+    button,
+  );
   document.querySelector("header.top").after(box);
   return box;
 }

@@ -8,6 +8,8 @@ import { hideOverlay, showFailure } from "./loading_overlay.js";
 import { HIDDEN, ViserNodes } from "./viser_nodes.js";
 import { counted } from "../shared/plurals.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
+import { fetchChecked } from "../shared/api.js";
+import { checkConnection } from "../shared/connection_notice.js";
 import { createElement } from "../shared/elements.js";
 
 const RECONNECT_MS = 2000,
@@ -66,9 +68,7 @@ connect();
 openScene().catch((error) => showFailure(stage, error));
 
 async function openScene() {
-  const response = await fetch(`${stage.dataset.scene}/open`, { method: "POST" }).catch(() => null);
-  if (!response?.ok)
-    throw new Error((await response?.json().catch(() => null))?.detail || "The scene could not be read.");
+  await fetchChecked(`${stage.dataset.scene}/open`, { method: "POST" });
   await nodes.ready();
   new DarkMode(nodes);
   new AdaptiveResolution(nodes, () => state?.phase === "running");
@@ -92,6 +92,7 @@ function connect() {
     else if (event.code === 4429) say("Too many others watch this robot, or too much was sent.");
     else {
       say("The connection is lost; trying again …");
+      checkConnection();
       setTimeout(connect, RECONNECT_MS);
     }
   });

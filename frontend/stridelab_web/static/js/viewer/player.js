@@ -9,6 +9,7 @@ import { AdaptiveResolution } from "./adaptive_resolution.js";
 import { DarkMode } from "./dark_mode.js";
 import { Scene } from "./scene.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
+import { fetchChecked } from "../shared/api.js";
 import { showFailure, hideOverlay } from "./loading_overlay.js";
 import { translate } from "../shared/translate.js";
 
@@ -95,13 +96,6 @@ async function start() {
     darkMode.apply();
     if (!playing) scene.show(position);
   }, STALE_CHECK_MS);
-}
-
-async function fetchChecked(url, options) {
-  const response = await fetch(url, options);
-  if (response.ok) return response;
-  const problem = await response.json().catch(() => ({}));
-  throw new Error(problem.detail || translate("The scene could not be read."));
 }
 
 // The frame nearest to a time, by bisection: frames need not be equally spaced.

@@ -3,6 +3,7 @@ import { ViserNodes } from "./viser_nodes.js";
 import { AdaptiveResolution } from "./adaptive_resolution.js";
 import { DarkMode } from "./dark_mode.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
+import { fetchChecked } from "../shared/api.js";
 import { showFailure, hideOverlay } from "./loading_overlay.js";
 
 const STALE_CHECK_MS = 400,
@@ -32,9 +33,7 @@ start().catch((error) => showFailure(part("stage"), error));
 
 async function start() {
   readAddress();
-  const response = await fetch(`${scene}/open`, { method: "POST" }).catch(() => null);
-  if (!response?.ok)
-    throw new Error((await response?.json().catch(() => null))?.detail || "The scene could not be read.");
+  await fetchChecked(`${scene}/open`, { method: "POST" });
   await nodes.ready();
   const darkMode = new DarkMode(nodes);
   new AdaptiveResolution(nodes);

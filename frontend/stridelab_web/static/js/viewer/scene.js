@@ -64,11 +64,12 @@ export class Scene {
     for (const [shaft, head, k] of this.layout.arrows) this.drawArrow(shaft, head, k);
     for (const [name, k, axes] of this.layout.ellipsoids) this.drawEllipsoid(name, k, axes);
     for (const [name, k, size] of this.layout.hoops) this.drawHoop(name, k, size);
+    // Before the spans: nodes that are shown for some time are below nodes that stand still.
+    for (const name of this.layout.still) this.nodes.setScale(name, 1);
     const t_s = this.timeAt(at);
     for (const [name, start_s, end_s] of this.layout.spans) {
       this.nodes.setScale(name, start_s <= t_s && t_s <= end_s ? 1 : HIDDEN);
     }
-    for (const name of this.layout.still) this.nodes.setScale(name, 1);
     for (const [k, name] of this.interiorNodes.entries()) this.nodes.drawInFront(name, this.seeThrough ? k + 1 : 0);
     this.nodes.draw();
   }

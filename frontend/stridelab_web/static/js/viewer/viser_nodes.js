@@ -161,10 +161,13 @@ export class ViserNodes {
     });
   }
 
-  // Shows or hides a node and its descendants, by layers: viser sets `visible` in each frame.
+  // Shows or hides a node and its descendants, by layers: viser sets `visible` in each frame. Descendants with a scale of
+  // their own are then shown or hidden again by the next `setScale`.
   setVisible(name, visible) {
-    this.viser.nodeRefFromName[name]?.traverse((part) => {
+    const node = this.viser.nodeRefFromName[name];
+    node?.traverse((part) => {
       part.layers.mask = visible ? 1 : 0;
+      if (part !== node) this.visibility.delete(part);
     });
   }
 
