@@ -4,12 +4,13 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any, Final
+from typing import Final
 
 from markupsafe import Markup
 
 from stridelab.schemas.base import FaultItem, Problem, Remark
 from stridelab.schemas.jobs import FINAL_STATES, Job
+from stridelab.schemas.robots import Capability
 from stridelab_web.languages import ENGLISH, current_language, gettext, ngettext, translate_sentence
 from stridelab_web.served_sentences import SERVED
 
@@ -48,21 +49,21 @@ def capability_title(name: str) -> str:
     return CAPABILITY_TITLES.get(name, name)
 
 
-def capability_value(capability: Mapping[str, Any]) -> str:
-    """The value of a capability (``schemas.robots.Capability`` as a mapping), with *at least* where more may pass."""
-    value = capability["value"]
+def capability_value(capability: Capability) -> str:
+    """The value of a capability, with *at least* where more may pass."""
+    value = capability.value
     if value is None:
         return "–"
     shown = {"rad": (math.degrees(value), "°"), "m": (100 * value, " cm")}
-    number, unit = shown.get(capability["unit"], (value, f" {capability['unit']}"))
-    more = "at least " if capability["ended_by"] in ("range", "time") else ""
+    number, unit = shown.get(capability.unit, (value, f" {capability.unit}"))
+    more = "at least " if capability.ended_by in ("range", "time") else ""
     return f"{more}{number:.3g}{unit}"
 
 
-def capability_limit(capability: Mapping[str, Any]) -> str:
+def capability_limit(capability: Capability) -> str:
     """Why a capability is not larger."""
     ends = {"range": "More was not tried.", "time": "The time ended; more may be possible."}
-    return ends.get(capability["ended_by"]) or str(capability["reason"])
+    return ends.get(capability.ended_by) or capability.reason
 
 
 def utc_text(value: datetime) -> str:
