@@ -1,13 +1,16 @@
 """Formatting of values on the pages, and the filters of the templates."""
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from typing import Final
 
 from markupsafe import Markup
 
 from stridelab.schemas.base import FaultItem, Problem, Remark
 from stridelab.schemas.jobs import FINAL_STATES, Job
+from stridelab.schemas.robots import Capability
 from stridelab_web.languages import ENGLISH, current_language, gettext, ngettext, translate_sentence
 from stridelab_web.served_sentences import SERVED
 
@@ -28,6 +31,39 @@ def with_unit(value: float, unit: str) -> str:
         value, unit = 1000 * value, f"m{unit}"
     text = f"{value:.0f}" if float(value).is_integer() and abs(value) < 1e6 else f"{value:.3g}"
     return f"{text} {unit}" if unit not in ("", "1") else text
+
+
+CAPABILITY_TITLES: Final = {
+    "stair": "One stair, both feet",
+    "pace": "Level walk",
+    "turn": "Turn per step, on the spot",
+    "push-ahead": "Push ahead",
+    "push-back": "Push back",
+    "push-left": "Push to the left",
+    "push-right": "Push to the right",
+}
+
+
+def capability_title(name: str) -> str:
+    """What a capability of a robot is, in words."""
+    return CAPABILITY_TITLES.get(name, name)
+
+
+def capability_value(capability: Capability) -> str:
+    """The value of a capability, with *at least* where more may pass."""
+    value = capability.value
+    if value is None:
+        return "–"
+    shown = {"rad": (math.degrees(value), "°"), "m": (100 * value, " cm")}
+    number, unit = shown.get(capability.unit, (value, f" {capability.unit}"))
+    more = "at least " if capability.ended_by in ("range", "time") else ""
+    return f"{more}{number:.3g}{unit}"
+
+
+def capability_limit(capability: Capability) -> str:
+    """Why a capability is not larger."""
+    ends = {"range": "More was not tried.", "time": "The time ended; more may be possible."}
+    return ends.get(capability.ended_by) or capability.reason
 
 
 def utc_text(value: datetime) -> str:
@@ -232,6 +268,9 @@ def served_text(message: str) -> Markup | str:
 
 FILTERS = {
     "fixed": fixed_decimals,
+    "capability_title": capability_title,
+    "capability_value": capability_value,
+    "capability_limit": capability_limit,
     "plain": plain_number,
     "measured": with_unit,
     "moment": utc_text,

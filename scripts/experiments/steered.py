@@ -2,7 +2,7 @@
 
 from functools import cache
 
-from stridelab.pipelines.commission_robot import foot_places_m, scaled_walk
+from stridelab.pipelines.commissioning.commission_robot import foot_places_m, scaled_walk
 from stridelab.pipelines.live.live_replay import LiveReplay
 from stridelab.pipelines.plan_motion import plan_scenario_motion
 from stridelab.robots.loader import load_robot

@@ -1,5 +1,7 @@
 """Properties that every plan must have, looked at from outside the solver."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -80,6 +82,16 @@ def test_between_the_nodes_the_reference_is_smooth_and_its_own_derivative(plan: 
         assert (high.com_m - low.com_m) / (2 * e) == pytest.approx(middle.com_v_m_s, abs=1e-6)
         assert (high.com_v_m_s - low.com_v_m_s) / (2 * e) == pytest.approx(middle.com_a_m_s2, abs=1e-5)
         assert (high.l_nms - low.l_nms) / (2 * e) == pytest.approx(middle.l_rate_nm, abs=1e-4)
+
+
+def test_many_times_at_once_give_the_same_reference(plan: CentroidalPlan) -> None:
+    """For splines, and for forces that are constant between the nodes."""
+    times_s = np.linspace(-0.5, plan.time_s[-1] + 0.5, 97)
+    for one in (plan, replace(plan, curves_n={})):
+        com_m, l_nms = one.com_and_momentum_at(times_s)
+        references = [one.reference_at(float(t)) for t in times_s]
+        assert com_m == pytest.approx(np.array([reference.com_m for reference in references]), abs=1e-12)
+        assert l_nms == pytest.approx(np.array([reference.l_nms for reference in references]), abs=1e-9)
 
 
 def test_outside_its_time_the_reference_is_at_rest(plan: CentroidalPlan) -> None:

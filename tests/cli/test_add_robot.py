@@ -64,7 +64,7 @@ def test_a_robot_is_commissioned_again_with_its_corrected_card(tmp_path: Path, m
         titles.append(parse_card(request.robot, (robots / "robots" / f"{request.robot}.toml").read_bytes()).title)
         raise NotEstimable("no-free-configuration", "Stopped here.")
 
-    monkeypatch.setattr("stridelab.pipelines.commission_robot.commission_robot", commission)
+    monkeypatch.setattr("stridelab.pipelines.commissioning.commission_robot.commission_robot", commission)
     arguments = ["add-robot", "--robots", str(tmp_path / "own"), "--name"]
     again = CliRunner().invoke(app, [*arguments, "small"])
     assert (again.exit_code, titles) == (4, ["Corrected"])

@@ -6,9 +6,13 @@ import pytest
 
 from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.methods import METHODS
+from stridelab.schemas.robots import Capability
 from stridelab.service.kinds.registry import KINDS
 from stridelab_web import formatting
 from stridelab_web.formatting import (
+    capability_limit,
+    capability_title,
+    capability_value,
     count_text,
     faults_not_in_detail,
     fixed_decimals,
@@ -26,6 +30,24 @@ from stridelab_web.pages.results.comparison_plots import STYLES
 )
 def test_fixed_digits_and_no_negative_zero(value: float | None, text: str) -> None:
     assert fixed_decimals(value) == text
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "unit", "ended_by", "texts"),
+    [
+        ("turn", 0.349066, "rad", "fails", ("Turn per step, on the spot", "20°", "0.38 rad: shoes")),
+        ("stair", 0.23, "m", "range", ("One stair, both feet", "at least 23 cm", "More was not tried.")),
+        ("pace", 0.4, "m/s", "time", ("Level walk", "at least 0.4 m/s", "The time ended; more may be possible.")),
+        ("push-left", 0.0, "N s", "fails", ("Push to the left", "0 N s", "0.38 rad: shoes")),
+        ("push-back", None, "N s", "not-tried", ("Push back", "–", "0.38 rad: shoes")),
+    ],
+)
+def test_capabilities_read_as_on_a_card(
+    name: str, value: float | None, unit: str, ended_by: str, texts: tuple[str, str, str]
+) -> None:
+    given = {"name": name, "value": value, "unit": unit, "resolution": 0.01, "ended_by": ended_by}
+    capability = Capability.model_validate({**given, "reason": "0.38 rad: shoes"})
+    assert (capability_title(name), capability_value(capability), capability_limit(capability)) == texts
 
 
 def test_every_estimator_has_a_name_and_a_line_of_its_own() -> None:

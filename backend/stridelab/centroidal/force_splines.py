@@ -35,7 +35,7 @@ N_GAUSS: Final = 4
 
 
 @cache
-def _bernstein_coefficients(degree: int) -> Float[np.ndarray, "4 d n"]:
+def bernstein_coefficients(degree: int) -> Float[np.ndarray, "4 d n"]:
     """Coefficients of ``B_0 .. B_degree`` in powers of s, and of their first three integrals from 0."""
     s = Polynomial([0.0, 1.0])
     rows = np.zeros((4, degree + 1, degree + 4))
@@ -53,7 +53,7 @@ def bernstein_weights(s: float, degree: int = DEGREE) -> Float[np.ndarray, "4 d"
 
     Degree 0 has one control point: a constant.
     """
-    rows = _bernstein_coefficients(degree)
+    rows = bernstein_coefficients(degree)
     return np.asarray(rows @ s ** np.arange(rows.shape[2]))
 
 

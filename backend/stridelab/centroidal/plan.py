@@ -10,10 +10,10 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from stridelab.centroidal.force_splines import bernstein_weights
+from stridelab.centroidal.force_splines import DEGREE, bernstein_coefficients, bernstein_weights
 from stridelab.centroidal.nlp.kkt import Solution
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.conventions import Vector3, g
+from stridelab.conventions import Points, Vector3, g
 from stridelab.dynamics.spatial import cross
 
 
@@ -105,6 +105,25 @@ class CentroidalPlan:
             l_rate_nm=l_rate,
             interval=k,
         )
+
+    def com_and_momentum_at(self, time_s: Float[np.ndarray, "k"]) -> tuple[Points, Points]:
+        """``com_m`` and ``l_nms`` of ``reference_at`` for many times at once, shapes ``(k, 3)``."""
+        k = np.clip(self.time_s.searchsorted(time_s, side="right") - 1, 0, len(self.time_s) - 2)
+        h = (self.time_s[k + 1] - self.time_s[k])[:, None]
+        e = np.clip(time_s[:, None] - self.time_s[k][:, None], 0.0, h)
+        m, c, v = self.mass_kg, self.com_m[k], self.com_v_m_s[k]
+        if not self.curves_n:
+            l_nms = self.l_nms[k] + e * (self.l_nms[k + 1] - self.l_nms[k]) / h
+            return c + e * v + 0.5 * e * e * self.com_a_m_s2[k], l_nms
+        s = e / h
+        powers = s ** np.arange(DEGREE + 4)
+        weights = np.einsum("idp,np->nid", bernstein_coefficients(DEGREE), powers)
+        _, first, second, third = np.moveaxis(weights @ self._wrench_control_points[k], 1, 0)
+        com_m = c + e * v + h**2 * (second[:, :3] / m + s**2 / 2 * g)
+        velocity = v + h * (first[:, :3] / m + s * g)
+        com_integral = e * c + e**2 / 2 * v + h**3 * (third[:, :3] / m + s**3 / 6 * g)
+        K = self.l_nms[k] + m * np.cross(c, v) + h * first[:, 3:] + m * np.cross(com_integral, g)
+        return com_m, K - m * np.cross(com_m, velocity)
 
     def _interval_at(self, time_s: float) -> tuple[int, float, float]:
         """Interval, time (s) since its start, and its length (s)."""

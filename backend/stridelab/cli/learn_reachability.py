@@ -102,13 +102,16 @@ def add_robot(
         bool, typer.Option("--commission/--no-commission", help="Learn its densities and let it walk.")
     ] = True,
     samples: Annotated[int, typer.Option("--samples", help="Postures per density, 500 to 20000.")] = 3000,
+    search_s: Annotated[
+        float, typer.Option("--search-s", help="Seconds for turn, stair, pace and pushes, up to 360; 0: none.")
+    ] = 300.0,
     force: Annotated[bool, typer.Option("--force", help="Replace a robot of this name.")] = False,
 ) -> None:
     """Propose the card of your own humanoid, then learn its densities and plan, certify and replay a level walk."""
     from stridelab.robots.card import robot_names
     from stridelab.robots.proposal.propose import card_toml, propose_card, rebuild_description
 
-    request = validate_options(CommissionRobotInput, {"robot": name, "samples": samples})
+    request = validate_options(CommissionRobotInput, {"robot": name, "samples": samples, "search_s": search_s})
     if not re.fullmatch(NAME_PATTERN, name):
         raise InvalidInput("invalid-request", "The robot's name is invalid.", [Fault("name", "invalid")])
     own = robots / "robots"
@@ -137,13 +140,15 @@ def add_robot(
 
 def _commission_own_robot(request: CommissionRobotInput, robots: Path) -> None:
     """Commission a robot of the folder ``robots``; raises ``typer.Exit`` if it does not walk."""
-    from stridelab.pipelines.commission_robot import commission_robot
+    from stridelab.pipelines.commissioning.commission_robot import commission_robot
 
     add_models_folder(robots)
     with progress_bar(request.robot) as bar:
         result = commission_robot(request, robots, bar)
     scenario = robots / "robots" / request.robot / "walk.json"
     scenario.write_text(json.dumps(result.scenario, indent=1) + "\n", encoding="utf-8")
+    for name, further in result.capability_scenarios.items():
+        scenario.with_name(f"{name}.json").write_text(json.dumps(further, indent=1) + "\n", encoding="utf-8")
     show_commission(result.summary)
     out.print(f"The walk is {escape(str(scenario))}; set {ROBOTS_VARIABLE}={escape(str(robots))} to plan with it.")
     if not (result.summary.first_walk.certified and result.summary.first_walk.completed):
@@ -174,7 +179,7 @@ def show_proposal(proposal: "Proposal", path: Path) -> None:
 
 
 def show_commission(summary: CommissionRobotSummary) -> None:
-    """Print one row per attempted walk."""
+    """Print one row per attempted walk, then one per capability."""
     table = Table("step (m)", "certified", "replay", "CoM error (mm)", "torque ratio", "", box=None, pad_edge=False)
     for attempt in summary.first_walk.attempts:
         error_m, ratio = attempt.com_error_max_m, attempt.torque_ratio_max
@@ -186,4 +191,10 @@ def show_commission(summary: CommissionRobotSummary) -> None:
             "" if ratio is None else f"{ratio:.2f}",
             escape(attempt.reason),
         )
+    out.print(table)
+    table = Table("capability", "largest", "", "not more, because", box=None, pad_edge=False)
+    for one in summary.capabilities:
+        value = "" if one.value is None else f"{one.value:.3g}"
+        more = {"range": "end of the range", "time": "the time ended"}.get(one.ended_by, one.reason)
+        table.add_row(one.name, value, one.unit, escape(more))
     out.print(table)

@@ -157,6 +157,9 @@ class CommissionRobotInput(Contract):
     robot: Annotated[str, Field(pattern=NAME_PATTERN)]
     samples: Annotated[int, Field(ge=500, le=20_000)] = 3_000
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 0
+    search_s: Annotated[float, Field(ge=0.0, le=360.0)] = Field(
+        default=300.0, description="time for the searches after the level walk; 0 leaves them out"
+    )
 
 
 class LearnedMeasure(Contract):
@@ -194,6 +197,39 @@ class FirstWalk(Contract):
     attempts: list[WalkAttempt]
 
 
+CapabilityName = Literal["turn", "stair", "pace", "push-ahead", "push-back", "push-left", "push-right"]
+"""Heading change per step on the spot, height of one stair, speed of the level walk, pushes during it."""
+SearchEnd = Literal["fails", "range", "time", "not-tried"]
+
+
+class CapabilityAttempt(Contract):
+    """One value of a search: ``reason`` is why its motion does not pass, empty if it does."""
+
+    value: float
+    passed: bool
+    reason: str = ""
+
+
+class Capability(Contract):
+    """The largest value of one quantity whose motion is certified and replayed in a physics simulation.
+
+    Found by bisection over multiples of ``resolution``, which assumes that all smaller values pass, too. A push passes
+    if the robot does not fall; it acts on the trunk for 0.1 s in the middle of the third step of the level walk.
+    ``value`` is 0 if no value passes, and null if none was tried. ``ended_by``: the next value ``fails`` for
+    ``reason``; the largest of the ``range`` passes; the ``time`` ended, and larger values may pass; or ``not-tried``,
+    for ``reason``.
+    """
+
+    name: CapabilityName
+    value: float | None
+    unit: Literal["rad", "m", "m/s", "N s"]
+    resolution: float
+    ended_by: SearchEnd
+    reason: str = ""
+    attempts: list[CapabilityAttempt] = Field(default_factory=list)
+    seconds: float = 0.0
+
+
 class CommissionLimits(Contract):
     """What the first walk needed of the robot, as ratios to its limits: of its joints' speeds and torques."""
 
@@ -210,6 +246,7 @@ class CommissionRobotSummary(Contract):
     robot_sha256: str
     learned: dict[str, LearnedMeasure]
     first_walk: FirstWalk
+    capabilities: list[Capability] = Field(default_factory=list)
     limits: CommissionLimits
     seconds: dict[str, float]
 

@@ -10,6 +10,7 @@ from itertools import combinations
 from typing import Final
 
 import coal
+import numpy as np
 import pinocchio as pin
 
 from stridelab.contacts.sequence import Contact, ContactSequence
@@ -39,6 +40,19 @@ def require_room_for_shoes(robot: Robot, sequence: ContactSequence) -> None:
 def shoe_faults(robot: Robot, sequence: ContactSequence) -> list[Fault]:
     """Faults of shoes that overlap, then of shoes too near to a step; each contact once."""
     return [*_overlaps(robot, sequence), *_close_steps(robot, sequence)]
+
+
+def shoe_ends_m(robot: Robot, name: str) -> tuple[float, float]:
+    """How far the shoe of the sole ``name`` reaches before and behind its contact frame, and at least its sole."""
+    half_m = (robot.effectors[name].contact_half_size_m or (0.0, 0.0))[0]
+    ahead_m = behind_m = half_m
+    for place, geometry in _shoe_shapes(robot, name):
+        geometry.computeLocalAABB()
+        middle = 0.5 * (geometry.aabb_local.min_ + geometry.aabb_local.max_)
+        half = 0.5 * (geometry.aabb_local.max_ - geometry.aabb_local.min_)
+        x_m, reach_m = float((place * middle)[0]), float(np.abs(place.rotation[0]) @ half)
+        ahead_m, behind_m = max(ahead_m, x_m + reach_m), max(behind_m, reach_m - x_m)
+    return ahead_m, behind_m
 
 
 def _overlaps(robot: Robot, sequence: ContactSequence) -> Iterator[Fault]:

@@ -1,7 +1,9 @@
 """EM finds a mixture that is known; the card's numbers are those of the samples."""
 
+import builtins
 from dataclasses import replace
 from datetime import date
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from stridelab.reachability.learning.fit import (
     fit,
     kl_divergences,
     learn_densities,
+    prepare_fits,
     select_size,
 )
 from stridelab.reachability.learning.kde import scott_bandwidth_m
@@ -147,3 +150,26 @@ def test_invalid_learning_requests_are_refused(talos: Robot) -> None:
     with pytest.raises(NotFound) as unknown:
         learn_densities(talos, DAY, ["left_foot", "tail"], 500)
     assert unknown.value.faults[0].where == "effectors[1]"
+
+
+def fit_where_maps_are_forbidden(piece: int) -> bool:
+    """Fit as a process that was forked inside the sandbox, which must not read ``/proc/self/maps``."""
+    opened = builtins.open
+
+    def refuse_maps(file: Any, *more: Any, **options: Any) -> Any:
+        if str(file) == "/proc/self/maps":
+            raise PermissionError(file)
+        return opened(file, *more, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(builtins, "open", refuse_maps)
+        _, converged = expectation_maximisation(np.random.default_rng(piece).normal(size=(50, 3)), 2, 0)
+    return converged
+
+
+def test_processes_inside_the_sandbox_can_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sklearn.utils.parallel._threadpool_controller", None)
+    with pytest.raises(PermissionError):
+        fit_where_maps_are_forbidden(0)
+    prepare_fits()
+    assert fit_where_maps_are_forbidden(0)

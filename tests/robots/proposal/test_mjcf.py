@@ -11,6 +11,7 @@ import pytest
 from stridelab.errors import InvalidInput, StridelabError, UnreadableFile
 from stridelab.robots.proposal.archive import UnpackedRobot
 from stridelab.robots.proposal.description import read_xml
+from stridelab.robots.proposal.meshes import MeshConverter
 from stridelab.robots.proposal.mjcf import urdf_of_mjcf
 from stridelab.robots.proposal.propose import propose_card, rebuild_description
 from support.robots.humanoid import HALF_SOLE_M, SOLE_AHEAD_M, SOLE_DROP_M, Humanoid, archive, box_stl
@@ -158,6 +159,44 @@ def test_the_shapes_are_where_mujoco_has_them(tmp_path: Path) -> None:
     shin = next(link for link in root.iter("link") if link.get("name") == "shin")
     forms = [form.tag for element in shin.findall("collision") for form in element.iterfind("geometry/*")]
     assert sorted(forms) == ["cylinder", "sphere", "sphere"]
+
+
+def volume_and_middle(content: bytes) -> tuple[float, np.ndarray]:
+    """Signed volume (m3) of a binary STL, positive if its triangles face outwards, and the centre of its volume."""
+    record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    corners = np.frombuffer(content, record, offset=84)["corners"].astype(float)
+    parts = np.linalg.det(corners) / 6.0
+    return float(parts.sum()), parts @ corners.sum(axis=1) / 4.0 / parts.sum()
+
+
+@pytest.mark.parametrize("scale", [(-0.5, 1.0, 1.0), (-0.5, -1.0, -1.0), (-0.5, 1.0, -1.0)])
+def test_left_handed_meshes_keep_their_outside(scale: tuple[float, float, float], tmp_path: Path) -> None:
+    """A mirrored mesh is where its scale puts it, in both formats, and its triangles face outwards."""
+    block = box_stl((0.1, 0.05, 0.2), (0.02, 0.03, 0.01))
+    words = " ".join(str(number) for number in scale)
+    root, _ = converted(ODD.replace('scale="0.5 1 1"', f'scale="{words}"'), tmp_path, {"assets/block.stl": block})
+    thigh = next(link for link in root.iter("link") if link.get("name") == "thigh")
+    mesh, origin = thigh.find("collision/geometry/mesh"), thigh.find("collision/origin")
+    assert mesh is not None
+    assert origin is not None
+    contents = [(tmp_path / "made" / mesh.attrib["filename"]).read_bytes()]
+    converter = MeshConverter(
+        UnpackedRobot(tmp_path, PurePosixPath("r"), {PurePosixPath("b.stl"): tmp_path / "b.stl"}), tmp_path, "p"
+    )
+    (tmp_path / "b.stl").write_bytes(block)
+    for is_collision in (True, False):
+        name = converter.convert("b.stl", scale, is_collision)
+        assert name is not None
+        contents.append((tmp_path / PurePosixPath(name).name).read_bytes())
+    for content in contents:
+        volume_m3, middle_m = volume_and_middle(content)
+        assert volume_m3 == pytest.approx(0.5 * 0.2 * 0.1 * 0.4, rel=1e-5)
+        if content is contents[0]:  # MuJoCo moves the origin of a mesh; its geom is at a place of its own
+            R = pin.rpy.rpyToMatrix(np.array([float(value) for value in origin.attrib["rpy"].split()]))
+            in_thigh_m = R @ middle_m + [float(value) for value in origin.attrib["xyz"].split()]
+            turn = pin.rpy.rpyToMatrix(0.0, np.radians(25.0), 0.0)
+            middle_m = turn.T @ (in_thigh_m - (0.02, 0.0, -0.1) + np.array([0.01, -0.02, 0.03]))
+        assert middle_m == pytest.approx(np.multiply(scale, (0.02, 0.03, 0.01)), abs=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -120,6 +120,26 @@ def flat_walk(steps: int = 8, step_m: float = 0.25, timing: Timing = STROLLING, 
     )
 
 
+def turn_on_the_spot(turns: int, turn_rad: float, timing: Timing = STROLLING, walker: Walker = TALOS) -> Scenario:
+    """Turns to the left about the point between the feet, the left foot first, both feet by ``turn_rad`` each time."""
+    standing = both_feet(walker, 0.0, 0.0)
+    phases = [phase(timing.ends_s, standing)]
+    for i in range(1, turns + 1):
+        heading = i * turn_rad
+        wxyz = (math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2))
+        for name, y_m in (("left_foot", walker.foot_y_m), ("right_foot", -walker.foot_y_m)):
+            position_m = (-y_m * math.sin(heading), y_m * math.cos(heading), 0.0)
+            phases += move_effector(standing, contact(name, position_m, wxyz), timing)
+    phases[-1]["duration_s"] = timing.ends_s
+    return scenario(
+        "Turn",
+        f"{turns} turns of {math.degrees(turn_rad):.0f} degrees on the spot, from rest to rest.",
+        walker.robot,
+        [ground()],
+        phases,
+    )
+
+
 def long_stride(steps: int = 5, step_m: float = 0.45, timing: Timing = STRIDING, walker: Walker = TALOS) -> Scenario:
     """Experiment 1 (4.6.2): long strides; the feet stand ``step_m`` apart, so that a swing spans ``2 step_m``."""
     return scenario(

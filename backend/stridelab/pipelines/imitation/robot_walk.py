@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from stridelab.contacts.scenarios.parts import Contacts, box, contact, phase, scenario
 from stridelab.errors import InvalidInput
-from stridelab.pipelines.commission_robot import foot_places_m
+from stridelab.pipelines.commissioning.commission_robot import foot_places_m
 from stridelab.pipelines.imitation.recorded_walk import Foothold, RecordedWalk
 from stridelab.recordings.recording import Side
 from stridelab.robots.robot import Robot

@@ -27,6 +27,7 @@ from typing import Final, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
+from threadpoolctl import threadpool_limits
 
 from stridelab.conventions import Points, Progress, Series, Vector3
 from stridelab.errors import Fault, InvalidInput
@@ -149,6 +150,7 @@ def learn_densities(
     work = partial(_fit_numbered_effector, cloud, tuple(robot.effectors[name].kind for name in names), seed)
     cards: dict[str, EffectorCard] = {}
     n_processes = processes or worthwhile_processes(len(names) * samples // SAMPLES_PER_S)
+    prepare_fits()
     with closing(map_in_order(work, len(names), n_processes)) as fitted:
         for name, effector in zip(names, fitted, strict=True):
             cards[name] = effector
@@ -223,6 +225,15 @@ def expectation_maximisation(com_m: Points, components: int, seed: int) -> tuple
         em.fit(com_m)
     S = em.covariances_
     return Mixture(em.weights_ / em.weights_.sum(), em.means_, (S + S.swapaxes(1, 2)) / 2), bool(em.converged_)
+
+
+def prepare_fits() -> None:
+    """Load scikit-learn and let it look up its libraries once, for processes that are forked from this one.
+
+    It reads ``/proc/self/maps`` for this at its first fit, which a process forked inside the sandbox of a job must not.
+    """
+    with threadpool_limits(1):  # no thread, with which this process could no longer be forked
+        expectation_maximisation(np.vstack([np.zeros(3), np.eye(3)]), 1, 0)
 
 
 def reach_of(com_m: Points) -> Reach:

@@ -9,15 +9,15 @@ Two limits measure the agreement between the planning stages:
   the CoM there.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
-from stridelab.centroidal.plan import CentroidalPlan, Reference
+from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.conventions import GRAVITY_M_S2
+from stridelab.conventions import GRAVITY_M_S2, Points
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Robot
@@ -74,8 +74,8 @@ def _all_checks(
     worst = WorstValues(motion.time_s, recomputed.phase)
     samples, at_times = thin_samples(motion.time_s, recomputed.phase, max(1, round(COLLISION_STEP_S * motion.rate_hz)))
     yield _solver_failures(motion)
-    planned = [plan.reference_at(float(t)) for t in motion.time_s]
-    yield _com_error(planned, recomputed, worst)
+    planned_com_m, planned_l_nms = plan.com_and_momentum_at(motion.time_s)
+    yield _com_error(planned_com_m, recomputed, worst)
     yield from touch_downs(robot, sequence, motion, recomputed, worst)
     yield from _joint_limits(robot, motion, worst)
     yield from hand_loads(robot, sequence, motion, samples, at_times)
@@ -87,7 +87,7 @@ def _all_checks(
     yield self_collision(robot, motion.q[samples], at_times)
     yield from terrain_distances(robot, sequence, motion.q[samples], at_times)
     yield from _reachability_margin(sequence, proxies, recomputed, worst)
-    yield _momentum_mismatch(robot, planned, recomputed, worst)
+    yield _momentum_mismatch(robot, planned_l_nms, recomputed, worst)
 
 
 def _solver_failures(motion: WholeBodyMotion) -> Check:
@@ -98,9 +98,9 @@ def _solver_failures(motion: WholeBodyMotion) -> Check:
     return Check("solver_failures", number, "samples", 0.0, False, first.phase, None, first.time_s)
 
 
-def _com_error(planned: Sequence[Reference], recomputed: Recomputed, worst: WorstValues) -> Check:
+def _com_error(planned_com_m: Points, recomputed: Recomputed, worst: WorstValues) -> Check:
     """CoM error against the plan."""
-    com_error = np.linalg.norm(recomputed.com_m - np.array([reference.com_m for reference in planned]), axis=1)
+    com_error = np.linalg.norm(recomputed.com_m - planned_com_m, axis=1)
     return worst.at_most("com_error_max", com_error[:, None], "m", COM_ERROR_M, [""])
 
 
@@ -182,9 +182,9 @@ def _rare_log_density(mixture: Mixture) -> float:
     return float(np.quantile(mixture.log_density(draws), RARE_SHARE))
 
 
-def _momentum_mismatch(robot: Robot, planned: Sequence[Reference], recomputed: Recomputed, worst: WorstValues) -> Check:
+def _momentum_mismatch(robot: Robot, planned_l_nms: Points, recomputed: Recomputed, worst: WorstValues) -> Check:
     """Angular momentum about the CoM compared with the plan."""
-    mismatch = np.linalg.norm(recomputed.l_nms - np.array([reference.l_nms for reference in planned]), axis=1)
+    mismatch = np.linalg.norm(recomputed.l_nms - planned_l_nms, axis=1)
     limit = momentum_limit_nms(robot)
     return worst.at_most("angular_momentum_mismatch_max", mismatch[:, None], "N m s", limit, [""])
 

@@ -14,8 +14,7 @@ import pinocchio as pin
 from jaxtyping import Float, Int
 
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.conventions import Points, Series, Vector3, g
-from stridelab.dynamics.spatial import length_of
+from stridelab.conventions import Points, Series, g
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -48,53 +47,58 @@ def phase_of_samples(sequence: ContactSequence, time_s: Series) -> Int[np.ndarra
 
 
 def recompute_dynamics(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) -> Recomputed:
-    """Recompute all quantities in one pass over the samples."""
+    """Recompute all quantities: the kinematics of all samples, the contact wrenches, then the inverse dynamics."""
     model, frames = with_contact_frames(robot)
     data = model.createData()
     mass = float(pin.computeTotalMass(model))
     n, na = len(motion.time_s), model.nv - 6
-    com, com_v, l = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
-    points = {name: np.empty((n, *p.shape)) for name, p in motion.points_m.items()}
-    newton_euler, torque_gap, integration_gap = np.empty(n), np.empty((n, na)), np.zeros(n)
-    no_forces = [pin.Force.Zero() for _ in range(model.njoints)]
-    dt = 1.0 / motion.rate_hz
+    com, l, momentum = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+    linear_rate, angular_rate = np.empty((n, 3)), np.empty((n, 3))
+    names, joints = tuple(motion.points_m), [model.frames[frames[name]].parentJoint for name in motion.points_m]
+    frame_R, joint_R = (np.empty((len(names), n, 3, 3)) for _ in range(2))
+    frame_p, joint_p = (np.empty((len(names), n, 3)) for _ in range(2))
     for i in range(n):
-        q, v, a = motion.q[i], motion.v[i], motion.a[i]
-        pin.computeCentroidalMomentumTimeVariation(model, data, q, v, a)
-        com[i], l[i] = data.com[0], data.hg.angular
-        com_v[i] = data.hg.linear / mass
-        force_gap, moment_gap = data.dhg.linear - mass * g, data.dhg.angular.copy()
-        external = list(no_forces)
-        for name, in_contact_frame in motion.points_m.items():
-            placement = pin.updateFramePlacement(model, data, frames[name])
-            p = in_contact_frame @ placement.rotation.T + placement.translation
-            points[name][i] = p
-            f = motion.forces_n[name][i]
-            total = f.sum(axis=0)
-            force_gap = force_gap - total
-            moment_gap = moment_gap - _total_moment(p - com[i], f)
-            joint = model.frames[frames[name]].parentJoint
-            external[joint] = external[joint] + data.oMi[joint].actInv(pin.Force(total, _total_moment(p, f)))
-        newton_euler[i] = max(length_of(force_gap), length_of(moment_gap))
-        torque_gap[i] = pin.rnea(model, data, q, v, a, external)[6:] - motion.tau_nm[i]
+        pin.computeCentroidalMomentumTimeVariation(model, data, motion.q[i], motion.v[i], motion.a[i])
+        com[i], momentum[i], l[i] = data.com[0], data.hg.linear, data.hg.angular
+        linear_rate[i], angular_rate[i] = data.dhg.linear, data.dhg.angular
+        for row, name in enumerate(names):
+            placement, joint = pin.updateFramePlacement(model, data, frames[name]), data.oMi[joints[row]]
+            frame_R[row, i], frame_p[row, i] = placement.rotation, placement.translation
+            joint_R[row, i], joint_p[row, i] = joint.rotation, joint.translation
+    force_gap, moment_gap = linear_rate - mass * g, angular_rate
+    points: dict[str, Float[np.ndarray, "n k 3"]] = {}
+    on_joint = np.zeros((model.njoints, n, 6))
+    for row, name in enumerate(names):
+        p, f = motion.points_m[name] @ frame_R[row].swapaxes(1, 2) + frame_p[row][:, None], motion.forces_n[name]
+        total = f.sum(axis=1)
+        force_gap, moment_gap = force_gap - total, moment_gap - np.cross(p - com[:, None], f).sum(axis=1)
+        moment = np.cross(p - joint_p[row][:, None], f).sum(axis=1)
+        on_joint[joints[row]] += np.hstack([_in_frame(joint_R[row], total), _in_frame(joint_R[row], moment)])
+        points[name] = p
+    torque_gap, integration_gap = np.empty((n, na)), np.zeros(n)
+    external = [pin.Force.Zero() for _ in range(model.njoints)]
+    dt = 1.0 / motion.rate_hz
+    steps = dt * motion.v + 0.5 * dt**2 * motion.a
+    v_gap = np.abs(motion.v[:-1] + dt * motion.a[:-1] - motion.v[1:]).max(axis=1, initial=0.0)
+    for i in range(n):
+        for joint in joints:
+            external[joint] = pin.Force(on_joint[joint, i])
+        torque_gap[i] = pin.rnea(model, data, motion.q[i], motion.v[i], motion.a[i], external)[6:]
         if i:
-            step = dt * motion.v[i - 1] + 0.5 * dt**2 * motion.a[i - 1]
-            q_gap = pin.difference(model, pin.integrate(model, motion.q[i - 1], step), q)
-            v_gap = motion.v[i - 1] + dt * motion.a[i - 1] - v
-            integration_gap[i] = max(np.abs(q_gap).max(), np.abs(v_gap).max())
+            q_gap = pin.difference(model, pin.integrate(model, motion.q[i - 1], steps[i - 1]), motion.q[i])
+            integration_gap[i] = max(np.abs(q_gap).max(), v_gap[i - 1])
     return Recomputed(
         phase=phase_of_samples(sequence, motion.time_s),
         com_m=com,
-        com_v_m_s=com_v,
+        com_v_m_s=momentum / mass,
         l_nms=l,
         contact_points_m=points,
-        newton_euler=newton_euler,
-        torque_gap_nm=torque_gap,
+        newton_euler=np.maximum(np.linalg.norm(force_gap, axis=1), np.linalg.norm(moment_gap, axis=1)),
+        torque_gap_nm=torque_gap - motion.tau_nm,
         integration_gap=integration_gap,
     )
 
 
-def _total_moment(p_m: Points, f_n: Points) -> Vector3:
-    """``sum p x f``, computed as the antisymmetric part of ``sum p f'``, which is faster than many cross products."""
-    S = p_m.T @ f_n
-    return np.array([S[1, 2] - S[2, 1], S[2, 0] - S[0, 2], S[0, 1] - S[1, 0]])
+def _in_frame(rotations: Float[np.ndarray, "n 3 3"], vectors: Points) -> Points:
+    """World vectors in the axes of frames: ``R' v``."""
+    return np.asarray(np.einsum("nij,ni->nj", rotations, vectors))

@@ -262,7 +262,7 @@ def test_an_uploaded_robot_is_commissioned_and_planned_for(
     http: httpx.Client, small: dict[str, Any], service: Served, tmp_path: Path
 ) -> None:
     """The stages of a worker, one by one: fetch, run, publish; then a scenario and the plan of its job."""
-    request = CommissionRobotInput(robot="small", samples=500)
+    request = CommissionRobotInput(robot="small", samples=500, search_s=0.01)
     submitted = http.post("/api/v1/jobs/commission-robot", json=request.model_dump())
     assert submitted.status_code == 202, submitted.text
     in_use = problem_of(http.delete(f"{ROBOTS}/small"), 409)
@@ -285,6 +285,9 @@ def test_an_uploaded_robot_is_commissioned_and_planned_for(
     outcome = child.value
     walk = outcome["summary"]["first_walk"]
     assert (walk["certified"], walk["completed"]) == (True, True), walk
+    ends = {one["name"]: (one["value"], one["ended_by"]) for one in outcome["summary"]["capabilities"]}
+    assert len(ends) == 7
+    assert set(ends.values()) == {(None, "not-tried")}, "no time was left"
 
     async def store() -> None:
         async with service.parts.engine.begin() as connection:

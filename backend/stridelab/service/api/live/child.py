@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from stridelab.errors import InvalidInput
-from stridelab.pipelines.commission_robot import foot_places_m, scaled_walk
+from stridelab.pipelines.commissioning.commission_robot import foot_places_m, scaled_walk
 from stridelab.pipelines.live.live_replay import LiveReplay
 from stridelab.pipelines.plan_motion import plan_motion, plan_scenario_motion, stage_shares
 from stridelab.pipelines.plan_problem import load_densities

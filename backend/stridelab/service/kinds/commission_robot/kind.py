@@ -60,7 +60,7 @@ KIND = JobKind(
     name="commission-robot",
     title="Commissioned robot",
     description="Learns where the centre of mass of one's own robot can be, then plans a level walk for it, certifies "
-    "it and replays it in a physics simulation.",
+    "it and replays it in a physics simulation, and searches its largest turn, highest stair, fastest pace and pushes.",
     examples={"own": {"summary": "A robot that was uploaded", "value": {"robot": "my-robot", "samples": 3000}}},
     input_model=CommissionRobotInput,
     summary_model=CommissionRobotSummary,

@@ -1,7 +1,8 @@
 """``commission-robot``: from the card of a robot to its densities and its first walk.
 
 Writes the files of ``learn-reachability`` for both measures (``uniform.json``, ``uniform.npz``, ``conditioned.json``,
-``conditioned.npz``) and ``scenario.json``, the scenario of the walk.
+``conditioned.npz``), ``scenario.json``, the scenario of the walk, and ``turn.json``, ``stair.json`` and ``pace.json``,
+those of the largest turn, highest stair and fastest pace that pass.
 """
 
 import gzip
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from stridelab.machine.models_folder import add_models_folder
-from stridelab.pipelines.commission_robot import MEASURES, REFERENCES, commission_robot
+from stridelab.pipelines.commissioning.commission_robot import MEASURES, REFERENCES, commission_robot
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.store import load_card, load_cloud
 from stridelab.schemas.robots import CommissionRobotTask
@@ -28,7 +29,7 @@ JSON, NPZ = "application/json", "application/x-npz"
 def run(task: CommissionRobotTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """Commission the robot that was staged in ``folder``; the summary is a ``CommissionRobotSummary``.
 
-    Raises as ``stridelab.pipelines.commission_robot.commission_robot``.
+    Raises as ``stridelab.pipelines.commissioning.commission_robot.commission_robot``.
     """
     models = folder / MODELS_FOLDER
     add_models_folder(models)
@@ -50,4 +51,7 @@ def run(task: CommissionRobotTask, folder: Path, progress: ProgressCallback) -> 
     write_text_atomically(folder / ROBOT_STATE_FILE, json.dumps(robot_state(robot)))
     write_text_atomically(folder / SCENARIO_FILE, json.dumps(result.scenario, indent=1) + "\n")
     artifacts.append(ArtifactFile(SCENARIO_FILE, JSON))
+    for name, scenario in result.capability_scenarios.items():
+        write_text_atomically(folder / f"{name}.json", json.dumps(scenario, indent=1) + "\n")
+        artifacts.append(ArtifactFile(f"{name}.json", JSON))
     return Outcome(result.summary.model_dump(mode="json"), REFERENCES, tuple(artifacts))

@@ -29,7 +29,11 @@ async function showCard(section) {
     return "Saved.";
   });
   onSubmit(commission, (data) =>
-    openNewJob("commission-robot", { robot: section.dataset.own, samples: Number(data.get("samples")) }),
+    openNewJob("commission-robot", {
+      robot: section.dataset.own,
+      samples: Number(data.get("samples")),
+      search_s: Number(data.get("search_s")),
+    }),
   );
   onClick(section.querySelector("[data-delete-robot]"), status, async () => {
     if (!confirm(`Delete the robot ${section.dataset.own}?`)) return;

@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.contacts.scenarios.stairs import STROLLING
 from stridelab.errors import InvalidInput
-from stridelab.pipelines.commission_robot import STEP_M, com_height_m, foot_places_m, scaled_walk
+from stridelab.pipelines.commissioning.commission_robot import STEP_M, com_height_m, foot_places_m, scaled_walk
 from stridelab.robots.loader import load_robot
 
 

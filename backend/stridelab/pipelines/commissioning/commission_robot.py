@@ -1,22 +1,28 @@
-"""From a proposed card to a robot that walks: learned densities, then a level walk, planned, certified, replayed.
+"""From a proposed card to a robot that walks: learned densities, a level walk, and what else the robot can do.
 
 The walk is the bundled level walk of TALOS, scaled by the height of the CoM: lengths with ``s = h / h_TALOS``, times
 with ``sqrt(s)``, so that both have the same Froude number; the feet are as far apart as in the reference posture. If it
-is not certified or not completed, shorter steps are tried.
+is not certified or not completed, shorter steps are tried. ``capability_search`` then searches turn, stair, pace and
+pushes.
 """
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from math import sqrt
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pinocchio as pin
 
-from stridelab.contacts.scenarios.parts import Timing, Walker
+from stridelab.contacts.scenarios.parts import Walker
 from stridelab.contacts.scenarios.stairs import STROLLING, flat_walk
 from stridelab.errors import InvalidInput
+from stridelab.pipelines.commissioning.capability_search import (
+    TALOS_COM_HEIGHT_M,
+    LevelWalk,
+    scaled_timing,
+    search_capabilities,
+)
 from stridelab.pipelines.motion_trial import try_motion
 from stridelab.pipelines.plan_motion import MotionResult
 from stridelab.pipelines.progress import ProgressCallback, Stages
@@ -43,22 +49,22 @@ REFERENCES: Final = (
     "carpentier2019pinocchio",
     "todorov2012mujoco",
 )
-TALOS_COM_HEIGHT_M: Final = 0.876
 STEP_M: Final = 0.25
 STEPS: Final = 6
 STEP_SHARES: Final = (1.0, 0.7, 0.45)
 """Lengths of the steps that are tried, over that of TALOS' walk, scaled."""
 MEASURES: Final[tuple[Measure, ...]] = ("uniform", "conditioned")
-LEARN_UNIFORM, LEARN_CONDITIONED, WALK = "uniform", "conditioned", "walk"
+LEARN_UNIFORM, LEARN_CONDITIONED, WALK, SEARCH = "uniform", "conditioned", "walk", "search"
 
 
 @dataclass(frozen=True)
 class CommissionedRobot:
-    """The robot, the scenario and the plan of its first walk, and the summary."""
+    """The robot, the scenario and the plan of its first walk, the scenarios of its capabilities, and the summary."""
 
     robot: Robot
     scenario: dict[str, Any]
     motion: MotionResult | None
+    capability_scenarios: dict[str, dict[str, Any]]
     summary: CommissionRobotSummary
 
 
@@ -69,7 +75,7 @@ def commission_robot(request: CommissionRobotInput, models: Path, progress: Prog
     the summary gives the reasons. Raises ``NotFound`` (``robot-not-found``), ``InvalidInput`` (``robot-card-invalid``,
     ``feet-missing``), ``NotEstimable`` (``no-free-configuration``).
     """
-    stages = Stages(progress, {LEARN_UNIFORM: 3.0, LEARN_CONDITIONED: 4.0, WALK: 4.0})
+    stages = Stages(progress, {LEARN_UNIFORM: 3.0, LEARN_CONDITIONED: 4.0, WALK: 4.0, SEARCH: 25.0})
     robot = load_robot(request.robot)
     feet_y_m = foot_places_m(robot)
     learned: dict[str, LearnedMeasure] = {}
@@ -85,11 +91,24 @@ def commission_robot(request: CommissionRobotInput, models: Path, progress: Prog
             learned[measure] = _learned_measure(densities.card)
     with stages.run_stage(WALK, "planning") as tell:
         scenario, motion, walk, ratio = _first_walk(robot, feet_y_m, tell)
+    with stages.run_stage(SEARCH, "turn, stair, pace and pushes") as tell:
+        attempt = walk.attempts[-1]
+        level = LevelWalk(
+            robot.name,
+            models,
+            round(feet_y_m, 4),
+            com_height_m(robot) / TALOS_COM_HEIGHT_M,
+            Scenario.model_validate(scenario),
+            attempt.step_m / attempt.step_time_s,
+            motion.motion if motion is not None and walk.certified and walk.completed else None,
+        )
+        found = search_capabilities(level, request.search_s, tell)
     summary = CommissionRobotSummary(
         robot=robot.name,
         robot_sha256=robot.sha256,
         learned=learned,
         first_walk=walk,
+        capabilities=found.capabilities,
         limits=CommissionLimits(
             mass_kg=robot.mass_kg,
             com_height_m=com_height_m(robot),
@@ -98,7 +117,7 @@ def commission_robot(request: CommissionRobotInput, models: Path, progress: Prog
         ),
         seconds=stages.times_s,
     )
-    return CommissionedRobot(robot, scenario, motion, summary)
+    return CommissionedRobot(robot, scenario, motion, found.scenarios, summary)
 
 
 def com_height_m(robot: Robot) -> float:
@@ -126,11 +145,9 @@ def scaled_walk(robot: Robot, feet_y_m: float, share: float) -> tuple[dict[str, 
     scale = com_height_m(robot) / TALOS_COM_HEIGHT_M
     half_m = robot.effectors["left_foot"].contact_half_size_m or (0.1, 0.05)
     step_m = round(share * scale * STEP_M, 3)
-    ends_s, move_s, rest_s = (
-        round(sqrt(scale) * time_s, 2) for time_s in (STROLLING.ends_s, STROLLING.move_s, STROLLING.rest_s)
-    )
+    timing = scaled_timing(STROLLING, scale)
     walker = Walker(robot.name, round(feet_y_m, 4), half_m[0], half_m[0])
-    return flat_walk(STEPS, step_m, Timing(ends_s, move_s, rest_s), walker), step_m, move_s + rest_s
+    return flat_walk(STEPS, step_m, timing, walker), step_m, timing.move_s + timing.rest_s
 
 
 def _first_walk(

@@ -1,0 +1,254 @@
+"""What a robot can do beyond its level walk: largest turn, highest stair, fastest pace, largest pushes.
+
+Every quantity is searched by bisection over multiples of its resolution: a value passes if its motion is planned,
+certified and completes its replay in physics; a push passes if the robot does not fall. The searches run in one process
+per core, and stop trying further values when their time has ended.
+"""
+
+import math
+import pickle
+import time
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from stridelab.contacts.scenarios.parts import Timing, Walker
+from stridelab.contacts.scenarios.stairs import CLIMBING, STROLLING, TOE_GAP_M, Stairs, climb, turn_on_the_spot
+from stridelab.errors import StridelabError
+from stridelab.machine.cores import usable_cores
+from stridelab.machine.models_folder import add_models_folder
+from stridelab.machine.parallel import map_isolated
+from stridelab.pipelines.motion_trial import at_pace, bisect_steps, try_motion
+from stridelab.pipelines.progress import ProgressCallback
+from stridelab.robots.loader import load_robot
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
+from stridelab.schemas.robots import Capability, CapabilityAttempt, CapabilityName, SearchEnd
+from stridelab.schemas.scenarios import Scenario
+from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.shoe_check import shoe_ends_m
+
+TALOS_COM_HEIGHT_M: Final = 0.876
+TURN_STEP_RAD: Final = math.radians(2.0)
+TURN_MAX_RAD: Final = math.radians(40.0)
+STAIR_STEP_M: Final = 0.01
+STAIR_MAX_SHARE: Final = 0.4
+"""Highest stair that is tried, over the height of the CoM; TALOS' leg is 0.85 of it."""
+STAIR_DEPTH_M: Final = 0.30
+TREAD_MARGIN_M: Final = 0.02
+PACE_STEP: Final = 0.1
+PACE_MAX: Final = 3.0
+PUSH_STEP_M_S: Final = 0.05
+PUSH_MAX_M_S: Final = 0.8
+"""Pushes change the velocity of the whole mass by multiples of the step, up to the maximum."""
+PUSHED_PHASE: Final = 5
+"""The third step of the level walk; phase 0 is standing."""
+TURNS: Final = 2
+DIRECTIONS: Final = {"ahead": (1.0, 0.0), "back": (-1.0, 0.0), "left": (0.0, 1.0), "right": (0.0, -1.0)}
+NAMES: Final[tuple[CapabilityName, ...]] = (
+    "stair", "pace", "turn", "push-ahead", "push-back", "push-left", "push-right",
+)  # fmt: skip
+"""In the order in which they start: the longest first."""
+LAST_TRIAL_S: Final = 60.0
+"""Time for a value that was begun before the time ended."""
+NO_WALK: Final = "needs a level walk that is certified and completed"
+PRELOAD: Final = ("stridelab.pipelines.commissioning.capability_search", "mujoco")
+
+Unit = Literal["rad", "m", "m/s", "N s"]
+Outcome = tuple[str, dict[str, Any] | None]
+"""Why a value does not pass, empty if it does, and its scenario."""
+
+
+@dataclass(frozen=True, eq=False)
+class LevelWalk:
+    """The level walk from which the searches start; ``motion`` is None if it is not certified or not completed.
+
+    ``models`` is the folder of the robot, ``scale`` the height of its CoM over that of TALOS, ``foot_y_m`` half the
+    distance between its soles.
+    """
+
+    robot: str
+    models: Path
+    foot_y_m: float
+    scale: float
+    scenario: Scenario
+    speed_m_s: float
+    motion: WholeBodyMotion | None
+
+
+@dataclass(frozen=True)
+class CapabilityResult:
+    """The capabilities in the order of ``NAMES``, and the scenarios of the largest turn, stair and pace by name."""
+
+    capabilities: list[Capability]
+    scenarios: dict[str, dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class _Search:
+    """One quantity: values ``first + k * resolution`` for ``k`` up to ``number``; ``first`` itself is not tried."""
+
+    unit: Unit
+    first: float
+    resolution: float
+    number: int
+    attempt: Callable[[float], Outcome]
+
+
+def search_capabilities(walk: LevelWalk, search_s: float, progress: ProgressCallback) -> CapabilityResult:
+    """Search every capability for ``search_s`` in all; what fails is a reason in its capability, not an error."""
+    ends_s = time.monotonic() + search_s
+    done: dict[CapabilityName, tuple[Capability, dict[str, Any] | None]] = {}
+    work = partial(_search_one, walk, ends_s)
+    runs = map_isolated(
+        work,
+        NAMES if search_s > 0.0 else (),
+        preload=PRELOAD,
+        timeout_s=search_s + LAST_TRIAL_S,
+        processes=usable_cores(),
+        codec=pickle,
+        spans_nodes=False,
+    )
+    with closing(runs):
+        for index, result in runs:
+            name = NAMES[index]
+            done[name] = (_not_tried(name, result.message), None) if isinstance(result, StridelabError) else result
+            progress(len(done) / len(NAMES), f"{len(done)} of {len(NAMES)}, {_describe(done[name][0])}")
+    found = [done[name][0] if name in done else _not_tried(name, "no time was given") for name in NAMES]
+    scenarios = {name: scenario for name, (_, scenario) in done.items() if scenario is not None}
+    return CapabilityResult(found, {name: scenarios[name] for name in NAMES if name in scenarios})
+
+
+def scaled_timing(timing: Timing, scale: float) -> Timing:
+    """``timing`` times ``sqrt(scale)``: the same Froude number for lengths times ``scale``."""
+    return Timing(*(round(math.sqrt(scale) * time_s, 2) for time_s in (timing.ends_s, timing.move_s, timing.rest_s)))
+
+
+def one_stair(walk: LevelWalk, height_m: float) -> dict[str, Any]:
+    """One stair of ``height_m``, as deep as that of TALOS scaled, and as the shoes need; both feet step onto it."""
+    robot = load_robot(walk.robot)
+    ends = [shoe_ends_m(robot, name) for name in ("left_foot", "right_foot")]
+    toe_m, heel_m = (math.ceil(1e3 * max(own)) / 1e3 for own in zip(*ends, strict=True))
+    gap_m = walk.scale * TOE_GAP_M
+    depth_m = max(walk.scale * STAIR_DEPTH_M, toe_m + gap_m + heel_m + TREAD_MARGIN_M)
+    walker = Walker(walk.robot, walk.foot_y_m, toe_m, heel_m)
+    stairs = Stairs(1, height_m, round(depth_m, 3), toe_gap_m=gap_m)
+    return climb(stairs, scaled_timing(CLIMBING, walk.scale), "both", walker)
+
+
+def bisect_capability(
+    name: CapabilityName, search: _Search, ends_s: float = math.inf
+) -> tuple[Capability, dict[str, Any] | None]:
+    """The largest value of ``search`` that passes, and its scenario; no value is begun after ``ends_s``."""
+    began_s, attempts, best = time.monotonic(), [], None
+    late = False
+
+    def passes(k: int) -> bool:
+        nonlocal best, late
+        if time.monotonic() >= ends_s:
+            late = True
+            return False
+        value = round(search.first + k * search.resolution, 6)
+        reason, scenario = search.attempt(value)
+        attempts.append(CapabilityAttempt(value=value, passed=not reason, reason=reason))
+        if not reason:
+            best = scenario
+        return not reason
+
+    bisect_steps(passes, 0, search.number + 1)
+    passed = [one.value for one in attempts if one.passed]
+    failed = min((one for one in attempts if not one.passed), key=lambda one: one.value, default=None)
+    value = max(passed, default=round(search.first, 6) if attempts else None)
+    ended_by: SearchEnd = "time" if late else "range" if failed is None else "fails"
+    capability = Capability(
+        name=name,
+        value=value,
+        unit=search.unit,
+        resolution=round(search.resolution, 6),
+        ended_by="not-tried" if value is None else ended_by,
+        reason="the time ended"
+        if value is None
+        else ""
+        if failed is None
+        else f"{failed.value:.4g} {search.unit}: {failed.reason}",
+        attempts=attempts,
+        seconds=round(time.monotonic() - began_s, 3),
+    )
+    return capability, best
+
+
+def _search_one(walk: LevelWalk, ends_s: float, name: CapabilityName) -> tuple[Capability, dict[str, Any] | None]:
+    """Entry point of a process: search one capability."""
+    add_models_folder(walk.models)
+    if walk.motion is None and name not in ("turn", "stair"):
+        return _not_tried(name, NO_WALK), None
+    return bisect_capability(name, _search_of(name, walk), ends_s)
+
+
+def _search_of(name: CapabilityName, walk: LevelWalk) -> _Search:
+    """The values of a capability, and how one of them is tried."""
+    robot = load_robot(walk.robot)
+    if name == "turn":
+        half_m = (robot.effectors["left_foot"].contact_half_size_m or (0.1, 0.05))[0]
+        walker, timing = Walker(walk.robot, walk.foot_y_m, half_m, half_m), scaled_timing(STROLLING, walk.scale)
+        turn = lambda angle: _try_scenario(turn_on_the_spot(TURNS, angle, timing, walker))  # noqa: E731
+        return _Search("rad", 0.0, TURN_STEP_RAD, round(TURN_MAX_RAD / TURN_STEP_RAD), turn)
+    if name == "stair":
+        highest_m = STAIR_MAX_SHARE * walk.scale * TALOS_COM_HEIGHT_M
+        stair = lambda height_m: _try_scenario(one_stair(walk, height_m))  # noqa: E731
+        return _Search("m", 0.0, STAIR_STEP_M, math.floor(highest_m / STAIR_STEP_M), stair)
+    if name == "pace":
+        given = walk.speed_m_s
+        pace = lambda speed: _try_scenario(at_pace(walk.scenario, speed / given).model_dump(mode="json"))  # noqa: E731
+        return _Search("m/s", given, PACE_STEP * given, round((PACE_MAX - 1.0) / PACE_STEP), pace)
+    step_ns = PUSH_STEP_M_S * robot.mass_kg
+    x, y = DIRECTIONS[name.removeprefix("push-")]
+    push = lambda impulse_ns: _try_push(walk, (impulse_ns * x, impulse_ns * y, 0.0))  # noqa: E731
+    return _Search("N s", 0.0, step_ns, round(PUSH_MAX_M_S / PUSH_STEP_M_S), push)
+
+
+def _try_scenario(scenario: dict[str, Any]) -> Outcome:
+    """Plan, certify and, if certified, replay a scenario."""
+    posed = Scenario.model_validate(scenario)
+    task = PlanMotionTask(scenario=posed, input=PlanMotionInput(scenario=posed, replay=True))
+    trial = try_motion(task, _ignore_progress)
+    return "" if trial.passed else trial.reason or "not completed", scenario
+
+
+def _try_push(walk: LevelWalk, impulse_ns: tuple[float, float, float]) -> Outcome:
+    """Replay the level walk with a push in the middle of its third step; a plan that is left is not resumed."""
+    from stridelab.wholebody.replay.disturbances import Disturbances, Push
+    from stridelab.wholebody.replay.replay import PhysicsReplay
+
+    if walk.motion is None:
+        raise AssertionError("pushes need a motion")
+    durations_s = [phase.duration_s for phase in walk.scenario.phases]
+    time_s = math.fsum(durations_s[:PUSHED_PHASE]) + 0.5 * durations_s[PUSHED_PHASE]
+    pushed = Disturbances(pushes=(Push(time_s, impulse_ns),))
+    robot, sequence = load_robot(walk.robot), walk.motion.sequence
+    replay = PhysicsReplay().run(robot, sequence, walk.motion, _ignore_progress, disturbances=pushed)
+    falls_s = replay.fall_time_s
+    return "" if falls_s is None else f"falls {falls_s - time_s:.2f} s after the push", None
+
+
+def _not_tried(name: CapabilityName, reason: str) -> Capability:
+    units: dict[CapabilityName, tuple[Unit, float]] = {
+        "turn": ("rad", TURN_STEP_RAD), "stair": ("m", STAIR_STEP_M), "pace": ("m/s", PACE_STEP),
+    }  # fmt: skip
+    unit, resolution = units.get(name, ("N s", PUSH_STEP_M_S))
+    return Capability(
+        name=name, value=None, unit=unit, resolution=round(resolution, 6), ended_by="not-tried", reason=reason
+    )
+
+
+def _describe(capability: Capability) -> str:
+    if capability.value is None:
+        return f"{capability.name} not tried"
+    more = "at least " if capability.ended_by in ("range", "time") else ""
+    return f"{capability.name} {more}{capability.value:.3g} {capability.unit}"
+
+
+def _ignore_progress(_fraction: float, _message: str) -> None:
+    """The progress counts capabilities."""
