@@ -98,8 +98,18 @@ Outcomes with the program as it was when these recordings were first met, before
 a crash, and every result more than 50 mm from the geometry had the error remark. mkjung99, freemocap, chrisdembia and
 LecolLeng have trials or marker sets of sources that were tuned before; CGA_Rehazenter_Toolbox is of a
 laboratory with a source that was. BatchOpenSim, CusToM, opencap-overlay, opensim-task-space, Pose2Sim_Blender,
-HernandezVincent/OpenSim and opensim-creator were met last; marker sets were then made for the first two, and a header
-without a rate is read.
+HernandezVincent/OpenSim and opensim-creator were met after the others; marker sets were then made for the first two,
+and a header without a rate is read.
+
+Met last, 112 recordings at one sight: flash-running, pfjrf-methods, blender-mvnx-io, bip_opensim_hungarian_usports,
+ceinms_tutorial, msk_modelling_python, APO-Inverse-Model, ergonomics, pyc3dtools, GaitEventsAlgorithms, c3d2OpenSim,
+auto-lowerlimb-models-paper, PhysioMoCap and AGED_gait-event-detection. The runs of pfjrf-methods are those of a
+laboratory with a source that was tuned, flash-running holds files of another, GaitEventsAlgorithms may be of the
+laboratory of CGA_Rehazenter_Toolbox. What was mended for them afterwards: two marker sets, trunk labels that a set of
+the legs does not know, one unmarked ball of the foot, a foot in the air above a belt that was taken for one beside the
+plates, lateral gains of runs; those four sources count as tuned. Contradicted and right: `walkNorm_NP1002a07.c3d` and
+`maxSprint.c3d` with its static trial state 24.2 and 55.1 kg where the plates weigh 28.8 and 69.4; the models
+`P3m6_R_automatic.osim` hold one leg.
 """
 
 

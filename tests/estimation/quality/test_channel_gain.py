@@ -122,6 +122,32 @@ def main_plate(good: Recording) -> int:
     return max(good.plates, key=lambda plate: int((plate.force_n[i:j, 2] > 400.0).sum())).index
 
 
+@pytest.mark.parametrize("factor", [0.5, 2.0, -1.0])
+def test_a_lateral_channel_of_one_plate_that_is_scaled_is_named(factor: float) -> None:
+    index = main_plate(walk())
+    gain = worst(gains(with_channel(1, factor, only=index)))
+    assert (gain.axis, gain.plate) == ("across the walk", index)
+    assert gain.gain == pytest.approx(1.0 / factor, rel=0.3)
+    (check,) = [one for one in quality(with_channel(1, factor, only=index)).checks if one.name == "channel_gain"]
+    assert check.contradicts
+    assert f"across the walk that plate {index} measures" in check.message
+
+
+def test_errors_of_the_markers_that_exceed_the_lateral_force_judge_no_lateral_channel() -> None:
+    """Soft tissue of a runner asks for more lateral force than the plates measure, and another one at every step."""
+    balance = force_balance(walk(), geometry(), wrench_track(walk(), WINDOW), MASS_KG)
+    assert balance is not None
+    assert balance.moment_needed_n is not None
+    measured_n = balance.levered_n[:, :, 1].sum(axis=0)
+    phase = np.linspace(0.0, 2.0 * np.pi, len(measured_n))
+    shaken_n = 2.0 * measured_n.std() * np.sin(7.0 * phase)
+    lateral = {"across the walk"} & {gain.axis for gain in channel_gains(balance)}
+    moment_n = np.column_stack([balance.moment_needed_n[:, 0], 0.3 * measured_n + shaken_n])
+    shaken = replace(balance, moment_needed_n=moment_n)
+    assert lateral
+    assert not {"across the walk"} & {gain.axis for gain in channel_gains(shaken)}
+
+
 @pytest.mark.parametrize(("axis", "name"), [(0, "along the walk"), (1, "across the walk")])
 def test_a_dead_channel_of_one_plate_among_several_is_named(axis: int, name: str) -> None:
     good = walk()
