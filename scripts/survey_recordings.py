@@ -44,7 +44,7 @@ NO_FORCE: Final = frozenset({"no-plates", "no-measured-window", "plates-unloaded
 """Refusals of a fused estimate after which the geometry alone is tried."""
 OUTCOMES: Final = (*strangers_list.ESTIMATES, "contradicted")
 """Outcomes with a result."""
-STATIC_NEEDED: Final = "knee-markers-missing"
+STATIC_NEEDED: Final = ("knee-markers-missing", "pelvis-markers-missing")
 
 
 INTRODUCTION: Final = """\
@@ -158,7 +158,7 @@ def examine(trial: Trial, answer: Connection) -> None:
             try:
                 com, row["refused_fusion"] = estimated(loaded)
             except StridelabError as refusal:
-                if refusal.code != STATIC_NEEDED or trial.static is None:
+                if refusal.code not in STATIC_NEEDED or trial.static is None:
                     raise
                 row["static"] = trial.static.name
                 com, row["refused_fusion"] = estimated(sl.read(loaded.path, static=trial.static))

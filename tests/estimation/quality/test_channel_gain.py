@@ -133,6 +133,22 @@ def test_a_lateral_channel_of_one_plate_that_is_scaled_is_named(factor: float) -
     assert f"across the walk that plate {index} measures" in check.message
 
 
+def test_a_lateral_channel_of_one_plate_is_not_judged_where_the_trunk_is_not_marked() -> None:
+    index = main_plate(walk())
+    recording = with_channel(1, 0.5, only=index)
+    labels = identify(list(recording.markers_m)).landmarks
+    legs = {name: label for name, label in labels.items() if name not in ("c7", "jugular_notch")}
+    lateral = []
+    for landmarks in (labels, legs):
+        geometric = SegmentModel().com(recording, landmarks, subject=recording.subject)
+        balance = force_balance(recording, geometric, wrench_track(recording, WINDOW), MASS_KG)
+        assert balance is not None
+        assert balance.trunk_is_marked == (landmarks is labels)
+        lateral.append({g.plate for g in channel_gains(balance) if g.axis == "across the walk"} - {0})
+    assert index in lateral[0]
+    assert not lateral[1]
+
+
 def test_errors_of_the_markers_that_exceed_the_lateral_force_judge_no_lateral_channel() -> None:
     """Soft tissue of a runner asks for more lateral force than the plates measure, and another one at every step."""
     balance = force_balance(walk(), geometry(), wrench_track(walk(), WINDOW), MASS_KG)

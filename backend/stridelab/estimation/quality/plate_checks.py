@@ -37,6 +37,9 @@ from stridelab.recordings.recording import Plate, Recording, WrenchTrack
 
 MIN_TIME_S: Final = 0.4
 """Shortest time, beside the filter's transients, for a regression: five independent samples in the band."""
+NO_TRUNK: Final = "trunk-missing"
+"""Remark of a geometric centre of mass whose trunk stands upright on the pelvis, for it is not marked."""
+_PARTS_OF_TRUNK: Final = frozenset({NO_TRUNK, "trunk-simplified"})
 _EDGE: Final = 0.6
 _WALK_M_S: Final = 0.5
 _LOADED_N: Final = 50.0
@@ -56,7 +59,8 @@ class ForceBalance:
     ``needed_n``, ``banded_n`` and ``levered_n`` are low-passed and without the filter's transients, the rest is whole.
     ``moment_needed_n`` is the horizontal force by the balance of moments, None where a segment is hidden or unknown;
     ``levered_n`` are the plates' horizontal forces that add up to it: f, times the ratio of levers on plates of
-    different heights. ``crossed_n`` is the same with the two horizontal channels of each plate exchanged.
+    different heights. ``crossed_n`` is the same with the two horizontal channels of each plate exchanged. A trunk
+    without a marked neck and front sways unseen against the pelvis (``trunk_is_marked`` is False).
     """
 
     plates: tuple[Plate, ...]
@@ -70,6 +74,7 @@ class ForceBalance:
     moment_needed_n: Horizontal | None
     levered_n: Tracks
     crossed_n: Tracks
+    trunk_is_marked: bool
 
     @property
     def is_walk(self) -> bool:
@@ -130,6 +135,7 @@ def force_balance(
         moment_needed_n=needed,
         levered_n=np.array([keep_band(track * s[:, None])[:, :2] for track, s in zip(force_n, share, strict=True)]),
         crossed_n=np.array([keep_band(track * s[:, None])[:, :2] for track, s in zip(crossed_n, share, strict=True)]),
+        trunk_is_marked=not _PARTS_OF_TRUNK & {remark.code for remark in geometric.remarks},
     )
 
 
