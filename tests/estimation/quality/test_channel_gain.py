@@ -149,6 +149,19 @@ def test_a_lateral_channel_of_one_plate_is_not_judged_where_the_trunk_is_not_mar
     assert not lateral[1]
 
 
+def test_a_lateral_channel_of_one_plate_is_not_judged_in_a_turn() -> None:
+    """Across the walk is not across the body there."""
+    balance = force_balance(walk(), geometry(), wrench_track(walk(), WINDOW), MASS_KG)
+    assert balance is not None
+    angle = np.linspace(0.0, np.radians(60.0), len(balance.position_m))
+    arc_m = np.column_stack([np.sin(angle), 1.0 - np.cos(angle), balance.position_m[:, 2]])
+    turning = replace(balance, position_m=arc_m)
+    assert (balance.is_straight, turning.is_straight) == (True, False)
+    single = [{g.plate for g in channel_gains(b) if g.axis == "across the walk"} - {0} for b in (balance, turning)]
+    assert single[0]
+    assert not single[1]
+
+
 def test_errors_of_the_markers_that_exceed_the_lateral_force_judge_no_lateral_channel() -> None:
     """Soft tissue of a runner asks for more lateral force than the plates measure, and another one at every step."""
     balance = force_balance(walk(), geometry(), wrench_track(walk(), WINDOW), MASS_KG)

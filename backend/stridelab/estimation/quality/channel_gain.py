@@ -135,7 +135,7 @@ def _gains_on_axis(balance: ForceBalance, axis: int, *, together: bool) -> Itera
     moment_n = None if balance.moment_needed_n is None or not horizontal else balance.moment_needed_n[:, axis]
     least_n = MIN_VARIATION[axis] * balance.weight_n
     lateral_alone = axis == _ACROSS and not together
-    if lateral_alone and (moment_n is None or not balance.trunk_is_marked):
+    if lateral_alone and (moment_n is None or not balance.trunk_is_marked or not balance.is_straight):
         return
     if (together or lateral_alone) and moment_n is not None and moment_n.std() > least_n:
         least_n *= DEAD_SHARE

@@ -40,6 +40,8 @@ MIN_TIME_S: Final = 0.4
 NO_TRUNK: Final = "trunk-missing"
 """Remark of a geometric centre of mass whose trunk stands upright on the pelvis, for it is not marked."""
 _PARTS_OF_TRUNK: Final = frozenset({NO_TRUNK, "trunk-simplified"})
+_STRAIGHT: Final = 0.98
+"""Distance over length of way: 0.98 of an arc of 40 degrees; the sway of a straight walk costs less than 0.01."""
 _EDGE: Final = 0.6
 _WALK_M_S: Final = 0.5
 _LOADED_N: Final = 50.0
@@ -80,6 +82,13 @@ class ForceBalance:
     def is_walk(self) -> bool:
         """Whether the body moves on over the ground, so that the axes are along and across its walk."""
         return self.speed_m_s > _WALK_M_S
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether the body goes straight on, so that the axes of its walk are the same at all times."""
+        steps_m = np.linalg.norm(np.diff(self.position_m[:, :2], axis=0), axis=1)
+        way_m = float(np.linalg.norm(self.position_m[-1, :2] - self.position_m[0, :2]))
+        return way_m > _STRAIGHT * float(steps_m.sum())
 
     @property
     def n_free(self) -> float:
