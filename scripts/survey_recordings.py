@@ -65,7 +65,7 @@ has the error remark `contradicted` and does not count as an estimate.
 95 kg: the subject's data of such a file are not used (`subject-of-another-body`). The runs of
 BMC-RIC-running-biomechanics that are refused with `pelvis-markers-missing` mark the pelvis by clusters alone.
 
-Of 57 repositories (245 recordings) the outcomes are of the survey before, and times and sizes are not counted; all
+Of 41 repositories (245 recordings) the outcomes are of the survey before, and times and sizes are not counted; all
 others were surveyed anew beside eight other processes, which made them two to four times slower.
 
 Refused C3D files: ezc3d reads none of those with `c3d-parameters-broken`. Optotrak.c3d (`truncated-file`) states 1149
