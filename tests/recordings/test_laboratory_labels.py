@@ -41,6 +41,50 @@ def test_no_set_takes_the_labels_of_another_for_other_landmarks(name: str, which
     assert required or match.name == name
 
 
+LEGS_OF_A_CLINIC = ["LASI", "RASI", "SACR", *(s + n for n in ("T1", "KNE", "S1", "ANK", "HEE", "TOE") for s in "LR")]
+
+
+def test_trunk_labels_that_the_set_does_not_know_are_read_as_other_sets_read_them() -> None:
+    match = identify([*LEGS_OF_A_CLINIC, "C7", "T10", "Clav", "STRN", "LSHO", "RSHO"])
+    assert match.name == "cgm2-lower"
+    upper = {name: label for name, label in match.landmarks.items() if label not in LEGS_OF_A_CLINIC}
+    shoulders = {"l_acromion": "LSHO", "r_acromion": "RSHO"}
+    assert upper == {"c7": "C7", "t10": "T10", "jugular_notch": "Clav", **shoulders}
+    assert "trunk-missing" not in {remark.code for remark in match.degraded}
+
+
+def test_common_labels_are_read_by_three_sets_or_more_and_never_otherwise() -> None:
+    assert marker_sets.common_labels().keys() >= {"c7", "t10", "clav", "lsho", "relb"}
+    assert not marker_sets.common_labels().keys() & {"strn", "sternum", "neck", "lasi", "lkne", "nose"}
+    for label, landmark in marker_sets.common_labels().items():
+        readings = [
+            name for s in marker_sets.marker_sets().values() for name, seen in s.labels.items() if label in seen
+        ]
+        assert len(readings) >= 3
+        assert set(readings) == {landmark}
+
+
+def test_a_set_of_the_user_is_not_completed() -> None:
+    legs = own_set("legs", asis="{s}ASI", knee_lateral="{s}KN", ankle_lateral="{s}AN", psis="{s}PS")
+    labels = [label for known in legs.labels.values() for label in known]
+    assert set(identify([*labels, "C7"], own_sets=[legs]).landmarks) == set(legs.labels)
+
+
+@pytest.mark.parametrize(("side", "marked"), [("L", "right"), ("R", "left")])
+def test_a_recording_of_one_leg_is_refused_by_that(side: str, marked: str) -> None:
+    pelvis = ["LASI", "RASI", "LPSI", "RPSI"]
+    labels = [label for label in (*LEGS_OF_A_CLINIC[3:], *pelvis) if label in pelvis or label[0] != side]
+    with pytest.raises(NotEstimable, match=f"Only the {marked} leg is marked") as refusal:
+        require_marker_set(identify(labels), labels)
+    assert refusal.value.code == "unknown-marker-set"
+
+
+def test_a_running_set_with_one_ball_of_the_foot_unmarked_is_recognised() -> None:
+    labels = labels_of("bmclab-running")
+    assert identify([label for label in labels if label != "L.MT1"]).name == "bmclab-running"
+    assert identify([label for label in labels if label not in ("L.MT1", "L.MT5")]).name is None
+
+
 def own_set(name: str, **labels: str) -> MarkerSet:
     paired = {landmark: [label] for landmark, label in labels.items()}
     return parse_marker_set(

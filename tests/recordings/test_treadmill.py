@@ -27,6 +27,7 @@ from support.recordings.walks import (
 
 MEAN_M_S = STEP_M / STEP_S
 N_STEPS = 9
+_JUMP_FRAMES = 4
 
 
 def carried_on(time_s: np.ndarray, side: str, faster_m_s: float) -> np.ndarray:
@@ -92,6 +93,33 @@ def test_the_stances_on_split_belts_are_those_of_the_floor() -> None:
     assert [c.side for c in belts] == [c.side for c in floor]
     for one, other in zip(belts, floor, strict=True):
         assert one.start_s == pytest.approx(other.start_s, abs=0.06)
+
+
+def with_raised_foot(recording: Recording, height_m: float, *, slope: float = 0.0) -> tuple[Recording, np.ndarray]:
+    """The recording with the right foot raised through one stance, as if dragged back in the air; and frames of it."""
+    stance = [c for c in contacts(N_STEPS + 2) if c.side == "r"][2]
+    raised = (recording.time_s > stance.start_s + 0.1) & (recording.time_s < stance.end_s - 0.1)
+    markers = {}
+    for label, track in recording.markers_m.items():
+        up_m = height_m * raised if label.startswith("r_") else 0.0 * raised
+        markers[label] = track + np.outer(up_m, [0.0, 0.0, 1.0]) - np.outer(slope * track[:, 0], [0.0, 0.0, 1.0])
+    return replace(recording, markers_m=markers), np.flatnonzero(raised)[_JUMP_FRAMES:-_JUMP_FRAMES]
+
+
+def resting_share(recording: Recording, frames: np.ndarray) -> float:
+    right = next(foot for foot in find_feet(recording, LANDMARKS) if foot.side == "right")
+    return float(right.resting[frames].any(axis=1).mean())
+
+
+@pytest.mark.parametrize(("height_m", "share"), [(0.0, 1.0), (0.03, 1.0), (0.08, 0.0)])
+def test_a_foot_above_a_level_belt_does_not_rest_on_it(height_m: float, share: float) -> None:
+    """A foot that has just left the belt still moves with it."""
+    assert resting_share(*with_raised_foot(split_belts(1.2, 1.2), height_m)) == share
+
+
+def test_a_raised_foot_rests_where_the_ground_may_be_higher() -> None:
+    assert resting_share(*with_raised_foot(walk((), n_steps=N_STEPS), 0.08)) == 1.0
+    assert resting_share(*with_raised_foot(split_belts(1.2, 1.2), 0.08, slope=0.1)) == 1.0
 
 
 def test_belts_that_share_an_origin_and_corners_measure_all_force() -> None:

@@ -10,7 +10,7 @@ Requirements of ``estimate-com`` on the request and the recording, with their er
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
@@ -235,6 +235,10 @@ def require_method(method: str) -> str:
     return method
 
 
+_ONE_LEG_SHARE: Final = 0.5
+"""Share of the landmarks of pelvis and legs that a set requires, above which missing ones of one side are named."""
+
+
 def require_marker_set(match: MarkerSetMatch, labels: Sequence[str]) -> None:
     """Raise ``NotEstimable`` (``unknown-marker-set``) with the labels and the missing markers of the closest set."""
     if match.name is not None:
@@ -246,6 +250,10 @@ def require_marker_set(match: MarkerSetMatch, labels: Sequence[str]) -> None:
     ]
     faults.append(Fault("labels found", ", ".join(labels) or "none"))
     finding = f"belong to no known marker set; nearest: {nearest or 'none'}"
+    if match.nearest and match.nearest[0][1] >= _ONE_LEG_SHARE:
+        lacking = {entry[:2] for entry in match.needed[match.nearest[0][0]]}
+        if lacking in ({"l_"}, {"r_"}):
+            finding += f". Only the {'right' if lacking == {'l_'} else 'left'} leg is marked; both legs are needed"
     if match.rivals:
         finding = f"fit several marker sets that take a label for different landmarks: {', '.join(match.rivals)}"
     raise NotEstimable(

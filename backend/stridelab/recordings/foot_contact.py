@@ -39,6 +39,9 @@ LANDING_SPEED_SHARE, LIFT_OFF_SPEED_SHARE = 0.4, 1.3
 _PEAK_PER_SPEED = 3.5
 """Peak foot speed over walking speed; gives the reference speed when the body stays in place."""
 _MIN_SPEED_M_S = 0.3
+_ABOVE_BELT_M: Final = 0.05
+"""Height of a foot's lowest marker above where it stands: 2 cm at most while a plate is loaded by the toes."""
+_LEVEL_SLOPE: Final = 0.03
 SIDES: Final[tuple[tuple[Side, str], ...]] = (("left", "l_"), ("right", "r_"))
 """Both sides with the prefix of their landmarks."""
 FOOT_LANDMARKS = ("heel", "toe", "mt1", "mt2", "mt5")
@@ -85,10 +88,33 @@ def find_marked_feet(recording: Recording, landmarks: Mapping[str, str]) -> tupl
         speeds = np.column_stack([speed_m_s(track, rate_hz, ground[side]) for track in heel + fore])
         contact = contact_states(speeds, reference_m_s)
         resting = (np.nan_to_num(speeds, nan=np.inf) < LIFT_OFF_SPEED_SHARE * reference_m_s) & contact[:, None]
+        resting &= ~_above_level_belt(heel + fore, resting, ground[side], rate_hz)[:, None]
         hidden = np.isnan(speeds)
         unseen = hidden[:, : len(heel)].all(axis=1) | hidden[:, len(heel) :].all(axis=1)
         feet.append(Foot(side, np.stack(heel + fore, axis=1), resting, contact, unseen, ground[side]))
     return tuple(feet)
+
+
+def _above_level_belt(
+    tracks: Sequence[Points], resting: Bool[np.ndarray, "n markers"], ground_m_s: Vector3, rate_hz: float
+) -> Mask:
+    """Frames in which every visible marker is higher than where it stands on a level belt; none over ground.
+
+    A foot that has just left a belt still moves at its speed. ``resting`` are the frames and markers of that speed; a
+    foot that rises or sinks in most of those in which it is low stands on an inclined belt.
+    """
+    above = np.zeros(len(resting), dtype=bool)
+    belt_m_s = float(np.linalg.norm(ground_m_s))
+    seen = [k for k, track in enumerate(tracks) if np.isfinite(track[:, 2]).any()]
+    if belt_m_s == 0.0 or not seen:
+        return above
+    height_m = np.column_stack([tracks[k][:, 2] for k in seen])
+    above_m = height_m - np.nanpercentile(height_m, _LOW_PERCENTILE, axis=0)
+    rise_m_s = np.column_stack([velocity_m_s(tracks[k], rate_hz)[:, 2] for k in seen])
+    stands = rise_m_s[resting[:, seen] & (above_m <= 0.0)]
+    if not stands.size or abs(float(np.median(stands))) > _LEVEL_SLOPE * belt_m_s:
+        return above
+    return np.asarray(np.nan_to_num(above_m, nan=np.inf).min(axis=1) > _ABOVE_BELT_M)
 
 
 def _foot_tracks(recording: Recording, landmarks: Mapping[str, str], prefix: str) -> tuple[list[Points], list[Points]]:

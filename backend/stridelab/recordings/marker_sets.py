@@ -1,7 +1,8 @@
 """Identification of marker sets: map the marker labels of a laboratory to the landmarks of this project.
 
 Among the sets whose ``required`` landmarks are all present, the one that matches the most markers is chosen; none if
-another shipped set matches as many and takes a label for another landmark. A user's
+another shipped set matches as many and takes a label for another landmark. Labels of trunk, head and arms that a
+shipped set does not know are read as the sets that know them do, where these agree (``common_labels``). A user's
 ``marker_map`` (landmark to label) overrides and completes a set; if less than half of a set matches, a map that names
 pelvis and legs is used on its own ("custom").
 
@@ -55,6 +56,8 @@ WAYS_TO_NAME_MARKERS: Final = (
 )
 """What a user can do about an unknown marker set."""
 
+_UPPER_BODY: Final = ("acromion", "shoulder", "elbow", "wrist", "mc", "upper_arm", "head", "trunk", "c7", "t1", "jug")
+_AGREEING_SETS: Final = 3
 _TECHNICAL: Final = re.compile(r"([lr]_)?(head|trunk|pelvis|upper_arm|forearm|thigh|shank|foot)_t\d")
 _NUMBERED: Final = re.compile(r"^\s*\d+\s+-\s+")
 _FIELDS: Final = frozenset({"name", "title", "required", "paired", "unpaired", "sides"})
@@ -114,6 +117,20 @@ def marker_sets() -> Mapping[str, MarkerSet]:
     files = sorted((models_dir() / "marker_sets").glob("*.toml"))
     sets = [read_marker_set(path) for path in files if path.stem != "substitutes"]
     return {known.name: known for known in sets}
+
+
+@cache
+def common_labels() -> Mapping[str, str]:
+    """Landmark by normalised label of trunk, head or arms that at least three shipped sets read, and all alike.
+
+    STRN is none: the xiphoid process to some laboratories, the jugular notch to others.
+    """
+    readings: dict[str, list[str]] = {}
+    for landmark, labels in (entry for known in marker_sets().values() for entry in known.labels.items()):
+        for label in labels:
+            readings.setdefault(label, []).append(landmark)
+    alike = {label: read[0] for label, read in readings.items() if read.count(read[0]) == len(read) >= _AGREEING_SETS}
+    return {label: name for label, name in alike.items() if re.sub("^[lr]_", "", name).startswith(_UPPER_BODY)}
 
 
 def read_marker_set(path: Path) -> MarkerSet:
@@ -304,7 +321,10 @@ def identify(
         others = [] if best < n_own else [k for k in fitting if k >= n_own]
         rivals = tuple(sets[k].name for k in others if _contradicts(matched[k], matched[best]))
         if not rivals:
-            return _match_result(sets[best].name, matched[best])
+            unread = {form: label for form, label in present.items() if label not in matched[best].values()}
+            common = {} if best < n_own else {common_labels().get(form, ""): unread[form] for form in unread}
+            common.pop("", None)
+            return _match_result(sets[best].name, common | matched[best])
         rivals = (sets[best].name, *rivals)
     if not absent_landmarks(LOCOMOTION, own):
         return _match_result("custom", own)

@@ -122,6 +122,61 @@ def main_plate(good: Recording) -> int:
     return max(good.plates, key=lambda plate: int((plate.force_n[i:j, 2] > 400.0).sum())).index
 
 
+@pytest.mark.parametrize("factor", [0.5, 2.0, -1.0])
+def test_a_lateral_channel_of_one_plate_that_is_scaled_is_named(factor: float) -> None:
+    index = main_plate(walk())
+    gain = worst(gains(with_channel(1, factor, only=index)))
+    assert (gain.axis, gain.plate) == ("across the walk", index)
+    assert gain.gain == pytest.approx(1.0 / factor, rel=0.3)
+    (check,) = [one for one in quality(with_channel(1, factor, only=index)).checks if one.name == "channel_gain"]
+    assert check.contradicts
+    assert f"across the walk that plate {index} measures" in check.message
+
+
+def test_a_lateral_channel_of_one_plate_is_not_judged_where_the_trunk_is_not_marked() -> None:
+    index = main_plate(walk())
+    recording = with_channel(1, 0.5, only=index)
+    labels = identify(list(recording.markers_m)).landmarks
+    legs = {name: label for name, label in labels.items() if name not in ("c7", "jugular_notch")}
+    lateral = []
+    for landmarks in (labels, legs):
+        geometric = SegmentModel().com(recording, landmarks, subject=recording.subject)
+        balance = force_balance(recording, geometric, wrench_track(recording, WINDOW), MASS_KG)
+        assert balance is not None
+        assert balance.trunk_is_marked == (landmarks is labels)
+        lateral.append({g.plate for g in channel_gains(balance) if g.axis == "across the walk"} - {0})
+    assert index in lateral[0]
+    assert not lateral[1]
+
+
+def test_a_lateral_channel_of_one_plate_is_not_judged_in_a_turn() -> None:
+    """Across the walk is not across the body there."""
+    balance = force_balance(walk(), geometry(), wrench_track(walk(), WINDOW), MASS_KG)
+    assert balance is not None
+    angle = np.linspace(0.0, np.radians(60.0), len(balance.position_m))
+    arc_m = np.column_stack([np.sin(angle), 1.0 - np.cos(angle), balance.position_m[:, 2]])
+    turning = replace(balance, position_m=arc_m)
+    assert (balance.is_straight, turning.is_straight) == (True, False)
+    single = [{g.plate for g in channel_gains(b) if g.axis == "across the walk"} - {0} for b in (balance, turning)]
+    assert single[0]
+    assert not single[1]
+
+
+def test_errors_of_the_markers_that_exceed_the_lateral_force_judge_no_lateral_channel() -> None:
+    """Soft tissue of a runner asks for more lateral force than the plates measure, and another one at every step."""
+    balance = force_balance(walk(), geometry(), wrench_track(walk(), WINDOW), MASS_KG)
+    assert balance is not None
+    assert balance.moment_needed_n is not None
+    measured_n = balance.levered_n[:, :, 1].sum(axis=0)
+    phase = np.linspace(0.0, 2.0 * np.pi, len(measured_n))
+    shaken_n = 2.0 * measured_n.std() * np.sin(7.0 * phase)
+    lateral = {"across the walk"} & {gain.axis for gain in channel_gains(balance)}
+    moment_n = np.column_stack([balance.moment_needed_n[:, 0], 0.3 * measured_n + shaken_n])
+    shaken = replace(balance, moment_needed_n=moment_n)
+    assert lateral
+    assert not {"across the walk"} & {gain.axis for gain in channel_gains(shaken)}
+
+
 @pytest.mark.parametrize(("axis", "name"), [(0, "along the walk"), (1, "across the walk")])
 def test_a_dead_channel_of_one_plate_among_several_is_named(axis: int, name: str) -> None:
     good = walk()

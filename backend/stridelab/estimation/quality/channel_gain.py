@@ -38,6 +38,10 @@ DEAD_PLATE_SHARE: Final = 0.1
 """The same for one plate while it carries the body alone."""
 EXPLAINED_SHARE: Final = 0.5
 """Largest share of the needed force that exchanged channels may leave unexplained to count as an explanation."""
+EXPLAINED_VARIANCE: Final = 0.5
+"""Share of the variance of the needed lateral force that a gain must explain, else errors of the markers are larger."""
+MIN_CARRIED: Final = 0.15
+"""Standard deviation of a plate's vertical force over the weight, below which its lateral channel is not judged."""
 _DEAD_NEEDS: Final = 0.04
 _DEAD_PLATE_NEEDS: Final = (0.03, 0.02)
 _ALONE: Final = 0.85
@@ -80,7 +84,7 @@ def channel_gains(balance: ForceBalance | None) -> tuple[ChannelGain, ...]:
     if balance is None:
         return ()
     # feet side by side push apart, so that only in a walk, where one foot carries at a time, a plate is judged alone
-    alone = ((_ALONG, False),) if balance.is_walk else ()
+    alone = ((_ALONG, False), (_ACROSS, False)) if balance.is_walk else ()
     gains: list[ChannelGain] = []
     for axis, together in (*alone, (_ALONG, True), (_ACROSS, True), (_VERTICAL, False), (_VERTICAL, True)):
         gains += _gains_on_axis(balance, axis, together=together)
@@ -130,9 +134,14 @@ def _gains_on_axis(balance: ForceBalance, axis: int, *, together: bool) -> Itera
     needed_n = balance.needed_n[:, axis]
     moment_n = None if balance.moment_needed_n is None or not horizontal else balance.moment_needed_n[:, axis]
     least_n = MIN_VARIATION[axis] * balance.weight_n
-    if together and moment_n is not None and moment_n.std() > least_n:
+    lateral_alone = axis == _ACROSS and not together
+    if lateral_alone and (moment_n is None or not balance.trunk_is_marked or not balance.is_straight):
+        return
+    if (together or lateral_alone) and moment_n is not None and moment_n.std() > least_n:
         least_n *= DEAD_SHARE
     judged = banded_n.std(axis=1) > least_n
+    if lateral_alone:
+        judged &= balance.banded_n[:, :, _VERTICAL].std(axis=1) > MIN_CARRIED * balance.weight_n
     if together and horizontal and balance.is_walk:
         needs, measured = (float(x.std()) for x in (needed_n if moment_n is None else moment_n, banded_n))
         if needs > _DEAD_NEEDS * balance.weight_n and measured < DEAD_SHARE * needs:
@@ -143,6 +152,8 @@ def _gains_on_axis(balance: ForceBalance, axis: int, *, together: bool) -> Itera
     if moment_n is not None:
         h, h_sd = _fit_gains(moment_n, levered_n, judged, balance.n_free)
         gain, sd = _combine_gains((b, h), (sd, h_sd))
+        if axis == _ACROSS and _explained_share(moment_n, levered_n, judged, gain) < EXPLAINED_VARIANCE:
+            return
     elif horizontal:
         k = _position_gains(balance.position_m[:, axis], balance, tracks_n, judged)
         gain = np.array([min(pair, key=_distance_from_one) for pair in zip(b, k, strict=True)])
@@ -151,6 +162,13 @@ def _gains_on_axis(balance: ForceBalance, axis: int, *, together: bool) -> Itera
     for n, here in enumerate(np.flatnonzero(judged)):
         if sd[n] <= MAX_SD * max(1.0, abs(gain[n])):
             yield ChannelGain(_AXES[axis], names[here], float(gain[n]), float(sd[n]))
+
+
+def _explained_share(needed_n: Needed, tracks_n: Tracks, judged: Judged, gain: Gains) -> float:
+    """Share of the variance of the needed force that the tracks explain, those that are judged times their gains."""
+    gains = np.ones(len(tracks_n))
+    gains[judged] = gain
+    return 1.0 - float((needed_n - gains @ tracks_n).var() / needed_n.var())
 
 
 def _combine_gains(gains: tuple[Gains, Gains], sds: tuple[Gains, Gains]) -> tuple[Gains, Gains]:

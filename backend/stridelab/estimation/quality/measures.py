@@ -41,7 +41,7 @@ from stridelab.estimation.differentiation import low_pass, smoothed_derivatives,
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ, assess_flight, force_residual_track_n
 from stridelab.estimation.quality.channel_gain import ChannelGain, channel_gains, exchange_ratio
-from stridelab.estimation.quality.plate_checks import PlatePressure, force_balance, plate_pressures
+from stridelab.estimation.quality.plate_checks import NO_TRUNK, PlatePressure, force_balance, plate_pressures
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Recording, SegmentMotion, WrenchTrack
 
@@ -343,7 +343,7 @@ def thigh_over_trunk(geometric: GeometricCom, used: slice) -> float:
     NaN where the neck is not marked: it is then placed by proportions.
     """
     joints = geometric.joint_centres_m
-    if any(remark.code == _NO_TRUNK for remark in geometric.remarks) or not joints.keys() >= _TRUNK:
+    if any(remark.code == NO_TRUNK for remark in geometric.remarks) or not joints.keys() >= _TRUNK:
         return NAN
     hips_m = (joints["l_hip"] + joints["r_hip"])[used] / 2.0
     trunk_m = np.linalg.norm(hips_m - joints["cervical"][used], axis=1)
@@ -355,7 +355,6 @@ def thigh_over_trunk(geometric: GeometricCom, used: slice) -> float:
 
 
 _TRUNK: Final = frozenset({"l_hip", "r_hip", "l_knee", "r_knee", "cervical"})
-_NO_TRUNK: Final = "trunk-missing"
 _LEG: Final = re.compile(r"femur|thigh|tibia|shank|shin|fibula|patella|talus|calc|foot|toe|metatars|leg", re.IGNORECASE)
 _ABOVE: Final = re.compile(
     r"torso|trunk|thorax|spine|lumbar|rib|head|clavic|scapula|humer|arm|ulna|radius|hand", re.IGNORECASE

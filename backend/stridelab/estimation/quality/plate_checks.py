@@ -37,6 +37,11 @@ from stridelab.recordings.recording import Plate, Recording, WrenchTrack
 
 MIN_TIME_S: Final = 0.4
 """Shortest time, beside the filter's transients, for a regression: five independent samples in the band."""
+NO_TRUNK: Final = "trunk-missing"
+"""Remark of a geometric centre of mass whose trunk stands upright on the pelvis, for it is not marked."""
+_PARTS_OF_TRUNK: Final = frozenset({NO_TRUNK, "trunk-simplified"})
+_STRAIGHT: Final = 0.98
+"""Distance over length of way: 0.98 of an arc of 40 degrees; the sway of a straight walk costs less than 0.01."""
 _EDGE: Final = 0.6
 _WALK_M_S: Final = 0.5
 _LOADED_N: Final = 50.0
@@ -56,7 +61,8 @@ class ForceBalance:
     ``needed_n``, ``banded_n`` and ``levered_n`` are low-passed and without the filter's transients, the rest is whole.
     ``moment_needed_n`` is the horizontal force by the balance of moments, None where a segment is hidden or unknown;
     ``levered_n`` are the plates' horizontal forces that add up to it: f, times the ratio of levers on plates of
-    different heights. ``crossed_n`` is the same with the two horizontal channels of each plate exchanged.
+    different heights. ``crossed_n`` is the same with the two horizontal channels of each plate exchanged. A trunk
+    without a marked neck and front sways unseen against the pelvis (``trunk_is_marked`` is False).
     """
 
     plates: tuple[Plate, ...]
@@ -70,11 +76,19 @@ class ForceBalance:
     moment_needed_n: Horizontal | None
     levered_n: Tracks
     crossed_n: Tracks
+    trunk_is_marked: bool
 
     @property
     def is_walk(self) -> bool:
         """Whether the body moves on over the ground, so that the axes are along and across its walk."""
         return self.speed_m_s > _WALK_M_S
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether the body goes straight on, so that the axes of its walk are the same at all times."""
+        steps_m = np.linalg.norm(np.diff(self.position_m[:, :2], axis=0), axis=1)
+        way_m = float(np.linalg.norm(self.position_m[-1, :2] - self.position_m[0, :2]))
+        return way_m > _STRAIGHT * float(steps_m.sum())
 
     @property
     def n_free(self) -> float:
@@ -130,6 +144,7 @@ def force_balance(
         moment_needed_n=needed,
         levered_n=np.array([keep_band(track * s[:, None])[:, :2] for track, s in zip(force_n, share, strict=True)]),
         crossed_n=np.array([keep_band(track * s[:, None])[:, :2] for track, s in zip(crossed_n, share, strict=True)]),
+        trunk_is_marked=not _PARTS_OF_TRUNK & {remark.code for remark in geometric.remarks},
     )
 
 
