@@ -214,8 +214,9 @@ class RecoveryRun:
         self._contacts[name] = Contact(name, measured.contacts[name], "", self._friction, "surface", half)
 
     def _lift_off(self, name: str, measured: SensedState) -> None:
-        self._contacts.pop(name, None)
+        stood = self._contacts.pop(name, None)
         frame = self._body.frame_state(name)
+        self._lifted_m = -np.inf if stood is None else float(stood.placement.position_m[2])
         self._swing, self._step, self._samples = AimedSwing(frame.position_m, frame.velocity[:3]), None, 0
         self._lifted_s = self._time_s
         self._unloaded = float(np.linalg.norm(measured.forces_n[name])) < self._loaded_n
@@ -248,7 +249,8 @@ class RecoveryRun:
             steps = {}
             for name in short or places:
                 (stance_m,) = (at for sole, at in places.items() if sole != name)
-                swing = Swinging(places[name], np.zeros(3), self._legs.side[name], 0.0)
+                top_m = float(places[name][2]) + self._by.clearance_m
+                swing = Swinging(places[name], np.zeros(3), self._legs.side[name], 0.0, top_m)
                 steps[name] = self._chooser.choose_step(capture_m, w, stance_m, swing, self._axes, None)
             found = {name: step for name, step in steps.items() if step is not None}
             if found:
@@ -274,7 +276,14 @@ class RecoveryRun:
             self._step = replace(self._step, in_s=self._step.in_s - self._dt_s)
         if self._samples % self._by.choose_every == 0 and (self._step is None or self._step.in_s > self._by.fixed_s):
             clear = swing.position_m[2] > at[2] + 0.02 and (self.steps == 0 or aloft_s > 0.08)
-            state = Swinging(swing.position_m, swing.velocity_m_s, self._legs.side[name], None if clear else aloft_s)
+            state = Swinging(
+                swing.position_m,
+                swing.velocity_m_s,
+                self._legs.side[name],
+                None if clear else aloft_s,
+                self._lifted_m + self._by.clearance_m,
+                swing.landing,
+            )
             step = self._chooser.choose_step(capture_m, w, at, state, self._axes, self._step)
             if step is not None:
                 self._take_step(step)

@@ -26,6 +26,12 @@ Shift = Float[np.ndarray, "2"]
 Axes = Float[np.ndarray, "2 2"]
 QUINTIC_PEAK = 5.77
 """Peak acceleration of a quintic over distance d in T from rest to rest, in units of d / T^2."""
+FALL_M_S2 = 25.0
+"""Peak vertical acceleration of a sole that comes down."""
+DROP_M = 0.08
+"""Drop from the top of a swing above which the sole first passes the edge and then comes down."""
+EDGE_SHARE = 0.5
+"""Share of the time of such a drop before whose end the sole is above its place."""
 CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 
 
@@ -47,7 +53,6 @@ class StepSearch:
     gap_m: float = 0.03
     climb_m: float = 0.25
     speed_m_s: float = 3.0
-    down_m_s: float = 0.6
     rise_m_s2: float = 15.0
     acceleration_m_s2: float = 22.0
     narrow: float = 45.0
@@ -79,13 +84,25 @@ class Step:
 class Swinging:
     """The sole to place: position and velocity of its centre, side, and seconds since it left the ground.
 
-    ``aloft_s`` is None once it is clear of the ground.
+    ``aloft_s`` is None once it is clear of the ground. ``top_m`` is the least height over which it passes before it
+    ``is_landing``.
     """
 
     position_m: Float[np.ndarray, "3"]
     velocity_m_s: Float[np.ndarray, "3"]
     side: float
     aloft_s: float | None
+    top_m: float = -np.inf
+    is_landing: bool = False
+
+
+def fall_time_s(drop_m: Float[np.ndarray, "*n"] | float, down_m_s: float) -> Float[np.ndarray, "*n"]:
+    """Shortest time in which a sole that moves down at ``down_m_s`` comes down by ``drop_m``.
+
+    Its quintic to rest has the peak acceleration 5.77 |d - v T / 2| / T^2.
+    """
+    k = FALL_M_S2 / QUINTIC_PEAK
+    return np.asarray((np.sqrt(0.25 * down_m_s**2 + 4.0 * k * np.maximum(drop_m, 0.0)) - 0.5 * down_m_s) / (2.0 * k))
 
 
 def nearest_in_hull(
@@ -163,15 +180,23 @@ class StepChooser:
         rise_m = heights_m - at[2]
         along = (places_m - at[:2]) @ axes
         up_s = np.sqrt(QUINTIC_PEAK * np.maximum(rise_m + 0.02, 0.0) / by.rise_m_s2) + 0.08
-        down_s = np.maximum(-rise_m, 0.0) / by.down_m_s + 0.02
         far_s = np.hypot(np.hypot(*along.T), rise_m) / by.speed_m_s + 0.02
-        first_s = np.maximum(np.where(rise_m > -0.005, up_s, down_s), far_s)
+        fall_m, falling_m_s, level_m = -rise_m, max(-float(swing.velocity_m_s[2]), 0.0), 0.005
+        over_s = np.zeros(len(rise_m))
+        if not swing.is_landing:
+            drop_m, falling_m_s, level_m = np.maximum(at[2], swing.top_m) - heights_m, 0.0, -0.005
+            fall_m = np.where(drop_m > DROP_M, drop_m, fall_m)
+            over_s = np.where(drop_m > DROP_M, EDGE_SHARE * fall_time_s(drop_m, 0.0), 0.0)
+        down_s = fall_time_s(fall_m, falling_m_s)
+        first_s = np.maximum(np.where(rise_m > level_m, up_s, down_s), far_s + over_s)
         if swing.aloft_s is not None:
             first_s = np.maximum(first_s, by.least_s) - min(swing.aloft_s, by.least_s - 0.07)
+            first_s = np.maximum(first_s, over_s + 0.02)
         T = first_s[:, None] + np.array(by.later_s)
-        gone = (axes.T @ swing.velocity_m_s[:2]) * T[..., None]
+        level_s = T - over_s[:, None]
+        gone = (axes.T @ swing.velocity_m_s[:2]) * level_s[..., None]
         peak = np.maximum(np.abs(60.0 * along[:, None] - 36.0 * gone), np.abs(60.0 * along[:, None] - 24.0 * gone))
-        peak_m_s2 = QUINTIC_PEAK / 60.0 * np.hypot(*np.moveaxis(peak, -1, 0)) / T**2
+        peak_m_s2 = QUINTIC_PEAK / 60.0 * np.hypot(*np.moveaxis(peak, -1, 0)) / level_s**2
         return T, np.maximum(peak_m_s2 / self._most_m_s2 - 1.0, 0.0)
 
     def _excess_of_next(self, rest_m: np.ndarray, rate_per_s: float, side: float) -> np.ndarray:
