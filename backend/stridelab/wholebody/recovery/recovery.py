@@ -214,9 +214,8 @@ class RecoveryRun:
         self._contacts[name] = Contact(name, measured.contacts[name], "", self._friction, "surface", half)
 
     def _lift_off(self, name: str, measured: SensedState) -> None:
-        stood = self._contacts.pop(name, None)
+        self._contacts.pop(name, None)
         frame = self._body.frame_state(name)
-        self._lifted_m = -np.inf if stood is None else float(stood.placement.position_m[2])
         self._swing, self._step, self._samples = AimedSwing(frame.position_m, frame.velocity[:3]), None, 0
         self._lifted_s = self._time_s
         self._unloaded = float(np.linalg.norm(measured.forces_n[name])) < self._loaded_n
@@ -281,7 +280,7 @@ class RecoveryRun:
                 swing.velocity_m_s,
                 self._legs.side[name],
                 None if clear else aloft_s,
-                self._lifted_m + self._by.clearance_m,
+                swing.clear_m,
                 swing.landing,
             )
             step = self._chooser.choose_step(capture_m, w, at, state, self._axes, self._step)

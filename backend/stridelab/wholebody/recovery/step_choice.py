@@ -154,7 +154,7 @@ class StepChooser:
         if not reachable.any():
             return None
         local, places, heights = local[reachable], places[reachable], heights[reachable]
-        T, hurry = self._landing_times_s(places, heights, swing, axes)
+        T, effort = self._landing_times_s(places, heights, swing, axes)
         xi, growth = axes.T @ (capture_m - stance_m[:2]), np.exp(rate_per_s * T)[..., None]
         reached = _braked_capture(xi, growth, inner)
         _, excess = nearest_in_hull(reached, local[:, None, :], inner)
@@ -162,7 +162,7 @@ class StepChooser:
             by.second_excess
             * np.where(excess > 0.0, self._excess_of_next(reached - local[:, None, :], rate_per_s, swing.side), 0.0)
             + by.first_excess * excess
-            + by.hurry * np.minimum(hurry, 10.0)
+            + by.hurry * np.clip(effort - 1.0, 0.0, 10.0)
             + by.time * T
             + by.length * ((local - [0.0, swing.side * self._spacing_m]) ** 2).sum(axis=-1)[:, None]
         )
@@ -175,7 +175,7 @@ class StepChooser:
     def _landing_times_s(
         self, places_m: np.ndarray, heights_m: np.ndarray, swing: Swinging, axes: Axes
     ) -> tuple[Float[np.ndarray, "k t"], Float[np.ndarray, "k t"]]:
-        """Times of landing at every place, and the share by which they exceed the acceleration of the sole."""
+        """Times of landing at every place, and the accelerations of the sole, as shares of the largest."""
         by, at = self._search, swing.position_m
         rise_m = heights_m - at[2]
         along = (places_m - at[:2]) @ axes
@@ -197,7 +197,7 @@ class StepChooser:
         gone = (axes.T @ swing.velocity_m_s[:2]) * level_s[..., None]
         peak = np.maximum(np.abs(60.0 * along[:, None] - 36.0 * gone), np.abs(60.0 * along[:, None] - 24.0 * gone))
         peak_m_s2 = QUINTIC_PEAK / 60.0 * np.hypot(*np.moveaxis(peak, -1, 0)) / level_s**2
-        return T, np.maximum(peak_m_s2 / self._most_m_s2 - 1.0, 0.0)
+        return T, peak_m_s2 / self._most_m_s2
 
     def _excess_of_next(self, rest_m: np.ndarray, rate_per_s: float, side: float) -> np.ndarray:
         """Excess after a step of the standing leg, for a capture point relative to the sole that lands before it."""
