@@ -153,16 +153,17 @@ def test_a_landing_on_a_lower_tread_is_not_postponed_by_each_new_choice() -> Non
     ]
     choice = StepChooser(StepSearch(), talos_legs(), Footholds(Terrain(tuple(treads))))
     stance_m, capture_m = np.array([0.0, -0.09, 0.1]), np.array([-0.12, 0.0])
-    swing, step, dt, top_m = AimedSwing(np.array([0.0, 0.09, 0.1]), np.zeros(3)), None, 0.016, 0.15
+    swing, step, dt = AimedSwing(np.array([0.0, 0.09, 0.1]), np.zeros(3)), None, 0.016
     expected_s = []
     for k in range(40):
+        top_m = 0.15 if swing.position_m[0] + 0.1 > -0.15 else 0.05
         now = Swinging(swing.position_m, swing.velocity_m_s, 1.0, dt * k if k < 5 else None, top_m, swing.landing)
         step = choice.choose_step(capture_m, RATE_PER_S, stance_m, now, np.eye(2), step)
         assert step is not None
         if step.in_s < 0.06:
             break
         expected_s.append(dt * k + step.in_s)
-        swing.clear_m = top_m if swing.position_m[0] > -0.25 else 0.05
+        swing.clear_m = top_m
         for _ in range(4):
             swing.advance(step.place_m, step.height_m, step.in_s, dt / 4)
             step = replace(step, in_s=step.in_s - dt / 4)

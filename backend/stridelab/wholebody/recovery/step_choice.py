@@ -29,7 +29,7 @@ QUINTIC_PEAK = 5.77
 FALL_M_S2 = 25.0
 """Peak vertical acceleration of a sole that comes down."""
 DROP_M = 0.08
-"""Drop from the top of a swing above which the sole first passes the edge and then comes down."""
+"""Height of the top of a swing above its place from which on the sole first passes the edge and then comes down."""
 EDGE_SHARE = 0.5
 """Share of the time of such a drop before whose end the sole is above its place."""
 CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
@@ -84,8 +84,7 @@ class Step:
 class Swinging:
     """The sole to place: position and velocity of its centre, side, and seconds since it left the ground.
 
-    ``aloft_s`` is None once it is clear of the ground. ``top_m`` is the least height over which it passes before it
-    ``is_landing``.
+    ``aloft_s`` is None once it is clear of the ground. ``top_m`` is the height at which it is clear of the ground below it.
     """
 
     position_m: Float[np.ndarray, "3"]
@@ -181,13 +180,12 @@ class StepChooser:
         along = (places_m - at[:2]) @ axes
         up_s = np.sqrt(QUINTIC_PEAK * np.maximum(rise_m + 0.02, 0.0) / by.rise_m_s2) + 0.08
         far_s = np.hypot(np.hypot(*along.T), rise_m) / by.speed_m_s + 0.02
-        fall_m, falling_m_s, level_m = -rise_m, max(-float(swing.velocity_m_s[2]), 0.0), 0.005
-        over_s = np.zeros(len(rise_m))
-        if not swing.is_landing:
-            drop_m, falling_m_s, level_m = np.maximum(at[2], swing.top_m) - heights_m, 0.0, -0.005
-            fall_m = np.where(drop_m > DROP_M, drop_m, fall_m)
-            over_s = np.where(drop_m > DROP_M, EDGE_SHARE * fall_time_s(drop_m, 0.0), 0.0)
+        is_over_edge = swing.top_m - heights_m > DROP_M
+        fall_m = np.where(is_over_edge, np.maximum(swing.top_m, at[2]), at[2]) - heights_m
+        falling_m_s = max(-float(swing.velocity_m_s[2]), 0.0) if swing.is_landing else 0.0
         down_s = fall_time_s(fall_m, falling_m_s)
+        over_s = np.where(is_over_edge, EDGE_SHARE * down_s, 0.0)
+        level_m = 0.005 if swing.is_landing else -0.005
         first_s = np.maximum(np.where(rise_m > level_m, up_s, down_s), far_s + over_s)
         if swing.aloft_s is not None:
             first_s = np.maximum(first_s, by.least_s) - min(swing.aloft_s, by.least_s - 0.07)
