@@ -276,7 +276,9 @@ class RecoveryRun:
         if self._samples % self._by.choose_every == 0 and (self._step is None or self._step.in_s > self._by.fixed_s):
             clear = swing.position_m[2] > at[2] + 0.02 and (self.steps == 0 or aloft_s > 0.08)
             corners = CORNERS * self._legs.half_m @ self._axes.T
-            top_m = self._footholds.highest_m(swing.position_m[:2], swing.position_m[:2], corners) + self._by.clearance_m
+            top_m = (
+                self._footholds.highest_m(swing.position_m[:2], swing.position_m[:2], corners) + self._by.clearance_m
+            )
             aloft = None if clear else aloft_s
             side = self._legs.side[name]
             state = Swinging(swing.position_m, swing.velocity_m_s, side, aloft, top_m, swing.landing)

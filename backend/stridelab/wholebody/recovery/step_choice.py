@@ -84,7 +84,8 @@ class Step:
 class Swinging:
     """The sole to place: position and velocity of its centre, side, and seconds since it left the ground.
 
-    ``aloft_s`` is None once it is clear of the ground. ``top_m`` is the height at which it is clear of the ground below it.
+    ``aloft_s`` is None once it is clear of the ground. ``top_m`` is the height at which it is clear of the ground
+    below it.
     """
 
     position_m: Float[np.ndarray, "3"]
