@@ -151,10 +151,12 @@ class StepChooser:
         heights = self._footholds.sole_heights_m(places, CORNERS * (self._half + by.edge_m) @ axes.T)
         with np.errstate(invalid="ignore"):
             reachable = np.abs(heights - stance_m[2]) < by.climb_m
+            if swing.is_landing:  # it does not rise again, and a riser may be ahead
+                reachable &= heights < swing.position_m[2] + 0.005
         if not reachable.any():
             return None
         local, places, heights = local[reachable], places[reachable], heights[reachable]
-        T, effort = self._landing_times_s(places, heights, swing, axes)
+        T, effort = self._landing_times_s(places, heights, swing, axes, last)
         xi, growth = axes.T @ (capture_m - stance_m[:2]), np.exp(rate_per_s * T)[..., None]
         reached = _braked_capture(xi, growth, inner)
         _, excess = nearest_in_hull(reached, local[:, None, :], inner)
@@ -173,7 +175,7 @@ class StepChooser:
         return Step(places[k], float(heights[k]), float(T[k, j]), float(cost[k, j]))
 
     def _landing_times_s(
-        self, places_m: np.ndarray, heights_m: np.ndarray, swing: Swinging, axes: Axes
+        self, places_m: np.ndarray, heights_m: np.ndarray, swing: Swinging, axes: Axes, last: Step | None
     ) -> tuple[Float[np.ndarray, "k t"], Float[np.ndarray, "k t"]]:
         """Times of landing at every place, and the accelerations of the sole, as shares of the largest."""
         by, at = self._search, swing.position_m
@@ -192,6 +194,8 @@ class StepChooser:
             first_s = np.maximum(first_s, by.least_s) - min(swing.aloft_s, by.least_s - 0.07)
             first_s = np.maximum(first_s, over_s + 0.02)
         T = first_s[:, None] + np.array(by.later_s)
+        if last is not None:  # otherwise a landing as it was chosen could only be postponed or hastened
+            T = np.column_stack([T, np.maximum(first_s, last.in_s)])
         level_s = T - over_s[:, None]
         gone = (axes.T @ swing.velocity_m_s[:2]) * level_s[..., None]
         peak = np.maximum(np.abs(60.0 * along[:, None] - 36.0 * gone), np.abs(60.0 * along[:, None] - 24.0 * gone))
