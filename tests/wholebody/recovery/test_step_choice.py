@@ -19,6 +19,7 @@ from stridelab.wholebody.recovery.step_choice import (
     braking_pressure,
     nearest_in_hull,
 )
+from stridelab.wholebody.recovery.swing_aim import AimedSwing
 
 RATE_PER_S = 3.4
 HALF_M = np.array([0.1, 0.06])
@@ -142,3 +143,30 @@ def test_the_longest_leg_is_that_of_the_straightest_knee(robot: str, knee: str) 
     pin.forwardKinematics(model, data, q)
     hip, ankle = data.oMi[chain[0]], data.oMi[model.getJointId(knee) + 2]
     assert legs.leg_m == pytest.approx(np.linalg.norm(hip.translation - ankle.translation), abs=0.01)
+
+
+def test_a_landing_on_a_lower_tread_is_not_postponed_by_each_new_choice() -> None:
+    """Its robot was still waiting for that landing when it fell: the time stayed 0.27 s from choice to choice."""
+    treads = [
+        Box(name, Placement.from_wxyz([x, 0.0, z - 0.5]), np.array([0.3, 1.2, 1.0]))
+        for name, x, z in (("upper", 0.0, 0.1), ("lower", -0.3, 0.0))
+    ]
+    choice = StepChooser(StepSearch(), talos_legs(), Footholds(Terrain(tuple(treads))))
+    stance_m, capture_m = np.array([0.0, -0.09, 0.1]), np.array([-0.12, 0.0])
+    swing, step, dt = AimedSwing(np.array([0.0, 0.09, 0.1]), np.zeros(3)), None, 0.016
+    expected_s = []
+    for k in range(40):
+        top_m = 0.15 if swing.position_m[0] + 0.1 > -0.15 else 0.05
+        now = Swinging(swing.position_m, swing.velocity_m_s, 1.0, dt * k if k < 5 else None, top_m, swing.landing)
+        step = choice.choose_step(capture_m, RATE_PER_S, stance_m, now, np.eye(2), step)
+        assert step is not None
+        if step.in_s < 0.06:
+            break
+        expected_s.append(dt * k + step.in_s)
+        swing.clear_m = top_m
+        for _ in range(4):
+            swing.advance(step.place_m, step.height_m, step.in_s, dt / 4)
+            step = replace(step, in_s=step.in_s - dt / 4)
+    assert step.height_m == 0.0
+    assert dt * k < 0.5
+    assert max(expected_s) - expected_s[0] < 0.08

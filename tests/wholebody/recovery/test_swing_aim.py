@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from stridelab.wholebody.recovery.step_choice import FALL_M_S2, fall_time_s
 from stridelab.wholebody.recovery.swing_aim import BEHIND_M, MOST_M_S2, SEARCH_M_S, AimedSwing
 
 DT_S = 0.004
@@ -45,3 +46,29 @@ def test_the_reference_waits_for_a_sole_that_is_left_behind() -> None:
     swing.follow(np.array([0.1, 0.0, 0.05]), np.zeros(3))
     assert swing.position_m[0] == pytest.approx(0.1 + BEHIND_M)
     assert swing.velocity_m_s[0] < 1.0
+
+
+@pytest.mark.parametrize("drop_m", [0.05, 0.1, 0.15, 0.25])
+def test_a_sole_that_comes_down_is_expected_when_it_lands(drop_m: float) -> None:
+    """Otherwise each new choice of its step postpones the landing, until the robot has fallen."""
+    T = float(fall_time_s(drop_m, 0.0))
+    share = np.linspace(0.0, 1.0, 101)
+    z = drop_m * (1.0 - share**3 * (10.0 - 15.0 * share + 6.0 * share**2))
+    down_m_s = 30.0 * drop_m / T * (share * (1.0 - share)) ** 2
+    expected_s = [float(fall_time_s(at, v)) for at, v in zip(z, down_m_s, strict=True)]
+    assert (np.array(expected_s) <= T * (1.04 - share)).all()
+    peak_m_s2 = np.abs(60.0 * drop_m / T**2 * share * (1.0 - share) * (1.0 - 2.0 * share)).max()
+    assert peak_m_s2 == pytest.approx(FALL_M_S2, rel=2e-3)
+
+
+@pytest.mark.parametrize("riser_m", [0.1, 0.17])
+def test_a_step_down_passes_the_edge_before_it_comes_down(riser_m: float) -> None:
+    """From the middle of a tread of 0.3 m to that of the lower one; the sole is 0.2 m long."""
+    swing, T = AimedSwing(np.array([0.0, 0.0, riser_m]), np.zeros(3)), 0.42
+    swing.clear_m = riser_m + 0.05
+    for k in range(round(T / DT_S) - 1):
+        swing.advance(np.array([-0.3, 0.0]), 0.0, T - k * DT_S, DT_S)
+        if swing.position_m[0] + 0.1 > -0.15:
+            assert swing.position_m[2] > riser_m - 0.01
+    assert swing.position_m == pytest.approx([-0.3, 0.0, 0.0], abs=0.01)
+    assert swing.velocity_m_s[2] == pytest.approx(-0.1, abs=0.05)

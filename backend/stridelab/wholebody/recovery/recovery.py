@@ -248,7 +248,8 @@ class RecoveryRun:
             steps = {}
             for name in short or places:
                 (stance_m,) = (at for sole, at in places.items() if sole != name)
-                swing = Swinging(places[name], np.zeros(3), self._legs.side[name], 0.0)
+                top_m = float(places[name][2]) + self._by.clearance_m
+                swing = Swinging(places[name], np.zeros(3), self._legs.side[name], 0.0, top_m)
                 steps[name] = self._chooser.choose_step(capture_m, w, stance_m, swing, self._axes, None)
             found = {name: step for name, step in steps.items() if step is not None}
             if found:
@@ -274,7 +275,13 @@ class RecoveryRun:
             self._step = replace(self._step, in_s=self._step.in_s - self._dt_s)
         if self._samples % self._by.choose_every == 0 and (self._step is None or self._step.in_s > self._by.fixed_s):
             clear = swing.position_m[2] > at[2] + 0.02 and (self.steps == 0 or aloft_s > 0.08)
-            state = Swinging(swing.position_m, swing.velocity_m_s, self._legs.side[name], None if clear else aloft_s)
+            corners = CORNERS * self._legs.half_m @ self._axes.T
+            top_m = (
+                self._footholds.highest_m(swing.position_m[:2], swing.position_m[:2], corners) + self._by.clearance_m
+            )
+            aloft = None if clear else aloft_s
+            side = self._legs.side[name]
+            state = Swinging(swing.position_m, swing.velocity_m_s, side, aloft, top_m, swing.landing)
             step = self._chooser.choose_step(capture_m, w, at, state, self._axes, self._step)
             if step is not None:
                 self._take_step(step)

@@ -26,6 +26,12 @@ Shift = Float[np.ndarray, "2"]
 Axes = Float[np.ndarray, "2 2"]
 QUINTIC_PEAK = 5.77
 """Peak acceleration of a quintic over distance d in T from rest to rest, in units of d / T^2."""
+FALL_M_S2 = 25.0
+"""Peak vertical acceleration of a sole that comes down."""
+DROP_M = 0.08
+"""Height of the top of a swing above its place from which on the sole first passes the edge and then comes down."""
+EDGE_SHARE = 0.5
+"""Share of the time of such a drop before whose end the sole is above its place."""
 CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 
 
@@ -47,7 +53,6 @@ class StepSearch:
     gap_m: float = 0.03
     climb_m: float = 0.25
     speed_m_s: float = 3.0
-    down_m_s: float = 0.6
     rise_m_s2: float = 15.0
     acceleration_m_s2: float = 22.0
     narrow: float = 45.0
@@ -79,13 +84,25 @@ class Step:
 class Swinging:
     """The sole to place: position and velocity of its centre, side, and seconds since it left the ground.
 
-    ``aloft_s`` is None once it is clear of the ground.
+    ``aloft_s`` is None once it is clear of the ground. ``top_m`` is the height at which it is clear of the ground
+    below it.
     """
 
     position_m: Float[np.ndarray, "3"]
     velocity_m_s: Float[np.ndarray, "3"]
     side: float
     aloft_s: float | None
+    top_m: float = -np.inf
+    is_landing: bool = False
+
+
+def fall_time_s(drop_m: Float[np.ndarray, "*n"] | float, down_m_s: float) -> Float[np.ndarray, "*n"]:
+    """Shortest time in which a sole that moves down at ``down_m_s`` comes down by ``drop_m``.
+
+    Its quintic to rest has the peak acceleration 5.77 |d - v T / 2| / T^2.
+    """
+    k = FALL_M_S2 / QUINTIC_PEAK
+    return np.asarray((np.sqrt(0.25 * down_m_s**2 + 4.0 * k * np.maximum(drop_m, 0.0)) - 0.5 * down_m_s) / (2.0 * k))
 
 
 def nearest_in_hull(
@@ -134,10 +151,12 @@ class StepChooser:
         heights = self._footholds.sole_heights_m(places, CORNERS * (self._half + by.edge_m) @ axes.T)
         with np.errstate(invalid="ignore"):
             reachable = np.abs(heights - stance_m[2]) < by.climb_m
+            if swing.is_landing:  # it does not rise again, and a riser may be ahead
+                reachable &= heights < swing.position_m[2] + 0.005
         if not reachable.any():
             return None
         local, places, heights = local[reachable], places[reachable], heights[reachable]
-        T, hurry = self._landing_times_s(places, heights, swing, axes)
+        T, effort = self._landing_times_s(places, heights, swing, axes, last)
         xi, growth = axes.T @ (capture_m - stance_m[:2]), np.exp(rate_per_s * T)[..., None]
         reached = _braked_capture(xi, growth, inner)
         _, excess = nearest_in_hull(reached, local[:, None, :], inner)
@@ -145,7 +164,7 @@ class StepChooser:
             by.second_excess
             * np.where(excess > 0.0, self._excess_of_next(reached - local[:, None, :], rate_per_s, swing.side), 0.0)
             + by.first_excess * excess
-            + by.hurry * np.minimum(hurry, 10.0)
+            + by.hurry * np.clip(effort - 1.0, 0.0, 10.0)
             + by.time * T
             + by.length * ((local - [0.0, swing.side * self._spacing_m]) ** 2).sum(axis=-1)[:, None]
         )
@@ -156,23 +175,32 @@ class StepChooser:
         return Step(places[k], float(heights[k]), float(T[k, j]), float(cost[k, j]))
 
     def _landing_times_s(
-        self, places_m: np.ndarray, heights_m: np.ndarray, swing: Swinging, axes: Axes
+        self, places_m: np.ndarray, heights_m: np.ndarray, swing: Swinging, axes: Axes, last: Step | None
     ) -> tuple[Float[np.ndarray, "k t"], Float[np.ndarray, "k t"]]:
-        """Times of landing at every place, and the share by which they exceed the acceleration of the sole."""
+        """Times of landing at every place, and the accelerations of the sole, as shares of the largest."""
         by, at = self._search, swing.position_m
         rise_m = heights_m - at[2]
         along = (places_m - at[:2]) @ axes
         up_s = np.sqrt(QUINTIC_PEAK * np.maximum(rise_m + 0.02, 0.0) / by.rise_m_s2) + 0.08
-        down_s = np.maximum(-rise_m, 0.0) / by.down_m_s + 0.02
         far_s = np.hypot(np.hypot(*along.T), rise_m) / by.speed_m_s + 0.02
-        first_s = np.maximum(np.where(rise_m > -0.005, up_s, down_s), far_s)
+        is_over_edge = swing.top_m - heights_m > DROP_M
+        fall_m = np.where(is_over_edge, np.maximum(swing.top_m, at[2]), at[2]) - heights_m
+        falling_m_s = max(-float(swing.velocity_m_s[2]), 0.0) if swing.is_landing else 0.0
+        down_s = fall_time_s(fall_m, falling_m_s)
+        over_s = np.where(is_over_edge, EDGE_SHARE * down_s, 0.0)
+        level_m = 0.005 if swing.is_landing else -0.005
+        first_s = np.maximum(np.where(rise_m > level_m, up_s, down_s), far_s + over_s)
         if swing.aloft_s is not None:
             first_s = np.maximum(first_s, by.least_s) - min(swing.aloft_s, by.least_s - 0.07)
+            first_s = np.maximum(first_s, over_s + 0.02)
         T = first_s[:, None] + np.array(by.later_s)
-        gone = (axes.T @ swing.velocity_m_s[:2]) * T[..., None]
+        if last is not None:  # otherwise a landing as it was chosen could only be postponed or hastened
+            T = np.column_stack([T, np.maximum(first_s, last.in_s)])
+        level_s = T - over_s[:, None]
+        gone = (axes.T @ swing.velocity_m_s[:2]) * level_s[..., None]
         peak = np.maximum(np.abs(60.0 * along[:, None] - 36.0 * gone), np.abs(60.0 * along[:, None] - 24.0 * gone))
-        peak_m_s2 = QUINTIC_PEAK / 60.0 * np.hypot(*np.moveaxis(peak, -1, 0)) / T**2
-        return T, np.maximum(peak_m_s2 / self._most_m_s2 - 1.0, 0.0)
+        peak_m_s2 = QUINTIC_PEAK / 60.0 * np.hypot(*np.moveaxis(peak, -1, 0)) / level_s**2
+        return T, peak_m_s2 / self._most_m_s2
 
     def _excess_of_next(self, rest_m: np.ndarray, rate_per_s: float, side: float) -> np.ndarray:
         """Excess after a step of the standing leg, for a capture point relative to the sole that lands before it."""

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Vector3
-from stridelab.wholebody.recovery.step_choice import QUINTIC_PEAK
+from stridelab.wholebody.recovery.step_choice import DROP_M, EDGE_SHARE, QUINTIC_PEAK, fall_time_s
 
 SEARCH_M_S = 0.3
 """Speed downwards of a sole that has not met the ground in time."""
@@ -27,7 +27,8 @@ def quintic_acceleration(p: float, v: float, a: float, end: float, v_end: float,
 class AimedSwing:
     """Reference of one swinging sole: position, velocity and acceleration of its centre.
 
-    ``clear_m`` is the height to pass over. The last 45 % of the swing, 0.08 to 0.2 s, come down.
+    ``clear_m`` is the height to pass over. The last 45 % of the swing, 0.08 to 0.2 s, come down. Where it comes down by
+    more than ``DROP_M``, it is above its place before.
     """
 
     def __init__(self, position_m: Vector3, velocity_m_s: Vector3) -> None:
@@ -44,8 +45,14 @@ class AimedSwing:
             self.position_m = self.position_m + self.velocity_m_s * dt_s
             return
         fall_s = min(max(0.45 * (in_s + self._elapsed_s), 0.08), 0.2)
+        up, over_s = float(self.position_m[2]), 0.02
+        drop_m = max(self.clear_m, up) - height_m
+        if not self.landing and drop_m > DROP_M:
+            fall_s = max(fall_s, float(fall_time_s(drop_m, 0.0)))
+        if self.clear_m - height_m > DROP_M:
+            over_s = EDGE_SHARE * fall_s
         self.landing = self.landing or fall_s >= in_s
-        level_s, up = max(in_s - 0.02, dt_s), float(self.position_m[2])
+        level_s = max(in_s - over_s, dt_s)
         ends = [(float(place_m[0]), 0.0, level_s), (float(place_m[1]), 0.0, level_s)]
         if self.landing:
             ends.append((height_m, -TOUCH_DOWN_M_S, in_s))
