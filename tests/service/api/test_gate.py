@@ -7,8 +7,8 @@ import pytest
 from starlette.types import Message, Receive, Scope, Send
 
 from stridelab.errors import InvalidInput
-from stridelab.service.api.__main__ import build_server
 from stridelab.service.api.middleware.authentication import AuthenticationMiddleware, as_internal_app, local_target
+from stridelab.service.api.server import build_server
 from stridelab.service.api.session_cookies import COOKIE, SESSION_S, SigningKeys
 from stridelab.service.settings import Settings
 from support.service.database import TestDatabases

@@ -116,6 +116,24 @@ def test_a_clock_that_jumps_back_loses_nothing(database_url: str, with_consumers
     with_consumers(1, act)
 
 
+def test_a_clock_that_jumps_back_hides_no_dead_worker(
+    database_url: str, with_consumers: Callable[[int, Work], None]
+) -> None:
+    """A worker that died before the jump is lost after the stall time, not after an hour."""
+
+    async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
+        dead, alive = consumers
+        job_id = (await store.submit("work", {})).job_id
+        assert await take(dead) is not None
+        await asyncio.to_thread(shift, database_url, -3600.0)
+        assert await attempts.requeue_lost(STALL_S) == []
+        await asyncio.to_thread(shift, database_url, STALL_S + 1.0)
+        await alive.send_heartbeat()
+        assert await attempts.requeue_lost(STALL_S) == [job_id]
+
+    with_consumers(2, act)
+
+
 def test_concurrent_claims_start_every_job_once(database_url: str, with_consumers: Callable[[int, Work], None]) -> None:
     """A worker that finds the first job of an owner locked gets the next one; every worker gets a job."""
 

@@ -10,7 +10,7 @@ from obstore.store import S3Store
 from stridelab.errors import InvalidInput, NotFound, Unavailable
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
-from support.service.external_services import ADDRESS, object_store
+from support.service.external_services import ADDRESS, ObjectStoreHandler, object_store
 
 
 @pytest.fixture(params=["folder", "object store"])
@@ -50,6 +50,25 @@ def test_file_comes_back_as_it_went_in(any_store: BlobStore, tmp_path: Path) -> 
 
     asyncio.run(act())
     assert target.read_bytes() == content
+
+
+@pytest.mark.parametrize("kept_bytes", [None, 0, 10])
+def test_a_store_that_confirms_and_stores_nothing_is_unavailable(
+    kept_bytes: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store_whole = ObjectStoreHandler._store
+
+    def store_part(self: ObjectStoreHandler, path: Path, content: bytes) -> None:
+        if kept_bytes is not None:
+            store_whole(self, path, content[:kept_bytes])
+
+    monkeypatch.setattr(ObjectStoreHandler, "_store", store_part)
+    (tmp_path / "x").write_bytes(b"eleven byte")
+    with object_store(tmp_path / "objects") as options:
+        store = BlobStore.from_url(ADDRESS, options)
+        with pytest.raises(Unavailable) as refused:
+            asyncio.run(store.put_file("results/a/1/x.csv", tmp_path / "x"))
+    assert refused.value.code == "storage-unavailable"
 
 
 def test_prefix_is_deleted_by_whole_segments(any_store: BlobStore, tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ ADDRESS = f"s3://{BUCKET}/data"
 OPTIONS = {"access_key_id": "key", "secret_access_key": "secret", "region": "us-east-1"}
 
 
-class _Handler(BaseHTTPRequestHandler):
+class ObjectStoreHandler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     folder: Path
 
@@ -181,7 +181,7 @@ class _Server(ThreadingHTTPServer):
 
 def server_on(port: int, folder: Path) -> ThreadingHTTPServer:
     """A server on loopback that keeps its objects in ``folder``."""
-    handler = type("Handler", (_Handler,), {"folder": folder})
+    handler = type("Handler", (ObjectStoreHandler,), {"folder": folder})
     return _Server(("127.0.0.1", port), handler)
 
 

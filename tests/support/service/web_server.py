@@ -25,8 +25,8 @@ import structlog
 import uvicorn
 from fastapi import FastAPI
 
-from stridelab.service.api import __main__ as api_main
 from stridelab.service.api import app as api_app
+from stridelab.service.api import server as api_server
 from stridelab.service.api.app import create_app
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.processes.fork_server_client import ForkServerClient, child_environment
@@ -213,7 +213,7 @@ def main() -> None:
     """The web server as a program, which imports what reads uploads with the first one, and prepares no robot."""
     api_app.IsolatedPool = LatePool  # type: ignore[misc]
     api_app._warm_robots = _idle_at_start
-    api_main.main()
+    api_server.main()
 
 
 if __name__ == "__main__":

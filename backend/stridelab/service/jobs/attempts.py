@@ -33,6 +33,8 @@ _LOST = text(
      ORDER BY created_at LIMIT 100 FOR UPDATE SKIP LOCKED
     """
 )
+_FROM_THE_FUTURE = text("UPDATE worker SET last_heartbeat = now() WHERE last_heartbeat > now()")
+"""After a clock was set back: a dead worker would seem alive until the clock has caught up with its last heartbeat."""
 
 
 def _fenced_change(assignments: str, condition: str = "", *, ends_attempt: bool = True) -> TextClause:
@@ -168,6 +170,7 @@ class AttemptStore:
         async with self._engine.begin() as connection:
             if not (await connection.execute(select(func.pg_try_advisory_xact_lock(locks.REAPER)))).scalar_one():
                 return []
+            await connection.execute(_FROM_THE_FUTURE)
             never = 10.0 * 365 * 86400
             lost = await connection.execute(_LOST, {"silent_s": never if silent_s is None else silent_s})
             attempts = [Attempt(row["id"], row["attempt"], row["kind"], dict(row)) for row in lost.mappings()]

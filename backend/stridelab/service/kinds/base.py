@@ -72,8 +72,8 @@ class Outcome:
         return value if self.failure is None else value | {"problem": problem_of(self.failure)}
 
 
-Stage: TypeAlias = "Callable[[AsyncConnection, Blobs, Contract, Path], Awaitable[Json]]"
-"""``stage(connection, blobs, input, folder) -> task``: fetch rows and blob files into ``folder``."""
+Stage: TypeAlias = "Callable[[AsyncConnection, Blobs, Any, Path], Awaitable[Json]]"
+"""``stage(connection, blobs, input, folder) -> task``: fetch rows and blob files for a valid input into ``folder``."""
 Publish: TypeAlias = "Callable[[AsyncConnection, Blobs, Mapping[str, Any], Json, Path], Awaitable[Json | None]]"
 """``publish(connection, blobs, job_row, outcome, folder) -> summary``: called inside the fenced transaction, before
 the job row is set to succeeded; ``folder`` still contains the artifacts; a returned summary replaces the outcome's."""

@@ -76,17 +76,22 @@ class BlobStore:
     async def put_file(self, key: str, path: Path) -> int:
         """Store a file under ``key``, atomically and durably; returns its size in bytes.
 
-        In a folder the file is then synchronised to disk (``local_files``); an object store has confirmed the upload.
+        In a folder the file is then synchronised to disk (``local_files``); an object store has confirmed the upload
+        and reports the size of the object: some answer 200 and store nothing.
         """
         _require_key(key)
+        size = path.stat().st_size
         try:
             if self.folder is not None:
                 await asyncio.to_thread(write_durably, self.folder, key, path, self.system)
             else:
                 await obstore.put_async(self.backend, key, path, chunk_size=5 * CHUNK_BYTES, max_concurrency=2)
+                stored = await self.info(key)
+                if stored is None or stored.bytes != size:
+                    raise Unavailable("storage-unavailable", "The file storage did not store a file that it confirmed.")
         except (BaseError, OSError) as error:
             raise _storage_error(error) from error
-        return path.stat().st_size
+        return size
 
     async def keep_or_replace(self, key: str, path: Path, sha256: str) -> bool:
         """Store ``path`` under ``key`` unless an undamaged file with this content is there; returns whether it did."""

@@ -68,8 +68,8 @@ async def watch_markers(socket: WebSocket, parts: AppParts, stream_id: str) -> N
 
     async def show() -> None:
         idle_s = parts.settings.stream_idle_s
-        with parts.live.require_channel(stream_id).watch() as pictures:
-            await send_until_end(socket, pictures.get, _ignore_messages(socket), idle_s, reason="stream-ended")
+        with parts.live.require_channel(stream_id).watch() as viewer:
+            await send_until_end(socket, viewer.next_message, _ignore_messages(socket), idle_s, reason="stream-ended")
 
     await serve_stream(socket, parts, show)
 

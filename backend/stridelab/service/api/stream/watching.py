@@ -3,7 +3,6 @@
 Those who watch never delay a stream: each has room for one picture, and a newer one replaces it.
 """
 
-import asyncio
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,13 +10,11 @@ from typing import Final
 
 from stridelab.errors import Busy, NotFound
 from stridelab.schemas.streams import LiveStream, MarkerStreamConfiguration
+from stridelab.service.api.live.viewers import Viewer
 from stridelab.service.api.stream.limits import RETRY_S
 
 MAX_WATCHING: Final = 16
 """Those who can watch one stream at a time."""
-
-Picture = asyncio.Queue[str | None]
-"""Room for one picture; None is the end of the stream."""
 
 
 class LiveChannel:
@@ -27,7 +24,7 @@ class LiveChannel:
         self.stream_id = secrets.token_hex(8)
         self.configuration = configuration
         self.marker_set = ""
-        self._watching: set[Picture] = set()
+        self._watching: set[Viewer] = set()
 
     def describe(self) -> LiveStream:
         """The stream as a list shows it."""
@@ -39,26 +36,29 @@ class LiveChannel:
             n_watching=len(self._watching),
         )
 
-    def publish(self, picture: str | None) -> None:
-        """Show ``picture`` to all who watch; None ends their watching."""
-        for place in self._watching:
-            if place.full():
-                place.get_nowait()
-            place.put_nowait(picture)
+    def publish(self, picture: str) -> None:
+        """Show ``picture`` to all who watch."""
+        for viewer in self._watching:
+            viewer.show_frame(picture)
+
+    def end(self) -> None:
+        """End the watching."""
+        for viewer in self._watching:
+            viewer.end()
 
     @contextmanager
-    def watch(self) -> Iterator[Picture]:
-        """A place for pictures for the duration of the context. Raises ``Busy`` (``too-many-watching``)."""
+    def watch(self) -> Iterator[Viewer]:
+        """A viewer for the duration of the context. Raises ``Busy`` (``too-many-watching``)."""
         if len(self._watching) >= MAX_WATCHING:
             raise Busy(
                 "too-many-watching", f"{MAX_WATCHING} others watch this stream already, which is the limit.", RETRY_S
             )
-        place: Picture = asyncio.Queue(maxsize=1)
-        self._watching.add(place)
+        viewer = Viewer(may_push=False)
+        self._watching.add(viewer)
         try:
-            yield place
+            yield viewer
         finally:
-            self._watching.discard(place)
+            self._watching.discard(viewer)
 
 
 class LiveBoard:
@@ -75,7 +75,7 @@ class LiveBoard:
             yield
         finally:
             del self._open[channel.stream_id]
-            channel.publish(None)
+            channel.end()
 
     def describe_all(self) -> list[LiveStream]:
         """All open streams, the newest first."""

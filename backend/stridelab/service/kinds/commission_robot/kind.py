@@ -9,7 +9,6 @@ from sqlalchemy import update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.errors import Fault, NotFound
-from stridelab.schemas.base import Contract
 from stridelab.schemas.robots import CommissionRobotInput, CommissionRobotSummary
 from stridelab.service.filenames import LEARNED_FILE, ROBOT_STATE_FILE, STAGED_ROBOT
 from stridelab.service.kinds.base import Blobs, JobKind, Json
@@ -21,13 +20,12 @@ from stridelab.service.stored_robots import ROBOT_FOLDER, find_robot, stored_byt
 """Facts and shapes of the learned robot, for its row."""
 
 
-async def stage(connection: AsyncConnection, blobs: Blobs, body: Contract, folder: Path) -> Json:
+async def stage(connection: AsyncConnection, blobs: Blobs, request: CommissionRobotInput, folder: Path) -> Json:
     """Fetch the robot. Raises ``NotFound`` (``robot-not-found``) for one that is bundled or was deleted."""
-    request = CommissionRobotInput.model_validate(body.model_dump())
     if await find_robot(connection, request.robot) is None:
         message = f"There is no robot {request.robot} of a user; it may have been deleted since the job was accepted."
         raise NotFound("robot-not-found", message, [Fault("robot", "unknown")])
-    return await stage_input(connection, blobs, body, folder)
+    return await stage_input(connection, blobs, request, folder)
 
 
 async def publish(

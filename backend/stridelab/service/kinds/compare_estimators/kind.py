@@ -5,7 +5,6 @@ from pathlib import Path
 from sqlalchemy import select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.schemas.base import Contract
 from stridelab.schemas.comparison import CompareEstimatorsInput, CompareEstimatorsSummary
 from stridelab.schemas.tasks import CompareEstimatorsTask
 from stridelab.service.kinds.base import Blobs, JobKind, Json
@@ -15,9 +14,8 @@ from stridelab.service.samples.recording import SAMPLE_ID
 from stridelab.service.storage.tables import job, recording
 
 
-async def stage(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+async def stage(connection: AsyncConnection, blobs: Blobs, request: CompareEstimatorsInput, folder: Path) -> Json:
     """Fetch the files of ``estimate-com``, and the ground truth of a simulated recording."""
-    request = CompareEstimatorsInput.model_validate(input.model_dump())
     staged = await stage_estimate_com(connection, blobs, request, folder)
     prefix = await connection.execute(
         select(job.c.blob_prefix)

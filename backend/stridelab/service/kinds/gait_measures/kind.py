@@ -4,7 +4,6 @@ from pathlib import Path
 
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.schemas.base import Contract
 from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary
 from stridelab.schemas.tasks import GaitMeasuresTask
 from stridelab.service.kinds.base import Blobs, JobKind, Json
@@ -12,9 +11,8 @@ from stridelab.service.kinds.staging import require_recordings, stage_members
 from stridelab.service.samples.recording import SAMPLE_ID
 
 
-async def stage(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+async def stage(connection: AsyncConnection, blobs: Blobs, request: GaitMeasuresInput, folder: Path) -> Json:
     """Fetch every recording into a separate folder. Raises as ``require_recordings`` does."""
-    request = GaitMeasuresInput.model_validate(input.model_dump())
     await require_recordings(connection, request.recording_ids)
     members = await stage_members(connection, blobs, request.recording_ids, request.method, folder)
     return GaitMeasuresTask(members=members).model_dump(mode="json")

@@ -7,7 +7,6 @@ from typing import Final
 
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.schemas.base import Contract
 from stridelab.schemas.measures import GaitReportInput, GaitReportSummary
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.tasks import GaitReportTask, ReferencePerson
@@ -22,9 +21,8 @@ LOGO_BYTES: Final = 1_000_000
 """Bytes of a logo that are fetched: more than a report accepts."""
 
 
-async def stage(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+async def stage(connection: AsyncConnection, blobs: Blobs, request: GaitReportInput, folder: Path) -> Json:
     """Fetch all recordings; those of the reference group by person. Raises as ``require_recordings`` does."""
-    request = GaitReportInput.model_validate(input.model_dump())
     groups = (request.recording_ids or [], request.reference_recording_ids, request.before_recording_ids)
     for ids in groups:
         await require_recordings(connection, ids)

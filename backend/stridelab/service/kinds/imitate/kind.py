@@ -4,7 +4,6 @@ from pathlib import Path
 
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.schemas.base import Contract
 from stridelab.schemas.imitation.contract import ImitateInput, ImitateSummary, ImitateTask
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.service.kinds.base import Blobs, JobKind, Json
@@ -13,9 +12,8 @@ from stridelab.service.samples.recording import SAMPLE_ID
 from stridelab.service.stored_robots import stage_robot
 
 
-async def stage(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+async def stage(connection: AsyncConnection, blobs: Blobs, request: ImitateInput, folder: Path) -> Json:
     """Fetch the files of ``estimate-com``, and the robot if it is one of a user."""
-    request = ImitateInput.model_validate(input.model_dump())
     fields = {name: value for name, value in request.model_dump().items() if name in EstimateComInput.model_fields}
     staged = await stage_estimate_com(connection, blobs, EstimateComInput(**fields), folder)
     await stage_robot(connection, blobs, request.robot, folder)

@@ -13,7 +13,6 @@ from typing import Any, Final
 from sqlalchemy import insert, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.schemas.base import Contract
 from stridelab.schemas.population import ReadBatchInput, ReadBatchSummary
 from stridelab.service.filenames import child_output_file
 from stridelab.service.kinds.base import Blobs, JobKind, Json
@@ -32,9 +31,8 @@ def batch_prefix(job_input: Mapping[str, Any]) -> str:
     return f"{BATCH_FOLDER}/{job_input['batch_id']}"
 
 
-async def stage(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+async def stage(connection: AsyncConnection, blobs: Blobs, request: ReadBatchInput, folder: Path) -> Json:
     """Fetch the files of the upload; the task is stored with them."""
-    request = ReadBatchInput.model_validate(input.model_dump())
     for name in request.files:
         await blobs.get_file(f"{batch_prefix(request.model_dump())}/{name}", folder / name)
     return {"task": (folder / TASK_FILE).read_text(encoding="utf-8")}

@@ -5,7 +5,6 @@ from typing import Final
 
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.schemas.base import Contract
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.population import PersonFields, StudyPopulationInput, StudyPopulationSummary, SubjectOfRecording
 from stridelab.schemas.tasks import FitCycloidTask, PopulationMember, StudyPopulationTask
@@ -16,9 +15,8 @@ from stridelab.service.samples.recording import SAMPLE_ID
 STATED_FIELDS: Final = ("height_m", "mass_kg", "sex", "age_years")
 
 
-async def stage(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+async def stage(connection: AsyncConnection, blobs: Blobs, request: StudyPopulationInput, folder: Path) -> Json:
     """Fetch every recording into a separate folder. Raises as ``require_recordings`` does."""
-    request = StudyPopulationInput.model_validate(input.model_dump())
     await require_recordings(connection, request.recording_ids)
     table = {row.recording_id: row for row in request.subjects}
     members = []
