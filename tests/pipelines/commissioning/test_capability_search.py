@@ -86,5 +86,5 @@ def test_every_capability_has_a_reason_without_a_level_walk() -> None:
     assert [one.name for one in nothing.capabilities] == list(NAMES)
     assert {(one.value, one.reason) for one in nothing.capabilities} == {(None, "no time was given")}
     assert nothing.scenarios == {}
-    pace, _ = capability_search._search_one(level_walk("talos"), math.inf, "pace")
-    assert (pace.value, pace.reason) == (None, capability_search.NO_WALK)
+    pace = capability_search._search_one(level_walk("talos"), math.inf, "pace")["capability"]
+    assert (pace["value"], pace["reason"]) == (None, capability_search.NO_WALK)

@@ -6,7 +6,6 @@ per core, and stop trying further values when their time has ended.
 """
 
 import math
-import pickle
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -108,13 +107,15 @@ def search_capabilities(walk: LevelWalk, search_s: float, progress: ProgressCall
         preload=PRELOAD,
         timeout_s=search_s + LAST_TRIAL_S,
         processes=usable_cores(),
-        codec=pickle,
         spans_nodes=False,
     )
     with closing(runs):
         for index, result in runs:
             name = NAMES[index]
-            done[name] = (_not_tried(name, result.message), None) if isinstance(result, StridelabError) else result
+            if isinstance(result, StridelabError):
+                done[name] = (_not_tried(name, result.message), None)
+            else:
+                done[name] = (Capability.model_validate(result["capability"]), result["scenario"])
             progress(len(done) / len(NAMES), f"{len(done)} of {len(NAMES)}, {_describe(done[name][0])}")
     found = [done[name][0] if name in done else _not_tried(name, "no time was given") for name in NAMES]
     scenarios = {name: scenario for name, (_, scenario) in done.items() if scenario is not None}
@@ -179,12 +180,14 @@ def bisect_capability(
     return capability, best
 
 
-def _search_one(walk: LevelWalk, ends_s: float, name: CapabilityName) -> tuple[Capability, dict[str, Any] | None]:
-    """Entry point of a process: search one capability."""
+def _search_one(walk: LevelWalk, ends_s: float, name: CapabilityName) -> dict[str, Any]:
+    """Entry point of a process: search one capability; what it returns is sent as JSON."""
     add_models_folder(walk.models)
     if walk.motion is None and name not in ("turn", "stair"):
-        return _not_tried(name, NO_WALK), None
-    return bisect_capability(name, _search_of(name, walk), ends_s)
+        capability, scenario = _not_tried(name, NO_WALK), None
+    else:
+        capability, scenario = bisect_capability(name, _search_of(name, walk), ends_s)
+    return {"capability": capability.model_dump(mode="json"), "scenario": scenario}
 
 
 def _search_of(name: CapabilityName, walk: LevelWalk) -> _Search:

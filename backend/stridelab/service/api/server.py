@@ -22,6 +22,8 @@ from stridelab.service.settings import current_settings as load_settings
 
 WS_MAX_BYTES = 64 * 1024 * 1024
 SHUTDOWN_GRACE_S = 2
+COLLECTOR_THRESHOLDS = (700, 10, 10)
+"""Python's own, which ``__main__`` changes for the imports."""
 
 
 class Server(uvicorn.Server):
@@ -35,7 +37,6 @@ class Server(uvicorn.Server):
         """Start the heartbeat, then the server; called in the event loop."""
         self._beating = asyncio.create_task(heartbeat.write_heartbeats())
         await super().startup(sockets)
-        gc.freeze()  # modules, schemas and templates: no collection looks at them again
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Handle SIGINT and SIGTERM."""
@@ -79,6 +80,9 @@ def main() -> None:
     try:
         confinement.check_sandbox_settings(settings)
         with telemetry.export_spans(settings.otlp_url, "api"):
-            build_server(settings).run()
+            server = build_server(settings)
+            gc.freeze()  # modules, schemas and templates: no collection looks at them again
+            gc.set_threshold(*COLLECTOR_THRESHOLDS)
+            server.run()
     except (InvalidInput, Unavailable) as error:
         raise SystemExit(error.message) from error
