@@ -129,9 +129,7 @@ def test_decimated_surfaces_stay_near_the_originals(talos: Robot, link: str, p99
 
 
 @pytest.mark.parametrize("link", ["leg_left_4_link", "leg_right_6_link", "torso_2_link", "head_2_link"])
-def test_the_outline_of_a_link_of_the_shown_robot_is_that_of_its_file(
-    talos: Robot, meshes: tuple[LinkMesh, ...], link: str
-) -> None:
+def test_the_outline_of_a_link_of_the_shown_robot_is_that_of_its_file(talos: Robot, link: str) -> None:
     """From three sides, on a grid of 4 mm: what one shows and the other does not is at most 8 mm from the outline."""
     source = original(talos, link)
     vertices_m, faces = decimate(np.asarray(source.vertices), np.asarray(source.faces), TOLERANCES_M[1])
