@@ -318,7 +318,7 @@ def test_a_solver_that_hangs_is_ended_and_its_stage_reported(tmp_path: Path, mon
                 "support.robots.plans:plan_with_a_hanging_solver",
                 plan_task().model_dump(mode="json"),
                 tmp_path,
-                timeout_s=15.0,
+                timeout_s=45.0,
                 memory_mb=4096,
                 on_progress=lambda _fraction, message: heard.append(message),
             )
