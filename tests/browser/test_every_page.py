@@ -53,7 +53,7 @@ def pictures() -> Path | None:
     return Path(named)
 
 
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(1500)
 def test_every_page_fits_and_is_accessible(open_tab: Callable[..., Tab], lab: Lab, pictures: Path | None) -> None:
     """Each page is loaded once, at the first size, and then its window is made smaller."""
     tab = open_tab(SIZES[0]["width"], SIZES[0]["height"])

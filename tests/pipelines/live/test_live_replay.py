@@ -227,7 +227,7 @@ def test_after_steps_the_robot_stands_and_then_goes_on_with_its_plan(
     live = LiveReplay(robot, motion, {}, resume)
     live.advance(0.2, ENDLESS_S)
     live.push_link(push(0.4, robot))
-    live.advance(2.1, ENDLESS_S)
+    live.advance(3.1, ENDLESS_S)
     stood = live.frame()
     assert (stood.doing, stood.steps > 0, stood.is_planning) == ("recovery", True, True)
     assert planned_for_s == [], "it stands while the plan is computed"
