@@ -18,7 +18,7 @@ from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.walking.gait_events import MARKER_ERROR, Contact, find_contacts
 
-GAIT = Path(os.environ.get("STRIDELAB_TEST_DATA", "")) / "gait"
+GAIT = Path(os.environ.get("STRIDELAB_TEST_DATA", Path(__file__).parents[3] / "shared")).resolve() / "gait"
 ADULTS = sorted(GAIT.glob("rehazenter-adult-walking/*/*_C[45]_*.c3d"))
 CHILDREN = sorted(GAIT.glob("biomechzoo-sample-study/*/Straight*.c3d"))
 TUNED = frozenset(
