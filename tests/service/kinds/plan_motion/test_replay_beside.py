@@ -1,12 +1,16 @@
 """A replay in a second process is that of this one, and its parts follow those of this process."""
 
 import contextlib
+import os
+import subprocess
+import sys
 from multiprocessing import Pipe
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from stridelab.machine.cores import SINGLE_THREADED
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.plans import PlanMotionInput
 from stridelab.service.jobs.partial_results import CHUNK
@@ -17,11 +21,27 @@ from stridelab.wholebody.motion import WholeBodyMotion, shared_zeros
 from stridelab.wholebody.replay.replay import replay_with_defaults
 from support.robots.plans import short_walk, sway
 
+TESTS = Path(__file__).parents[3]
+RUN_COMPARISON = """
+import runpy, sys
+from pathlib import Path
+runpy.run_path(sys.argv[1])["compare_replays"](Path(sys.argv[2]))
+"""
 
+
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="a second process needs a second core")
 def test_a_replay_beside_the_body_is_that_of_the_whole_motion(tmp_path: Path) -> None:
-    """It begins before the first sample, shows nothing before it may, and ends with its process."""
-    if not ReplayBeside.is_possible():
-        pytest.skip("this process may use one core only, or a test before this one has left a thread")
+    """In a process of its own: this one may have threads of tests before, with which it must not be forked."""
+    command = [sys.executable, "-c", RUN_COMPARISON, __file__, str(tmp_path)]
+    own = os.environ | SINGLE_THREADED | {"PYTHONPATH": str(TESTS)}
+    result = subprocess.run(command, env=own, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert "compared" in result.stdout
+
+
+def compare_replays(tmp_path: Path) -> None:
+    """A replay begins before the first sample, shows nothing before it may, and ends with its process."""
+    assert ReplayBeside.is_possible()
     (tmp_path / PARTIAL_FOLDER).mkdir()
     robot, request = load_robot("talos"), PlanMotionInput(scenario=short_walk(), replay=True)
     plan = sway(robot, duration_s=0.5, amplitude_m=0.01, period_s=1.5)
@@ -55,6 +75,7 @@ def test_a_replay_beside_the_body_is_that_of_the_whole_motion(tmp_path: Path) ->
     times_s = [t for name in names for t in CHUNK.validate_json((tmp_path / PARTIAL_FOLDER / name).read_bytes()).time_s]
     assert times_s == sorted(times_s)
     assert len(times_s) == pytest.approx(25 * float(replay.time_s[-1]), abs=2)
+    print("compared")
 
 
 def test_messages_that_were_read_while_a_part_was_written_are_not_waited_for() -> None:
