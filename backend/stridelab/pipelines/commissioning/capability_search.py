@@ -27,9 +27,9 @@ from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
 from stridelab.schemas.robots import Capability, CapabilityAttempt, CapabilityName, SearchEnd
 from stridelab.schemas.scenarios import Scenario
 from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.recovery.walking import TALOS_COM_HEIGHT_M
 from stridelab.wholebody.shoe_check import shoe_ends_m
 
-TALOS_COM_HEIGHT_M: Final = 0.876
 TURN_STEP_RAD: Final = math.radians(2.0)
 TURN_MAX_RAD: Final = math.radians(40.0)
 STAIR_STEP_M: Final = 0.01
@@ -116,7 +116,7 @@ def search_capabilities(walk: LevelWalk, search_s: float, progress: ProgressCall
                 done[name] = (_not_tried(name, result.message), None)
             else:
                 done[name] = (Capability.model_validate(result["capability"]), result["scenario"])
-            progress(len(done) / len(NAMES), f"{len(done)} of {len(NAMES)}, {_describe(done[name][0])}")
+            progress(len(done) / len(NAMES), f"{len(done)} of {len(NAMES)}, {_describe_capability(done[name][0])}")
     found = [done[name][0] if name in done else _not_tried(name, "no time was given") for name in NAMES]
     scenarios = {name: scenario for name, (_, scenario) in done.items() if scenario is not None}
     return CapabilityResult(found, {name: scenarios[name] for name in NAMES if name in scenarios})
@@ -146,7 +146,7 @@ def bisect_capability(
     began_s, attempts, best = time.monotonic(), [], None
     late = False
 
-    def passes(k: int) -> bool:
+    def value_passes(k: int) -> bool:
         nonlocal best, late
         if time.monotonic() >= ends_s:
             late = True
@@ -158,7 +158,7 @@ def bisect_capability(
             best = scenario
         return not reason
 
-    bisect_steps(passes, 0, search.number + 1)
+    bisect_steps(value_passes, 0, search.number + 1)
     passed = [one.value for one in attempts if one.passed]
     failed = min((one for one in attempts if not one.passed), key=lambda one: one.value, default=None)
     value = max(passed, default=round(search.first, 6) if attempts else None)
@@ -246,7 +246,7 @@ def _not_tried(name: CapabilityName, reason: str) -> Capability:
     )
 
 
-def _describe(capability: Capability) -> str:
+def _describe_capability(capability: Capability) -> str:
     if capability.value is None:
         return f"{capability.name} not tried"
     more = "at least " if capability.ended_by in ("range", "time") else ""

@@ -18,7 +18,6 @@ from stridelab.contacts.scenarios.parts import Walker
 from stridelab.contacts.scenarios.stairs import STROLLING, flat_walk
 from stridelab.errors import InvalidInput
 from stridelab.pipelines.commissioning.capability_search import (
-    TALOS_COM_HEIGHT_M,
     LevelWalk,
     scaled_timing,
     search_capabilities,
@@ -42,6 +41,7 @@ from stridelab.schemas.robots import (
     WalkAttempt,
 )
 from stridelab.schemas.scenarios import Scenario
+from stridelab.wholebody.recovery.walking import TALOS_COM_HEIGHT_M
 
 REFERENCES: Final = (
     "carpentier2017thesis",

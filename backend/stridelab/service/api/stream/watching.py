@@ -41,8 +41,8 @@ class LiveChannel:
         for viewer in self._watching:
             viewer.show_frame(picture)
 
-    def end(self) -> None:
-        """End the watching."""
+    def end_watching(self) -> None:
+        """Tell all who watch that the stream has ended."""
         for viewer in self._watching:
             viewer.end()
 
@@ -75,7 +75,7 @@ class LiveBoard:
             yield
         finally:
             del self._open[channel.stream_id]
-            channel.end()
+            channel.end_watching()
 
     def describe_all(self) -> list[LiveStream]:
         """All open streams, the newest first."""

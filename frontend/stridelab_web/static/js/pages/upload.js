@@ -163,7 +163,7 @@ function linkTo(recording, text) {
   return createElement("a", { href: `/recordings/${recording.id}` }, text);
 }
 
-// A file that may be welcome later is offered again; the refusal of any other is kept.
+// A file that may be accepted later is offered again; the refusal of any other stays on the page until it is dismissed.
 function onFailed(upload, status, response) {
   const { row, file } = upload,
     text = problemSentence(status, response);
