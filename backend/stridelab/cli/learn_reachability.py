@@ -192,6 +192,9 @@ def show_commission(summary: CommissionRobotSummary) -> None:
             escape(attempt.reason),
         )
     out.print(table)
+    tried = [one for one in summary.capabilities if one.ended_by != "not-tried"]
+    if not tried:
+        return
     table = Table("capability", "largest", "", "not more, because", box=None, pad_edge=False)
     for one in summary.capabilities:
         value = "" if one.value is None else f"{one.value:.3g}"

@@ -10,6 +10,7 @@ where ``size`` is the diagonal of the bounding box of its largest collision shap
 mass and a link without mass is a frame; both are valid if a link that is fixed to them has an inertia.
 """
 
+import math
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,6 +29,10 @@ MIN_GYRATION_PER_SIZE: Final = 1e-3
 """Minimum ratio of radius of gyration to size of a link; that of a solid rod 500 times as long as thick."""
 MOMENT_TOLERANCE: Final = 1e-6
 """Relative amount by which the largest moment may exceed the sum of the others, as in a simulator."""
+LONGEST_BODY_M: Final = 5.0
+"""Largest radius of gyration; beyond it a moment of inertia has another unit."""
+SMALLEST_SPHERE_M: Final = 0.005
+WATER_KG_M3: Final = 1000.0
 ALLOWED_JOINT_TYPES: Final = ("fixed", "revolute", "continuous")
 _MOMENTS: Final = (("ixx", "ixy", "ixz"), ("ixy", "iyy", "iyz"), ("ixz", "iyz", "izz"))
 
@@ -86,6 +91,26 @@ def read_link(element: ET.Element) -> Link:
     mass_kg = _read_number(inertial, "mass", "value")
     I = np.array([[_read_number(inertial, "inertia", key) for key in row] for row in _MOMENTS])
     return Link(element.attrib["name"], mass_kg, np.linalg.eigvalsh(I))
+
+
+def completed_inertia(mass_kg: float, inertia: Mapping[str, float]) -> tuple[dict[str, float], str] | None:
+    """Inertia (kg m2, by element) of a point, a line or a plate with a volume, and how; None where nothing is missing.
+
+    A principal moment that is zero but for rounding is missing. A sphere of water of the same mass is added; it
+    replaces moments that contradict each other (the largest exceeds the sum of the others).
+    """
+    xx, xy, xz, yy, yz, zz = (inertia[key] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    I = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    least = mass_kg * MIN_GYRATION_M**2
+    if not (mass_kg > 0.0 and -least < I[0] < least and I[2] < mass_kg * LONGEST_BODY_M**2):
+        return None
+    radius_m = max((0.75 * mass_kg / (math.pi * WATER_KG_M3)) ** (1.0 / 3.0), SMALLEST_SPHERE_M)
+    sphere = 0.4 * mass_kg * radius_m**2
+    diagonal = ("ixx", "iyy", "izz")
+    if I[2] > I[0] + I[1] + least:
+        return {key: sphere if key in diagonal else 0.0 for key in inertia}, f"that of a sphere, {sphere:.2g} kg m2"
+    completed = {key: value + (sphere if key in diagonal else 0.0) for key, value in inertia.items()}
+    return completed, f"{sphere:.2g} kg m2 added about every axis, since a moment is 0"
 
 
 def _read_number(inertial: ET.Element, tag: str, key: str) -> float:

@@ -227,6 +227,42 @@ def test_a_negative_moment_is_refused(tmp_path: Path) -> None:
     assert refusal.value.code == "robot-description-invalid"
 
 
+def test_marks_of_a_sole_are_not_its_shape(tmp_path: Path, usual: Proposal) -> None:
+    """Small solids that are only drawn, 5 mm below the sole, as some makers mark its middle."""
+    root = ET.fromstring(Humanoid().urdf())
+    mark = ET.SubElement(root, "link", name="mark")
+    shape = ET.SubElement(mark, "visual")
+    ET.SubElement(ET.SubElement(shape, "geometry"), "box", size="0.01 0.01 0.01")
+    joint = ET.SubElement(root, "joint", name="mark_joint", type="fixed")
+    ET.SubElement(joint, "origin", xyz=f"{SOLE_AHEAD_M} 0 {-SOLE_DROP_M}")
+    ET.SubElement(joint, "parent", link="left_ankle_roll_link")
+    ET.SubElement(joint, "child", link="mark")
+    proposal = proposal_of_text(ET.tostring(root, encoding="unicode"), tmp_path)
+    assert proposal.card.effectors["left_foot"] == usual.card.effectors["left_foot"]
+    assert "only a mark" in proposal.assumed["link mark: collision"]
+
+
+def test_a_drawn_part_of_the_body_collides(tmp_path: Path) -> None:
+    root = ET.fromstring(Humanoid().urdf())
+    for link in root.findall("link"):
+        if link.attrib["name"] == "left_wrist_link":
+            link.remove(link.findall("collision")[0])
+    plain, assumed = rebuilt(ET.tostring(root, encoding="unicode"), tmp_path)
+    assert plain.find("link[@name='left_wrist_link']/collision") is not None
+    assert not assumed
+
+
+def test_colours_up_to_255_are_those_up_to_1(tmp_path: Path) -> None:
+    root = ET.fromstring(Humanoid().urdf())
+    visual = root.find("link/visual")
+    assert visual is not None
+    ET.SubElement(ET.SubElement(visual, "material", name="paint"), "color", rgba="255 51 0 255")
+    plain, _ = rebuilt(ET.tostring(root, encoding="unicode"), tmp_path)
+    color = plain.find("link/visual/material/color")
+    assert color is not None
+    assert [float(value) for value in color.attrib["rgba"].split()] == [1.0, 0.2, 0.0, 1.0]
+
+
 def test_joints_that_move_no_mass_are_fixed(tmp_path: Path) -> None:
     root = ET.fromstring(Humanoid().urdf())
     for parent, child in (("left_wrist_link", "finger_1"), ("finger_1", "finger_2")):

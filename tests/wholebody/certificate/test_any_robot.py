@@ -1,8 +1,11 @@
 """A new robot is a file, not code: the others walk like TALOS, are certified and stay upright in physics."""
 
+from dataclasses import replace
+
 import coal
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
@@ -74,3 +77,25 @@ def test_every_shape_of_a_robot_is_held_against_every_surface() -> None:
     assert [(result.parts[pair.column], pair.surface) for pair in result.pairs] == [
         (link, surface) for surface in surfaces for link in links
     ]
+
+
+def test_a_shape_that_can_touch_nothing_is_simulated_as_well() -> None:
+    """As of a plate under a foot: the box of the sole stands on the ground in its place, and no pair is checked."""
+    robot = load_robot("g1")
+    geometry = robot.full_collision.copy()
+    foot = robot.effectors["left_foot"]
+    frame = robot.model.frames[robot.model.getFrameId(foot.frame)]
+    at = pin.SE3(foot.T_frame_contact.rotation, foot.T_frame_contact.position_m)
+    plate = pin.GeometryObject(
+        "plate", frame.parentJoint, robot.model.getFrameId(foot.frame), frame.placement * at, coal.Box(0.1, 0.04, 0.001)
+    )
+    geometry.addGeometryObject(plate)
+    own = robot.collision.copy()
+    own.addGeometryObject(plate)
+    built = build_simulation(
+        replace(robot, full_collision=geometry, collision=own),
+        Terrain.from_surfaces([]),
+        0.7,
+        ("left_foot", "right_foot"),
+    )
+    assert built.link[built.model.geom("shape plate").id] == foot.frame

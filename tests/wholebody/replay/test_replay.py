@@ -171,6 +171,28 @@ def test_the_stabiliser_acts_on_the_estimated_state(robot: Robot) -> None:
     assert wrong.com_m[-1, 1] < true.com_m[-1, 1] - 0.002, "a robot that estimates itself too far left leans right"
 
 
+def test_joints_that_move_one_light_body_are_damped_without_overshooting(robot: Robot) -> None:
+    """Hips and waist of a light pelvis without rotors: one step of the joint control reverses no motion in full."""
+    model = robot.model.copy()
+    model.armature = np.full(model.nv, 1e-3) * (np.arange(model.nv) >= 6)
+    model.inertias[1] = pin.Inertia(0.3, model.inertias[1].lever, 0.02 * model.inertias[1].inertia)
+    light, dt_s = replace(robot, model=model), 0.001
+    kp, kd = PhysicsReplay().joint_gains(light, dt_s)
+    data = model.createData()
+    pin.crba(model, data, robot.q_reference)
+    M = np.triu(data.M) + np.triu(data.M, 1).T
+    per_torque = np.linalg.inv(M)[6:, 6:]
+    # e' <- e' - dt W (K e + D e'), e <- e + dt e'
+    slowed = np.eye(len(kp)) - dt_s * per_torque * kd
+    pulled = -dt_s * per_torque * kp
+    step = np.block([[np.eye(len(kp)) + dt_s * pulled, dt_s * slowed], [pulled, slowed]])
+    assert np.abs(np.linalg.eigvals(step)).max() < 1.0
+    alone = 1.0 / np.diag(per_torque) / dt_s
+    assert (kd <= alone * (1.0 + 1e-9)).all()
+    arms = np.array([robot.group[joint] == "arm" for joint in robot.joint_names])
+    assert (kd[arms] > 0.7 * np.minimum(alone[arms], 10.0)).all(), "the arms do not move the pelvis"
+
+
 def test_a_push_and_a_load_are_survived_and_noticed(robot: Robot) -> None:
     motion = standing_still(robot, 1.5)
     calm = played(robot, motion)

@@ -8,16 +8,14 @@ import itertools
 import math
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 from xml.parsers import expat
 
-import numpy as np
-
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
-from stridelab.robots.inertias import MIN_GYRATION_M
+from stridelab.robots.inertias import completed_inertia
 
 MAX_BYTES: Final = 8_000_000
 MAX_ELEMENTS: Final = 60_000
@@ -31,10 +29,9 @@ MAX_ROTOR_KG_M2: Final = 10.0
 """Largest reflected rotor inertia (``armature``, from MJCF) that is taken over."""
 UNLIMITED: Final = 1e6
 """Limits of torque (N m) or speed (rad/s) from this size on are those of a joint without a limit; infinity is one."""
-LONGEST_BODY_M: Final = 5.0
-"""Largest radius of gyration; beyond it a moment of inertia has another unit."""
-SMALLEST_SPHERE_M: Final = 0.005
-WATER_KG_M3: Final = 1000.0
+MARKER_KG: Final = 0.01
+MARKER_M: Final = 0.03
+"""Mass and size up to which a link that is drawn but has no collision shape is a mark, not a part of the body."""
 DEFAULT_RANGE_RAD: Final = math.pi
 TURNING: Final = ("revolute", "continuous")
 _SAFE: Final = frozenset(" _-.:+")
@@ -207,8 +204,11 @@ class _Reader:
         for kind in ("visual", "collision"):
             for shape in element.findall(kind):
                 self._shape(link, shape, kind, where)
-        if link.find("collision") is None:  # what is drawn is also what touches
-            for shape in element.findall("visual"):
+        if link.find("collision") is None:
+            if _is_marker(link):
+                assumed[f"{where}: collision"] = "none, since it is only a mark in the display"
+                return link
+            for shape in element.findall("visual"):  # what is drawn is also what touches
                 self._shape(link, shape, "collision", where)
         return link
 
@@ -299,6 +299,7 @@ class _Reader:
         color = shape.find("material/color")
         if kind == "visual" and color is not None:
             rgba = self._numbers(color, "rgba", 4, where, "color", None)
+            rgba = tuple(min(max(value / (255.0 if max(rgba) > 1.0 else 1.0), 0.0), 1.0) for value in rgba)
             ET.SubElement(ET.SubElement(plain, "material", name=f"m{len(link)}"), "color", rgba=_text(rgba))
         link.append(plain)
 
@@ -335,26 +336,6 @@ class _Reader:
         return values
 
 
-def completed_inertia(mass_kg: float, inertia: Mapping[str, float]) -> tuple[dict[str, float], str] | None:
-    """Inertia (kg m2, by element) of a point, a line or a plate with a volume, and how; None where nothing is missing.
-
-    A principal moment that is zero but for rounding is missing. A sphere of water of the same mass is added; it
-    replaces moments that contradict each other (the largest exceeds the sum of the others).
-    """
-    xx, xy, xz, yy, yz, zz = (inertia[key] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
-    I = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    least = mass_kg * MIN_GYRATION_M**2
-    if not (mass_kg > 0.0 and -least < I[0] < least and I[2] < mass_kg * LONGEST_BODY_M**2):
-        return None
-    radius_m = max((0.75 * mass_kg / (math.pi * WATER_KG_M3)) ** (1.0 / 3.0), SMALLEST_SPHERE_M)
-    sphere = 0.4 * mass_kg * radius_m**2
-    diagonal = ("ixx", "iyy", "izz")
-    if I[2] > I[0] + I[1] + least:
-        return {key: sphere if key in diagonal else 0.0 for key in inertia}, f"that of a sphere, {sphere:.2g} kg m2"
-    completed = {key: value + (sphere if key in diagonal else 0.0) for key, value in inertia.items()}
-    return completed, f"{sphere:.2g} kg m2 added about every axis, since a moment is 0"
-
-
 def _fix_massless_joints(root: ET.Element, assumed: dict[str, str]) -> None:
     """Fix turning joints with no mass at all behind them, such as those of fingers that are only drawn."""
     mass_kg = {
@@ -375,6 +356,18 @@ def _fix_massless_joints(root: ET.Element, assumed: dict[str, str]) -> None:
                 for element in joint.findall(tag):
                     joint.remove(element)
             assumed[f"joint {joint.attrib['name']}: type"] = "fixed here, since nothing with a mass is behind it"
+
+
+def _is_marker(link: ET.Element) -> bool:
+    """Whether a plain link is a mark of a place, such as a corner of a sole: next to no mass, small drawn solids."""
+    mass = link.find("inertial/mass")
+    if mass is not None and float(mass.attrib["value"]) > MARKER_KG:
+        return False
+    forms = [form for geometry in link.findall("visual/geometry") for form in geometry]
+    sizes_m = [
+        float(size) for form in forms for key in ("size", "radius", "length") for size in form.get(key, "").split()
+    ]
+    return bool(sizes_m) and all(form.tag != "mesh" for form in forms) and max(sizes_m) <= MARKER_M
 
 
 def _text(values: Sequence[float]) -> str:

@@ -19,7 +19,9 @@ import pinocchio as pin
 
 from stridelab.conventions import Vector3
 from stridelab.errors import Fault, UnreadableFile
+from stridelab.robots.inertias import WATER_KG_M3
 from stridelab.robots.proposal.archive import UnpackedRobot
+from stridelab.robots.proposal.closed_loops import CLOSING, rods_of
 from stridelab.robots.proposal.description import MAX_BYTES, MAX_DEPTH, invalid, read_xml
 from stridelab.robots.proposal.meshes import binary_stl
 
@@ -28,14 +30,12 @@ IGNORED: Final = (
     "sensor", "size", "statistic", "tendon", "visual",
 )  # fmt: skip
 """Sections that neither masses, joints, shapes nor torque limits depend on."""
-_CLOSING: Final = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 _MESSAGE_LENGTH: Final = 300
 _MAX_INCLUDED: Final = 64
 _MOST_JOINTS: Final = 3
 """Joints of one body, each with a link of its own; the bodies of people's and animals' models have up to three."""
 SPHERE_SHARES: Final = (1e-2, 3e-3, 1e-3)
 """Shares of a body's mass that are tried for each further link; the rest must remain a physical body."""
-WATER_KG_M3: Final = 1000.0
 
 
 def urdf_of_mjcf(
@@ -46,13 +46,15 @@ def urdf_of_mjcf(
     Included files are taken from the upload alone. Raises ``UnreadableFile`` (``robot-data-unreadable``) for a model
     that MuJoCo does not compile or an included file that is missing or included twice,
     (``robot-description-too-large``) for too many or too deep elements with these files, ``InvalidInput``
-    (``robot-description-invalid``) for meshes that are missing, ball joints and more than three joints of one body.
+    (``robot-description-invalid``) for meshes that are missing, ball joints but those of rods in closed
+    loops, and more than three joints of one body.
     """
     _insert_included(root, upload)
     model = _compile(root, upload)
-    if faults := list(_joint_faults(model)):
+    rods = rods_of(model)
+    if faults := list(_joint_faults(model, rods)):
         raise invalid(faults)
-    converter = _Converter(model, folder)
+    converter = _Converter(model, rods, folder)
     urdf = ET.Element("robot", name="robot")
     roots = [body for body in range(1, model.nbody) if model.body_parentid[body] == 0]
     robot = max(roots, key=lambda body: float(model.body_subtreemass[body]), default=0)
@@ -65,8 +67,9 @@ def urdf_of_mjcf(
     changed |= {
         f"equality {model.equality(i).name or i}": "a closed loop, opened here"
         for i in range(model.neq)
-        if model.eq_type[i] in _CLOSING
+        if model.eq_type[i] in CLOSING
     }
+    changed |= {f"body {_body_name(model, body)}": "only closes a loop, fixed here" for body in sorted(rods)}
     return urdf, replace(upload, meshes=converter.meshes), changed | converter.changed
 
 
@@ -143,13 +146,13 @@ def _unreadable_error(message: str, filename: str, code: str = "robot-data-unrea
     return UnreadableFile(code, message, [Fault(filename[:120], "cannot be read")])
 
 
-def _joint_faults(model: mujoco.MjModel) -> Iterator[Fault]:
+def _joint_faults(model: mujoco.MjModel, rods: frozenset[int]) -> Iterator[Fault]:
     """Joints that a URDF cannot have; those of a body on the world are its floating base."""
     for body in range(1, model.nbody):
         if model.body_parentid[body] == 0:
             continue
         where = f"body {_body_name(model, body)}"
-        joints = _joints_of(model, body)
+        joints = _joints_of(model, body, rods)
         if any(model.jnt_type[j] == mujoco.mjtJoint.mjJNT_BALL for j in joints):
             yield Fault(where, "it has a ball joint; replace it by hinges")
         elif len(joints) > _MOST_JOINTS:
@@ -158,10 +161,11 @@ def _joint_faults(model: mujoco.MjModel) -> Iterator[Fault]:
             yield Fault(where, f"it has {len(joints)} joints and no mass to divide; give each joint a body with a mass")
 
 
-def _joints_of(model: mujoco.MjModel, body: int) -> range:
-    """Joints between a body and its parent, in order; those of a body on the world are its floating base."""
+def _joints_of(model: mujoco.MjModel, body: int, rods: frozenset[int]) -> range:
+    """Joints between a body and its parent, in order; none for ``rods`` and for a base, which floats."""
     first = int(model.body_jntadr[body])
-    return range(first, first + int(model.body_jntnum[body])) if model.body_parentid[body] != 0 else range(0)
+    is_fixed = model.body_parentid[body] == 0 or body in rods
+    return range(0) if is_fixed else range(first, first + int(model.body_jntnum[body]))
 
 
 def _body_inertia(model: mujoco.MjModel, body: int) -> pin.Inertia:
@@ -205,20 +209,20 @@ def _body_name(model: mujoco.MjModel, body: int) -> str:
 class _Converter:
     """Adds the links and joints of bodies to a URDF; ``meshes`` are the files of their meshes."""
 
-    def __init__(self, model: mujoco.MjModel, folder: Path) -> None:
-        self._model, self._folder = model, folder
+    def __init__(self, model: mujoco.MjModel, rods: frozenset[int], folder: Path) -> None:
+        self._model, self._rods, self._folder = model, rods, folder
         self.meshes: dict[PurePosixPath, Path] = {}
         self.changed: dict[str, str] = {}
         self._anchor_m = np.zeros((model.nbody, 3))
         """Origin of each link in the frame of its body: the anchor of its last joint."""
         for body in range(1, model.nbody):
-            if joints := _joints_of(model, body):
+            if joints := _joints_of(model, body, rods):
                 self._anchor_m[body] = model.jnt_pos[joints[-1]]
 
     def add_body(self, urdf: ET.Element, body: int) -> None:
         """Add the links of a body, and the joints above them unless its parent is the world."""
         model, anchor_m = self._model, self._anchor_m[body]
-        joints = _joints_of(model, body)
+        joints = _joints_of(model, body, self._rods)
         *spheres, own = _split_inertia(model, body, joints) or [_body_inertia(model, body)]
         links = [f"{_body_name(model, body)}_below_{self._joint_name(j)}" for j in joints[:-1]]
         for name, sphere, j in zip(links, spheres, joints, strict=False):
@@ -243,7 +247,7 @@ class _Converter:
     def _add_joints(self, urdf: ET.Element, body: int, links: list[str]) -> None:
         """Add the joints from the parent of a body to ``links`` in turn; a fixed one for a body without joints."""
         model, parent = self._model, int(self._model.body_parentid[body])
-        joints = _joints_of(model, body)
+        joints = _joints_of(model, body, self._rods)
         above, R = _body_name(model, parent), pin.Quaternion(*_parts(model.body_quat[body])).toRotationMatrix()
         first_m = model.jnt_pos[joints[0]] if joints else np.zeros(3)
         origin_m, wxyz = model.body_pos[body] + R @ first_m - self._anchor_m[parent], model.body_quat[body]

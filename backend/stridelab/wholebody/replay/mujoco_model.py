@@ -160,7 +160,7 @@ def _without_shapes(robot: Robot) -> str:
         for extra in root.findall(tag):
             root.remove(extra)
     compiler = ET.SubElement(ET.SubElement(root, "mujoco"), "compiler")
-    compiler.attrib |= {"balanceinertia": "true", "fusestatic": "false"}
+    compiler.attrib |= {"balanceinertia": "true", "fusestatic": "false", "discardvisual": "false"}
     return ET.tostring(root, encoding="unicode")
 
 
