@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from stridelab.schemas.robots import RobotPreparation
 from stridelab_web.scene.density_nodes import reach_places
@@ -48,6 +48,36 @@ def seen(page: Page) -> set[str]:
     return {name.removeprefix("/reach/") for name in result}
 
 
+def choose_one_of_several_descriptions(page: Page) -> None:
+    """Upload a zip that is refused for its two descriptions, then with one of them."""
+    sent: list[bytes] = []
+    paths = ["small/hands.urdf", "small/plain.urdf"]
+    errors = [{"where": path, "message": "one of several"} for path in paths]
+    problem = {"title": "Unreadable", "detail": "Several.", "code": "robot-several-descriptions", "errors": errors}
+
+    def refuse(route: Route) -> None:
+        if route.request.method != "POST":
+            route.fallback()
+            return
+        sent.append(route.request.post_data_buffer or b"")
+        route.fulfill(status=422, json=problem, content_type="application/problem+json")
+
+    page.route("**/api/v1/robots", refuse)
+    page.get_by_label("File").set_input_files([{"name": "small.zip", "mimeType": "application/zip", "buffer": b"PK"}])
+    page.get_by_label("Name").fill("small")
+    expect(page.get_by_label("Description")).to_be_hidden()
+    page.get_by_role("button", name="Upload").click()
+    choice = page.get_by_label("Description")
+    expect(choice).to_be_focused()
+    assert choice.locator("option").all_inner_texts() == paths
+    choice.select_option("small/plain.urdf")
+    page.get_by_role("button", name="Upload").click()
+    until(page, lambda: len(sent) == 2)
+    assert b"description" not in sent[0]
+    assert b"small/plain.urdf" in sent[1]
+    page.unroute("**/api/v1/robots")
+
+
 def test_the_list_asks_for_what_only_a_loaded_robot_tells(tab: Tab) -> None:
     page = tab.go("/robots")
     card = page.locator('[data-robot="boxes"]')
@@ -55,6 +85,8 @@ def test_the_list_asks_for_what_only_a_loaded_robot_tells(tab: Tab) -> None:
     expect(card.locator("[data-height]")).to_have_text("0.880 m")
     expect(card.locator("[data-densities]")).to_have_text("uniform, conditioned")
     expect(page.locator('[data-robot="rare"]')).to_contain_text("The package <rare> is not installed.")
+    choose_one_of_several_descriptions(page)
+    tab.missteps = [m for m in tab.missteps if "status of 422" not in m]
     page.get_by_role("link", name="Boxes", exact=True).click()
     expect(page.get_by_role("heading", name="Boxes", level=1)).to_be_visible()
 

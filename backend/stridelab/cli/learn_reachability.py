@@ -98,6 +98,9 @@ def add_robot(
     robots: Annotated[
         Path, typer.Option("--robots", help="Folder of robots of your own.", envvar=ROBOTS_VARIABLE)
     ] = Path("robots"),
+    description: Annotated[
+        str, typer.Option("--description", help="Which description of a zip with several: its path, or its end.")
+    ] = "",
     commission: Annotated[
         bool, typer.Option("--commission/--no-commission", help="Learn its densities and let it walk.")
     ] = True,
@@ -128,7 +131,8 @@ def add_robot(
         raise Conflict("robot-name-taken", f"There is a robot named {name}; choose another name, or use --force.")
     own.mkdir(parents=True, exist_ok=True)
     try:
-        proposal = propose_card(name, file.stem[:60], own, rebuild_description(file, file.name, name, own))
+        assumed = rebuild_description(file, file.name, name, own, description)
+        proposal = propose_card(name, file.stem[:60], own, assumed)
     except BaseException:
         shutil.rmtree(own / name, ignore_errors=True)
         raise

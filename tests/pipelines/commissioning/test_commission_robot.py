@@ -35,6 +35,16 @@ def test_shorter_steps_take_as_long() -> None:
     assert short_s == long_s
 
 
+def test_a_slower_walk_has_the_same_steps() -> None:
+    robot = load_robot("hrp2")
+    usual, step_m, step_s = scaled_walk(robot, 0.1, 0.45)
+    slow, slow_m, slow_s = scaled_walk(robot, 0.1, 0.45, 0.65)
+    assert slow_m == step_m
+    assert slow_s == pytest.approx(step_s / 0.65, rel=0.02)
+    places = [[phase["contacts"] for phase in walk["phases"]] for walk in (usual, slow)]
+    assert places[0] == places[1]
+
+
 def test_a_walk_needs_two_feet_by_name() -> None:
     robot = load_robot("hrp2")
     feet = {name.replace("foot", "sole"): effector for name, effector in robot.effectors.items()}

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from stridelab.errors import InvalidInput
+from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.robots.assembly import effector_of
 from stridelab.robots.proposal.propose import Proposal, propose_card, rebuild_description
 from stridelab.robots.self_collision import SelfCollision
@@ -105,6 +105,21 @@ def test_names_may_be_in_other_alphabets(tmp_path: Path) -> None:
     proposal = proposal_of(Humanoid(sides=("лев ая", "прав.ая")), tmp_path)
     assert proposal.robot.group["прав.ая_knee"] == "leg"
     assert "left and right" in proposal.assumed
+
+
+def test_one_of_several_descriptions_is_chosen_by_the_end_of_its_path(tmp_path: Path) -> None:
+    """As in the archives of makers, which hold a robot with and without hands."""
+    files = {"small/urdf/small.urdf": Humanoid().urdf(), "small/urdf/legs_only.urdf": Humanoid(arms=False).urdf()}
+    (tmp_path / "upload").write_bytes(archive(files))
+    robots = tmp_path / "robots"
+    rebuild_description(tmp_path / "upload", "small.zip", "legs", robots, "urdf/legs_only.urdf")
+    assert "elbow" not in (robots / "legs" / "robot.urdf").read_text()
+    rebuild_description(tmp_path / "upload", "small.zip", "whole", robots, "small.urdf")
+    assert "elbow" in (robots / "whole" / "robot.urdf").read_text()
+    with pytest.raises(UnreadableFile) as refusal:
+        rebuild_description(tmp_path / "upload", "small.zip", "third", robots, "hands.urdf")
+    assert refusal.value.code == "robot-description-missing"
+    assert sorted(fault.where for fault in refusal.value.faults) == sorted(files)
 
 
 def test_soles_of_meshes_in_the_archive(tmp_path: Path) -> None:

@@ -2,8 +2,8 @@
 
 The walk is the bundled level walk of TALOS, scaled by the height of the CoM: lengths with ``s = h / h_TALOS``, times
 with ``sqrt(s)``, so that both have the same Froude number; the feet are as far apart as in the reference posture. If it
-is not certified or not completed, shorter steps are tried. ``capability_search`` then searches turn, stair, pace and
-pushes.
+is not certified or not completed, shorter and then slower steps are tried. ``capability_search`` then searches turn,
+stair, pace and pushes.
 """
 
 from dataclasses import dataclass
@@ -51,8 +51,8 @@ REFERENCES: Final = (
 )
 STEP_M: Final = 0.25
 STEPS: Final = 6
-STEP_SHARES: Final = (1.0, 0.7, 0.45)
-"""Lengths of the steps that are tried, over that of TALOS' walk, scaled."""
+STEPS_TRIED: Final = ((1.0, 1.0), (0.7, 1.0), (0.45, 1.0), (0.45, 0.65))
+"""Length and pace of the steps that are tried, over those of TALOS' walk, scaled."""
 MEASURES: Final[tuple[Measure, ...]] = ("uniform", "conditioned")
 LEARN_UNIFORM, LEARN_CONDITIONED, WALK, SEARCH = "uniform", "conditioned", "walk", "search"
 
@@ -140,12 +140,12 @@ def foot_places_m(robot: Robot) -> float:
     return 0.5 * float(np.linalg.norm((left - right)[:2]))
 
 
-def scaled_walk(robot: Robot, feet_y_m: float, share: float) -> tuple[dict[str, Any], float, float]:
-    """Scenario of the first walk with steps of ``share`` of the scaled length; its step length and step time."""
+def scaled_walk(robot: Robot, feet_y_m: float, share: float, pace: float = 1.0) -> tuple[dict[str, Any], float, float]:
+    """Scenario of the first walk with steps of ``share`` of the scaled length at ``pace``; its step length and time."""
     scale = com_height_m(robot) / TALOS_COM_HEIGHT_M
     half_m = robot.effectors["left_foot"].contact_half_size_m or (0.1, 0.05)
     step_m = round(share * scale * STEP_M, 3)
-    timing = scaled_timing(STROLLING, scale)
+    timing = scaled_timing(STROLLING, scale / pace**2)
     walker = Walker(robot.name, round(feet_y_m, 4), half_m[0], half_m[0])
     return flat_walk(STEPS, step_m, timing, walker), step_m, timing.move_s + timing.rest_s
 
@@ -155,11 +155,11 @@ def _first_walk(
 ) -> tuple[dict[str, Any], MotionResult | None, FirstWalk, float | None]:
     """The first walk that is certified and completed, or the last one that was tried."""
     attempts: list[WalkAttempt] = []
-    for k, share in enumerate(STEP_SHARES):
-        scenario, step_m, step_time_s = scaled_walk(robot, feet_y_m, share)
+    for k, (share, pace) in enumerate(STEPS_TRIED):
+        scenario, step_m, step_time_s = scaled_walk(robot, feet_y_m, share, pace)
 
         def tell(fraction: float, message: str, k: int = k, step_m: float = step_m) -> None:
-            progress((k + fraction) / len(STEP_SHARES), f"steps of {step_m:g} m: {message}")
+            progress((k + fraction) / len(STEPS_TRIED), f"steps of {step_m:g} m: {message}")
 
         motion, attempt = _try_walk(scenario, step_m, step_time_s, tell)
         attempts.append(attempt)

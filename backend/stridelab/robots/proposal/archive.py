@@ -57,8 +57,10 @@ class UnpackedRobot:
         return best[0] if len(best) == 1 else None
 
 
-def unpack_robot(path: Path, filename: str, folder: Path) -> UnpackedRobot:
+def unpack_robot(path: Path, filename: str, folder: Path, description: str = "") -> UnpackedRobot:
     """Unpack the upload ``path`` into ``folder``; one that is not a zip is the description itself.
+
+    ``description`` is the path in the zip of the one to be read, or its end; it is needed where there are several.
 
     Raises ``UnreadableFile`` (``zip-damaged``, ``zip-bomb``, ``zip-too-many-files``, ``zip-path``,
     ``zip-name-twice``, ``robot-description-missing``, ``robot-several-descriptions``).
@@ -69,14 +71,14 @@ def unpack_robot(path: Path, filename: str, folder: Path) -> UnpackedRobot:
         return UnpackedRobot(path, PurePosixPath("robot.urdf"), {})
     try:
         with zipfile.ZipFile(path) as archive:
-            return _unpack_archive(archive, filename, folder)
+            return _unpack_archive(archive, filename, folder, description)
     except _ZIP_ERRORS as error:
         raise _refused(
             "zip-damaged", "The zip file is damaged, encrypted or truncated.", filename, str(error)
         ) from error
 
 
-def _unpack_archive(archive: zipfile.ZipFile, filename: str, folder: Path) -> UnpackedRobot:
+def _unpack_archive(archive: zipfile.ZipFile, filename: str, folder: Path, description: str) -> UnpackedRobot:
     members = [member for member in archive.infolist() if not member.is_dir()]
     if len(members) > MAX_ENTRIES:
         message = f"The zip holds {len(members)} files; at most {MAX_ENTRIES} are accepted."
@@ -96,7 +98,7 @@ def _unpack_archive(archive: zipfile.ZipFile, filename: str, folder: Path) -> Un
         left -= _unpack_member(archive, names[name], target, min(left, MAX_FILE_BYTES))
         unpacked[name] = target
     parts = {name: unpacked.pop(name) for name in described[:MAX_DESCRIPTIONS]}
-    inside = _description_of(parts, filename)
+    inside = _description_of(parts, filename, description)
     return UnpackedRobot(parts[inside], inside, unpacked, parts)
 
 
@@ -111,8 +113,16 @@ def _inside_path(member: zipfile.ZipInfo) -> PurePosixPath:
     return name
 
 
-def _description_of(files: Mapping[PurePosixPath, Path], filename: str) -> PurePosixPath:
-    """The only URDF, or else the only XML file that is neither a scene nor included by another one."""
+def _description_of(files: Mapping[PurePosixPath, Path], filename: str, wanted: str) -> PurePosixPath:
+    """The file ``wanted``; without, the only URDF, or else the only XML file that is no scene and not included."""
+    if wanted:
+        ends = PurePosixPath(wanted.replace("\\", "/")).parts
+        choice = [name for name in files if name.parts[-len(ends) :] == ends]
+        if len(choice) != 1:
+            message = f"The zip holds {len(choice)} descriptions of robots whose path ends with {wanted[:120]!r}."
+            listed = [Fault(str(name)[:120], "in the zip") for name in choice or files]
+            raise UnreadableFile("robot-description-missing", message, listed[:10])
+        return choice[0]
     urdfs = [name for name in files if name.suffix.lower() == ".urdf"]
     choice = urdfs or [name for name in files if not name.name.startswith("scene")]
     if len(choice) > 1 and not urdfs:
@@ -122,7 +132,7 @@ def _description_of(files: Mapping[PurePosixPath, Path], filename: str) -> PureP
         message = "The zip holds no description of a robot: neither a .urdf nor an .xml file."
         raise _refused("robot-description-missing", message, filename, "no description")
     if len(choice) > 1:
-        message = "The zip holds several descriptions of robots; keep the one to be added."
+        message = "The zip holds several descriptions of robots; choose one (description)."
         raise UnreadableFile(
             "robot-several-descriptions", message, [Fault(str(name)[:120], "one of several") for name in choice[:10]]
         )

@@ -66,8 +66,12 @@ class Proposal:
     robot: Robot
 
 
-def rebuild_description(upload: Path, filename: str, name: str, robots_folder: Path) -> dict[str, str]:
+def rebuild_description(
+    upload: Path, filename: str, name: str, robots_folder: Path, description: str = ""
+) -> dict[str, str]:
     """Write the checked description and its meshes to ``robots_folder / name``; returns what was assumed.
+
+    ``description`` is that of ``unpack_robot``.
 
     Raises ``UnreadableFile`` for an archive, description or mesh that cannot be read, ``InvalidInput``
     (``robot-description-invalid``).
@@ -75,7 +79,7 @@ def rebuild_description(upload: Path, filename: str, name: str, robots_folder: P
     folder = robots_folder / name
     folder.mkdir(parents=True)
     with tempfile.TemporaryDirectory(dir=robots_folder) as scratch:
-        unpacked = unpack_robot(upload, filename, Path(scratch))
+        unpacked = unpack_robot(upload, filename, Path(scratch), description)
         changed: dict[str, str] = {}
         root = read_xml(unpacked.description, str(unpacked.inside))
         if root.tag == "mujoco":

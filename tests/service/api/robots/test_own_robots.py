@@ -21,8 +21,8 @@ from support.service.web_server import Served, refusal_code
 ROBOTS = "/api/v1/robots"
 
 
-def send(http: httpx.Client, content: bytes, name: str = "small", filename: str = "small.zip") -> httpx.Response:
-    return http.post(ROBOTS, files={"file": (filename, content)}, data={"name": name}, timeout=300.0)
+def send(http: httpx.Client, content: bytes, name: str = "small", **fields: str) -> httpx.Response:
+    return http.post(ROBOTS, files={"file": ("small.zip", content)}, data={"name": name, **fields}, timeout=300.0)
 
 
 def put_card(http: httpx.Client, card: dict[str, Any]) -> httpx.Response:
@@ -127,7 +127,12 @@ def test_an_upload_answers_with_a_proposed_card(http: httpx.Client, small: dict[
 
 
 def test_an_mjcf_file_gives_the_card_of_its_urdf(http: httpx.Client, small: dict[str, Any]) -> None:
-    answer = send(http, archive({"robot/small.xml": Humanoid().mjcf(), "robot/scene.xml": "<mujoco/>"}), "other")
+    files = {"robot/small.xml": Humanoid().mjcf(), "robot/scene.xml": "<mujoco/>"}
+    several = archive(files | {"robot/a.urdf": "<robot/>", "robot/b.urdf": "<robot/>"})
+    refused = problem_of(send(http, several, "other"), 422)
+    assert refused["code"] == "robot-several-descriptions"
+    assert [error["where"] for error in refused["errors"]] == ["robot/a.urdf", "robot/b.urdf"]
+    answer = send(http, several, "other", description="small.xml")
     assert answer.status_code == 201, answer.text
     card = answer.json()["card"]
     assert card["groups"] == small["card"]["groups"]

@@ -60,6 +60,10 @@ _FORM: Final = form_body(
             "description": "a .zip of one URDF (.urdf) or MJCF (.xml) and its meshes, or such a file without meshes",
         },
         "name": {"type": "string", "pattern": NAME_PATTERN},
+        "description": {
+            "type": "string",
+            "description": "which description of a zip with several is read: its path in the zip, or its end",
+        },
     },
     "file",
     "name",
@@ -97,7 +101,8 @@ async def list_robots(parts: AppParts) -> Page[RobotSummary]:
     responses=failure_responses(
         s409="There is a robot of this name (`robot-name-taken`).",
         s413="The file exceeds the size limit (`upload-too-large`) or your storage limit (`storage-limit`).",
-        s422="The archive, its description or a mesh cannot be read, the description is invalid "
+        s422="The archive, its description or a mesh cannot be read, the zip holds several descriptions and none is "
+        "chosen (`robot-several-descriptions`, with their paths), the description is invalid "
         "(`robot-description-invalid`), or the robot does not walk on two soles (`robot-not-humanoid`).",
         s507="No disk space is left (`disk-full`).",
     ),
@@ -113,7 +118,8 @@ async def upload_robot(parts: AppParts, caller: CallerOf, request: Request, resp
     folder = spool_folder(parts)
     try:
         form = await receive_form(request, folder / "upload", limits)
-        stored = await add_robot(parts, caller, form, _name_of_form(form.fields))
+        name = _name_of_form(form.fields)
+        stored = await add_robot(parts, caller, form, name, form.fields.get("description", ""))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     response.headers["Location"] = f"/api/v1/robots/{stored.name}"
@@ -246,9 +252,9 @@ async def _own_row(parts: Parts, name: str) -> Mapping[str, Any] | None:
 
 def _name_of_form(fields: Mapping[str, str]) -> str:
     """The field ``name``. Raises ``InvalidInput`` (``invalid-request``)."""
-    unknown = sorted(fields.keys() - {"name"})
+    unknown = sorted(fields.keys() - {"name", "description"})
     if unknown:
-        message = "The form has the fields file and name only."
+        message = "The form has the fields file, name and description only."
         raise InvalidInput("invalid-request", message, [Fault(field[:60], "unknown") for field in unknown])
     name = fields.get("name", "")
     if not re.fullmatch(NAME_PATTERN, name):

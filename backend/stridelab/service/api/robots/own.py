@@ -39,8 +39,10 @@ PROPOSAL_TIMEOUT_S: Final = 90.0
 """Time limit of the proposal, which reads rebuilt files only."""
 
 
-async def add_robot(parts: Parts, caller: Caller, form: ReceivedForm, name: str) -> OwnRobot:
+async def add_robot(parts: Parts, caller: Caller, form: ReceivedForm, name: str, description: str = "") -> OwnRobot:
     """Read an uploaded robot in confined children and store it with its proposed card.
+
+    ``description`` is the path, or its end, of the one that is read from a zip with several.
 
     Raises ``Conflict`` (``robot-name-taken``), ``TooLarge`` (``storage-limit``), ``UnreadableFile`` and
     ``InvalidInput`` with the reason for which the robot is refused.
@@ -48,7 +50,7 @@ async def add_robot(parts: Parts, caller: Caller, form: ReceivedForm, name: str)
     folder = form.path.parent
     await _refuse_taken(parts, name)
     await refuse_full(parts, caller.name, form.size_bytes)
-    read = {"file": form.path.name, "filename": form.filename, "name": name}
+    read = {"file": form.path.name, "filename": form.filename, "name": name, "description": description}
     value = await _run_child(parts, READ_ROBOT, read, folder, parts.settings.parse_timeout_s)
     title = form.filename.rpartition(".")[0][:60] or name
     task = {"name": name, "title": title, "assumed": value["summary"]["assumed"]}

@@ -23,11 +23,15 @@ from stridelab.service.kinds.robots.staged import MODELS_FOLDER, own_card, pack_
 
 
 class ReadRobotTask(Contract):
-    """Task of reading: the uploaded file in the folder, its name at the user's, and the robot's name."""
+    """Task of reading: the uploaded file in the folder, its name at the user's, and the robot's name.
+
+    ``description`` is the path, or its end, of the one that is read from a zip with several.
+    """
 
     file: str
     filename: str
     name: str
+    description: str = ""
 
 
 class ProposeCardTask(Contract):
@@ -48,7 +52,8 @@ def read_robot(task: ReadRobotTask, folder: Path, progress: ProgressCallback) ->
     """Rebuild the description; the summary is what was assumed. Raises as ``rebuild_description``."""
     progress(0.0, "reading the description")
     robots = folder / MODELS_FOLDER / "robots"
-    return Outcome({"assumed": rebuild_description(folder / task.file, task.filename, task.name, robots)}, (), ())
+    assumed = rebuild_description(folder / task.file, task.filename, task.name, robots, task.description)
+    return Outcome({"assumed": assumed}, (), ())
 
 
 def propose(task: ProposeCardTask, folder: Path, progress: ProgressCallback) -> Outcome:

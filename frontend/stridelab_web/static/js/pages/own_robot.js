@@ -4,12 +4,33 @@ import { createElement } from "../shared/elements.js";
 import { labelOf } from "../shared/field_labels.js";
 
 const upload = document.querySelector("form[data-add-robot]");
-if (upload)
+if (upload) {
+  const choice = upload.querySelector("[data-choice]");
+  upload.querySelector('input[name="file"]').addEventListener("change", () => offerDescriptions(choice, []));
   onSubmit(upload, async (data) => {
-    const { name } = await call("POST", "/robots", data);
-    location.assign(`/robots/${encodeURIComponent(name)}`);
-    return "Added.";
+    try {
+      const { name } = await call("POST", "/robots", data);
+      location.assign(`/robots/${encodeURIComponent(name)}`);
+      return "Added.";
+    } catch (error) {
+      if (error.problem?.code !== "robot-several-descriptions") throw error;
+      offerDescriptions(
+        choice,
+        error.problem.errors.map((/** @type {{ where: string }} */ { where }) => where),
+      );
+      return "The zip holds several descriptions: choose one, and upload again.";
+    }
   });
+}
+
+// Lets the user choose one of several descriptions in a zip; without any there is no choice and no field.
+/** @param {any} choice @param {string[]} paths */
+function offerDescriptions(choice, paths) {
+  const select = choice.querySelector("select");
+  choice.hidden = select.disabled = paths.length === 0;
+  select.replaceChildren(...paths.map((path) => createElement("option", { value: path }, path)));
+  if (paths.length) select.focus();
+}
 
 const section = document.querySelector("[data-own]");
 if (section) showCard(section);
