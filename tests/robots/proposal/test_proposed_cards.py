@@ -170,6 +170,14 @@ def test_a_joint_with_the_name_of_its_link_is_renamed(tmp_path: Path) -> None:
     assert proposal.robot.group["torso_joint"] == "torso"
 
 
+def test_spaces_at_the_ends_of_names_are_removed(tmp_path: Path) -> None:
+    text = Humanoid().urdf().replace('name="left_knee"', 'name="left_knee "')
+    text = text.replace('<link name="left_knee_link"', '<link name=" left_knee_link"')
+    plain, assumed = rebuilt(text, tmp_path)
+    assert plain.find("joint[@name='left_knee']/child[@link='left_knee_link']") is not None
+    assert assumed.keys() == {"joint left_knee: name", "link left_knee_link: name"}
+
+
 def test_a_joint_between_the_root_and_the_legs_is_locked(tmp_path: Path) -> None:
     # The torso becomes the root: the waist then turns the pelvis with both legs.
     urdf = Humanoid().urdf()
@@ -240,6 +248,23 @@ def test_a_negative_moment_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="link left_elbow_link: its smallest principal moment") as refusal:
         proposal_of_text(with_inertia("left_elbow_link", 0.8, (-1e-3, 1e-3, 1e-3)), tmp_path)
     assert refusal.value.code == "robot-description-invalid"
+
+
+@pytest.mark.parametrize(("x_m", "is_checked"), [((0.22,), True), ((0.22, -0.07), False)])
+def test_hulls_that_a_thigh_meets_in_most_of_its_range_are_not_checked(
+    x_m: tuple[float, ...], is_checked: bool, tmp_path: Path
+) -> None:
+    """Plates of the pelvis before and behind the thighs, as of the hull of a pelvis that is hollow there."""
+    root = ET.fromstring(Humanoid(arms=False).urdf())
+    pelvis = root.find("link[@name='pelvis']")
+    assert pelvis is not None
+    for x in x_m:
+        plate = ET.SubElement(pelvis, "collision")
+        ET.SubElement(plate, "origin", xyz=f"{x} 0 -0.28")
+        ET.SubElement(ET.SubElement(plate, "geometry"), "box", size="0.02 0.8 0.4")
+    proposal = proposal_of_text(ET.tostring(root, encoding="unicode"), tmp_path)
+    assert ("left_hip_pitch_link" in proposal.card.collision.never["pelvis"]) is not is_checked
+    assert "right_hip_pitch_link" not in proposal.card.collision.never["left_hip_pitch_link"]
 
 
 def test_marks_of_a_sole_are_not_its_shape(tmp_path: Path, usual: Proposal) -> None:

@@ -1,8 +1,8 @@
 """Pairs of links that need no self-collision check, from sampled configurations: the card's ``collision.never``.
 
 Left out are pairs that a joint connects, that overlap at rest or in nearly all configurations (their convex hulls are
-wider than the links), and pairs that never came within ``CLEARANCE_M`` of each other. Arms that touch the legs or the
-trunk at rest are no such pair: the posture is at fault.
+wider than the links), for neighbours on a limb in most, and pairs that never came within ``CLEARANCE_M`` of each other.
+Arms that touch the legs or the trunk at rest are no such pair: the posture is at fault.
 """
 
 from collections import defaultdict
@@ -18,6 +18,10 @@ from stridelab.robots.robot import Robot
 CONFIGURATIONS: Final = 1_000
 CLEARANCE_M: Final = 0.01
 ALWAYS: Final = 0.95
+"""Share of the configurations from which two links touch nearly always."""
+NEAR_JOINTS: Final = 3
+MOSTLY: Final = 0.5
+"""The same for links at most ``NEAR_JOINTS`` joints apart on one limb, whose range would be of no use."""
 
 Pair = tuple[str, str]
 
@@ -27,9 +31,12 @@ def never_colliding(robot: Robot, configurations: int = CONFIGURATIONS, seed: in
     model, geometry = robot.model, robot.collision
     data, results = model.createData(), geometry.createData()
     links = [str(model.frames[part.parentFrame].name) for part in geometry.geometryObjects]
-    pairs = [(links[pair.first], links[pair.second]) for pair in geometry.collisionPairs]
+    shapes = [(links[pair.first], links[pair.second]) for pair in geometry.collisionPairs]
+    pairs = sorted(set(shapes))
+    of_shapes = np.array([pairs.index(pair) for pair in shapes], int)
+    most = configurations * np.array([MOSTLY if _near_on_limb(robot, pair) else ALWAYS for pair in pairs])
     collide = _check(robot, data, results, 0.0)
-    at_rest = {pairs[k] for k in collide(robot.q_reference)}
+    at_rest = {shapes[k] for k in collide(robot.q_reference)}
     near = np.zeros(len(pairs), int)
     touching = np.zeros(len(pairs), int)
     rng, q = np.random.default_rng(seed), robot.q_reference.copy()
@@ -38,18 +45,14 @@ def never_colliding(robot: Robot, configurations: int = CONFIGURATIONS, seed: in
     for margin_m, count in ((CLEARANCE_M, near), (0.0, touching)):
         collide = _check(robot, data, results, margin_m)
         if margin_m == 0.0:  # only pairs that were nearly always close can have touched as often
-            for rare in np.flatnonzero(near <= ALWAYS * configurations):
+            for rare in np.flatnonzero((near <= most)[of_shapes]):
                 results.deactivateCollisionPair(int(rare))
         for angles in draws:
             q[7:] = angles
-            count[collide(q)] += 1
+            count[np.unique(of_shapes[collide(q)])] += 1
     table: dict[str, set[str]] = defaultdict(set)
-    shares: dict[Pair, list[int]] = defaultdict(lambda: [0, 0])
     for k, pair in enumerate(pairs):
-        shares[pair][0] = max(shares[pair][0], int(near[k]))
-        shares[pair][1] = max(shares[pair][1], int(touching[k]))
-    for pair, (closest, touched) in shares.items():
-        if pair in at_rest or touched > ALWAYS * configurations or closest == 0 or _connected(robot, pair):
+        if pair in at_rest or touching[k] > most[k] or near[k] == 0 or _connected(robot, pair):
             table[pair[0]].add(pair[1])
     return {link: tuple(sorted(others)) for link, others in sorted(table.items())}
 
@@ -73,3 +76,10 @@ def _connected(robot: Robot, pair: Pair) -> bool:
     model = robot.model
     a, b = (model.frames[model.getFrameId(name)].parentJoint for name in pair)
     return bool(model.parents[a] == b or model.parents[b] == a)
+
+
+def _near_on_limb(robot: Robot, pair: Pair) -> bool:
+    """Whether one of the links carries the other over at most ``NEAR_JOINTS`` joints."""
+    model = robot.model
+    a, b = (list(model.supports[model.frames[model.getFrameId(name)].parentJoint]) for name in pair)
+    return bool((a[-1] in b or b[-1] in a) and abs(len(a) - len(b)) <= NEAR_JOINTS)

@@ -92,12 +92,13 @@ def plain_description(root: ET.Element, filename: str, mesh: Mesh) -> PlainDescr
         message = f"The description is {kind}; convert it to URDF, whose document is <robot>, or to MJCF."
         raise _unreadable("robot-data-unreadable", message, filename)
     links, joints = root.findall("link"), root.findall("joint")
+    stripped = _strip_names(links, joints)
     if faults := [*_name_faults(links, "link"), *_name_faults(joints, "joint")]:
         raise invalid(faults)
     if faults := list(_tree_faults(links, joints)):
         raise invalid(faults)
     reader = _Reader(mesh)
-    assumed = _rename_joints(joints, {link.attrib["name"] for link in links})
+    assumed = stripped | _rename_joints(joints, {link.attrib["name"] for link in links})
     plain = ET.Element("robot", name="robot")
     for link in links:
         plain.append(reader.link(link, assumed))
@@ -107,6 +108,19 @@ def plain_description(root: ET.Element, filename: str, mesh: Mesh) -> PlainDescr
         raise invalid(reader.faults)
     _fix_massless_joints(plain, assumed)
     return PlainDescription(_without_world(plain), assumed)
+
+
+def _strip_names(links: Sequence[ET.Element], joints: Sequence[ET.Element]) -> dict[str, str]:
+    """Remove spaces at the ends of names, also where joints refer to links; returns whose names had some."""
+    stripped = {}
+    for element in (*links, *joints):
+        name = element.get("name", "")
+        if name != name.strip():
+            element.set("name", name.strip())
+            stripped[f"{element.tag} {name.strip()[:MAX_NAME]}: name"] = "without the spaces at its ends"
+    for end in (end for joint in joints for end in (*joint.findall("parent"), *joint.findall("child"))):
+        end.set("link", end.get("link", "").strip())
+    return stripped
 
 
 def _rename_joints(joints: Sequence[ET.Element], links: set[str]) -> dict[str, str]:
@@ -143,8 +157,8 @@ def _name_faults(elements: Sequence[ET.Element], kind: str) -> Iterator[Fault]:
         shown = f"{kind} {name[:MAX_NAME]!r}"
         if count > 1:
             yield Fault(shown, "its name occurs more than once")
-        if not name.strip() or name != name.strip() or len(name) > MAX_NAME:
-            yield Fault(shown, f"its name must have 1 to {MAX_NAME} characters, without spaces at its ends")
+        if not name or len(name) > MAX_NAME:
+            yield Fault(shown, f"its name must have 1 to {MAX_NAME} characters")
         elif not all(letter.isalnum() or letter in _SAFE for letter in name):
             yield Fault(shown, "its name may contain letters, digits, spaces and . : + - _ only")
 
@@ -364,9 +378,8 @@ def _is_marker(link: ET.Element) -> bool:
     if mass is not None and float(mass.attrib["value"]) > MARKER_KG:
         return False
     forms = [form for geometry in link.findall("visual/geometry") for form in geometry]
-    sizes_m = [
-        float(size) for form in forms for key in ("size", "radius", "length") for size in form.get(key, "").split()
-    ]
+    texts = [form.get(key, "") for form in forms for key in ("size", "radius", "length")]
+    sizes_m = [float(size) for text in texts for size in text.split()]
     return bool(sizes_m) and all(form.tag != "mesh" for form in forms) and max(sizes_m) <= MARKER_M
 
 
@@ -383,5 +396,4 @@ def _without_world(root: ET.Element) -> ET.Element:
     if base.find("inertial") is None and len(below) == 1 and base.attrib["name"].lower() in ("world", "map", "odom"):
         root.remove(base)
         root.remove(below[0])
-        return root
     return root
