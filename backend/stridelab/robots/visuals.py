@@ -163,6 +163,14 @@ def link_names(robot: Robot) -> tuple[str, ...]:
     return tuple(_link_of(robot.model, joint) for joint in range(1, robot.model.njoints))
 
 
+def visual_shapes(robot: Robot) -> pin.GeometryModel:
+    """The visual shapes of ``robot.model``. Raises ``Unavailable`` (``robot-data-unreadable``)."""
+    full = full_model(robot.urdf)
+    visual = visual_geometry(full, robot.urdf, robot.package_dirs)
+    locked_ids = [full.getJointId(joint) for joint in robot.locked]
+    return pin.buildReducedModel(full, visual, locked_ids, full_configuration(robot, full))[1]
+
+
 def link_meshes(robot: Robot) -> tuple[LinkMesh, ...]:
     """One mesh per link of ``link_names``, including the locked links fixed to it.
 
@@ -170,10 +178,7 @@ def link_meshes(robot: Robot) -> tuple[LinkMesh, ...]:
 
     Raises ``Unavailable`` (``robot-data-unreadable``) if the description's meshes cannot be read.
     """
-    full = full_model(robot.urdf)
-    visual = visual_geometry(full, robot.urdf, robot.package_dirs)
-    locked_ids = [full.getJointId(joint) for joint in robot.locked]
-    _, visual = pin.buildReducedModel(full, visual, locked_ids, full_configuration(robot, full))
+    visual = visual_shapes(robot)
     for tolerance_m in TOLERANCES_M:
         shapes = [(shape.parentJoint, mesh_of(shape, tolerance_m)) for shape in visual.geometryObjects]
         if sum(len(mesh.faces) for _, mesh in shapes) <= _MAX_TRIANGLES:

@@ -250,21 +250,21 @@ def test_a_negative_moment_is_refused(tmp_path: Path) -> None:
     assert refusal.value.code == "robot-description-invalid"
 
 
-@pytest.mark.parametrize(("x_m", "is_checked"), [((0.22,), True), ((0.22, -0.07), False)])
-def test_hulls_that_a_thigh_meets_in_most_of_its_range_are_not_checked(
-    x_m: tuple[float, ...], is_checked: bool, tmp_path: Path
-) -> None:
-    """Plates of the pelvis before and behind the thighs, as of the hull of a pelvis that is hollow there."""
+@pytest.mark.parametrize("is_drawn", [True, False])
+def test_hulls_of_neighbours_that_meet_where_the_meshes_do_not_are_not_checked(is_drawn: bool, tmp_path: Path) -> None:
+    """A plate of the pelvis before the thighs, as the hull of a pelvis that is hollow there, or drawn as well."""
     root = ET.fromstring(Humanoid(arms=False).urdf())
     pelvis = root.find("link[@name='pelvis']")
     assert pelvis is not None
-    for x in x_m:
-        plate = ET.SubElement(pelvis, "collision")
-        ET.SubElement(plate, "origin", xyz=f"{x} 0 -0.28")
+    for kind in ("collision", "visual") if is_drawn else ("collision",):
+        plate = ET.SubElement(pelvis, kind)
+        ET.SubElement(plate, "origin", xyz="0.22 0 -0.28")
         ET.SubElement(ET.SubElement(plate, "geometry"), "box", size="0.02 0.8 0.4")
     proposal = proposal_of_text(ET.tostring(root, encoding="unicode"), tmp_path)
-    assert ("left_hip_pitch_link" in proposal.card.collision.never["pelvis"]) is not is_checked
-    assert "right_hip_pitch_link" not in proposal.card.collision.never["left_hip_pitch_link"]
+    never = proposal.card.collision.never
+    assert ("left_hip_pitch_link" in never["pelvis"]) is not is_drawn
+    assert "left_knee_link" not in never["pelvis"], "four joints further down it is no neighbour"
+    assert "right_hip_pitch_link" not in never["left_hip_pitch_link"]
 
 
 def test_marks_of_a_sole_are_not_its_shape(tmp_path: Path, usual: Proposal) -> None:

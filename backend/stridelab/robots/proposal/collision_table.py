@@ -1,12 +1,14 @@
 """Pairs of links that need no self-collision check, from sampled configurations: the card's ``collision.never``.
 
 Left out are pairs that a joint connects, that overlap at rest or in nearly all configurations (their convex hulls are
-wider than the links), for neighbours on a limb in most, and pairs that never came within ``CLEARANCE_M`` of each other.
-Arms that touch the legs or the trunk at rest are no such pair: the posture is at fault.
+wider than the links), neighbours on a limb whose hulls meet where what is drawn of them does not, and pairs that never
+came within ``CLEARANCE_M`` of each other. Arms that touch the legs or the trunk at rest are no such pair: the posture
+is at fault.
 """
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -14,14 +16,19 @@ import pinocchio as pin
 from jaxtyping import Float, Int
 
 from stridelab.robots.robot import Robot
+from stridelab.robots.visuals import visual_shapes
 
 CONFIGURATIONS: Final = 1_000
 CLEARANCE_M: Final = 0.01
 ALWAYS: Final = 0.95
 """Share of the configurations from which two links touch nearly always."""
 NEAR_JOINTS: Final = 3
-MOSTLY: Final = 0.5
-"""The same for links at most ``NEAR_JOINTS`` joints apart on one limb, whose range would be of no use."""
+"""Links at most so many joints apart on a limb are neighbours: their hulls often meet where the links interlock."""
+COMPARED: Final = 200
+FEWEST: Final = 4
+"""Configurations in which the hulls of neighbours are compared with what is drawn, and in how many they must meet."""
+DRAWN_SHARE: Final = 0.1
+"""Share of these in which the drawn shapes must meet as well; it is 0 to 0.01 or 0.2 to 1 for fifteen robots."""
 
 Pair = tuple[str, str]
 
@@ -34,7 +41,6 @@ def never_colliding(robot: Robot, configurations: int = CONFIGURATIONS, seed: in
     shapes = [(links[pair.first], links[pair.second]) for pair in geometry.collisionPairs]
     pairs = sorted(set(shapes))
     of_shapes = np.array([pairs.index(pair) for pair in shapes], int)
-    most = configurations * np.array([MOSTLY if _near_on_limb(robot, pair) else ALWAYS for pair in pairs])
     collide = _check(robot, data, results, 0.0)
     at_rest = {shapes[k] for k in collide(robot.q_reference)}
     near = np.zeros(len(pairs), int)
@@ -45,15 +51,19 @@ def never_colliding(robot: Robot, configurations: int = CONFIGURATIONS, seed: in
     for margin_m, count in ((CLEARANCE_M, near), (0.0, touching)):
         collide = _check(robot, data, results, margin_m)
         if margin_m == 0.0:  # only pairs that were nearly always close can have touched as often
-            for rare in np.flatnonzero((near <= most)[of_shapes]):
+            for rare in np.flatnonzero((near <= ALWAYS * configurations)[of_shapes]):
                 results.deactivateCollisionPair(int(rare))
         for angles in draws:
             q[7:] = angles
             count[np.unique(of_shapes[collide(q)])] += 1
     table: dict[str, set[str]] = defaultdict(set)
     for k, pair in enumerate(pairs):
-        if pair in at_rest or touching[k] > most[k] or near[k] == 0 or _connected(robot, pair):
+        overlap = pair in at_rest or touching[k] > ALWAYS * configurations
+        if overlap or near[k] == 0 or _connected(robot, pair):
             table[pair[0]].add(pair[1])
+    neighbours = [pair for pair in pairs if pair[1] not in table.get(pair[0], ()) and _near_on_limb(robot, pair)]
+    for first, second in _only_hulls_meet(robot, neighbours, draws[:COMPARED]):
+        table[first].add(second)
     return {link: tuple(sorted(others)) for link, others in sorted(table.items())}
 
 
@@ -76,6 +86,29 @@ def _connected(robot: Robot, pair: Pair) -> bool:
     model = robot.model
     a, b = (model.frames[model.getFrameId(name)].parentJoint for name in pair)
     return bool(model.parents[a] == b or model.parents[b] == a)
+
+
+def _only_hulls_meet(robot: Robot, pairs: Sequence[Pair], draws: Sequence[np.ndarray]) -> Iterator[Pair]:
+    """Those of ``pairs`` whose collision shapes meet while the drawn ones do not."""
+    if not pairs:
+        return
+    drawn, hulls = visual_shapes(robot), robot.collision.copy()
+    qs = [np.concatenate([robot.q_reference[:7], angles]) for angles in draws]
+    for pair in pairs:
+        met = [q for q, meets in zip(qs, _meetings(robot, hulls, pair, qs), strict=True) if meets]
+        shown = _meetings(robot, drawn, pair, met)
+        if len(met) >= FEWEST and drawn.collisionPairs and sum(shown) <= DRAWN_SHARE * len(met):
+            yield pair
+
+
+def _meetings(robot: Robot, geometry: pin.GeometryModel, pair: Pair, qs: Sequence[np.ndarray]) -> list[bool]:
+    """Whether shapes of two links meet, in every configuration; ``geometry`` gets their pairs and no others."""
+    links = [str(robot.model.frames[shape.parentFrame].name) for shape in geometry.geometryObjects]
+    geometry.removeAllCollisionPairs()
+    for one, other in product(*([k for k, link in enumerate(links) if link == name] for name in pair)):
+        geometry.addCollisionPair(pin.CollisionPair(one, other))
+    results, data = geometry.createData(), robot.model.createData()
+    return [bool(pin.computeCollisions(robot.model, data, geometry, results, q, True)) for q in qs]
 
 
 def _near_on_limb(robot: Robot, pair: Pair) -> bool:

@@ -31,7 +31,7 @@ UNLIMITED: Final = 1e6
 """Limits of torque (N m) or speed (rad/s) from this size on are those of a joint without a limit; infinity is one."""
 MARKER_KG: Final = 0.01
 MARKER_M: Final = 0.03
-"""Mass and size up to which a link that is drawn but has no collision shape is a mark, not a part of the body."""
+"""Mass and size up to which a link of solids is a mark, not a part of the body."""
 DEFAULT_RANGE_RAD: Final = math.pi
 TURNING: Final = ("revolute", "continuous")
 _SAFE: Final = frozenset(" _-.:+")
@@ -219,7 +219,7 @@ class _Reader:
             for shape in element.findall(kind):
                 self._shape(link, shape, kind, where)
         if link.find("collision") is None:
-            if _is_marker(link):
+            if is_mark(link):
                 assumed[f"{where}: collision"] = "none, since it is only a mark in the display"
                 return link
             for shape in element.findall("visual"):  # what is drawn is also what touches
@@ -372,12 +372,12 @@ def _fix_massless_joints(root: ET.Element, assumed: dict[str, str]) -> None:
             assumed[f"joint {joint.attrib['name']}: type"] = "fixed here, since nothing with a mass is behind it"
 
 
-def _is_marker(link: ET.Element) -> bool:
-    """Whether a plain link is a mark of a place, such as a corner of a sole: next to no mass, small drawn solids."""
+def is_mark(link: ET.Element) -> bool:
+    """Whether a plain link is a mark of a place, such as a corner of a sole: next to no mass, and small solids."""
     mass = link.find("inertial/mass")
     if mass is not None and float(mass.attrib["value"]) > MARKER_KG:
         return False
-    forms = [form for geometry in link.findall("visual/geometry") for form in geometry]
+    forms = [form for geometry in link.findall("*/geometry") for form in geometry]
     texts = [form.get(key, "") for form in forms for key in ("size", "radius", "length")]
     sizes_m = [float(size) for text in texts for size in text.split()]
     return bool(sizes_m) and all(form.tag != "mesh" for form in forms) and max(sizes_m) <= MARKER_M

@@ -48,16 +48,26 @@ def rest_posture(
     hips = [solver.joint_position(q, leg[2]) for leg in limbs.legs]
     apart_m = max(*(abs(hip[1]) for hip in hips), *(sole.foot_half_size_m[1] + FOOT_GAP * leg_m for sole in soles))
     straight, ahead_m = q, float(np.mean([hip[0] for hip in hips]))
+    standing: np.ndarray | None = None
     for extension in EXTENSIONS:
         level = float(np.mean([hip[2] for hip in hips])) - extension * leg_m
-        q = straight
+        q, unreached = straight, None
         for _ in range(CENTRING):
             for leg, sole, hip in zip(limbs.legs, soles, hips, strict=True):
-                q = solver.place_sole(q, leg, sole, np.array([ahead_m, np.copysign(apart_m, hip[1]), level]), leg_m)
+                target_m = np.array([ahead_m, np.copysign(apart_m, hip[1]), level])
+                q, reached = solver.place_sole(q, leg, sole, target_m, leg_m)
+                unreached = unreached if reached else leg
             ahead_m = float(solver.com_position(q)[0])
-        if solver.bend_rad(q, straight, limbs.legs[0]) >= KNEE_RAD:
+        standing = q if unreached is None else standing
+        if unreached is None and solver.bend_rad(q, straight, limbs.legs[0]) >= KNEE_RAD:
             break
-    return q, leg_m
+    if standing is None:
+        raise not_humanoid(
+            f"the leg that starts at {model.names[(unreached or limbs.legs[0])[0]]!r} cannot put its sole level below "
+            "the hip with bent knees within the joints' ranges",
+            "reference",
+        )
+    return standing, leg_m
 
 
 class _Limb:
@@ -100,8 +110,10 @@ class _Limb:
             q[index] = rng.uniform(low, high)
         return longest
 
-    def place_sole(self, q: np.ndarray, leg: Chain, sole: Sole, target_m: Vector3, leg_m: float) -> np.ndarray:
-        """``q`` with the sole level, ahead and at ``target_m``."""
+    def place_sole(
+        self, q: np.ndarray, leg: Chain, sole: Sole, target_m: Vector3, leg_m: float
+    ) -> tuple[np.ndarray, bool]:
+        """``q`` with the sole level, ahead and as near to ``target_m`` as possible, and whether it is there."""
 
         def errors(T: pin.SE3) -> np.ndarray:
             R = self.R.T @ T.rotation @ sole.R
@@ -110,13 +122,7 @@ class _Limb:
 
         solved = self._solve(q, leg, errors, weight=1e-3)
         pin.forwardKinematics(self.model, self.data, solved)
-        if np.abs(errors(self.data.oMi[leg[-1]])).max() > LEG_TOLERANCE:
-            raise not_humanoid(
-                f"the leg that starts at {self.model.names[leg[0]]!r} cannot put its sole level below the hip with "
-                "bent knees within the joints' ranges",
-                "reference",
-            )
-        return solved
+        return solved, bool(np.abs(errors(self.data.oMi[leg[-1]])).max() <= LEG_TOLERANCE)
 
     def place_hand(self, q: np.ndarray, arm: Chain, outwards: float) -> np.ndarray:
         """``q`` with the end of the arm near its place beside the body."""

@@ -31,7 +31,7 @@ from stridelab.robots.data_files import DataFiles
 from stridelab.robots.inertias import MOMENT_TOLERANCE, inertia_faults, read_link
 from stridelab.robots.proposal.archive import unpack_robot
 from stridelab.robots.proposal.collision_table import never_colliding
-from stridelab.robots.proposal.description import invalid, plain_description, read_xml
+from stridelab.robots.proposal.description import invalid, is_mark, plain_description, read_xml
 from stridelab.robots.proposal.effectors import carrying_link, effector_cards, foot_soles
 from stridelab.robots.proposal.limbs import Limbs, find_limbs
 from stridelab.robots.proposal.meshes import MeshConverter
@@ -133,7 +133,10 @@ def _propose_card(name: str, title: str, root: ET.Element, files: DataFiles, ass
         assumed["collision.never"] = "arms overlap the body at rest: " + ", ".join(sorted(touching)[:5])
     never = never_colliding(robot)
     table = {re.escape(link): tuple(map(re.escape, others)) for link, others in never.items()}
-    card = replace(card, collision=CollisionCard(never=table))
+    marks = _foot_marks(root, model, limbs)
+    assumed |= {f"link {link}: collision": "not with the ground, on which the sole stands" for link in marks}
+    left_out = tuple(rf"{re.escape(link)}_\d+" for link in marks)
+    card = replace(card, collision=CollisionCard(never=table, left_out=left_out))
     assumed.setdefault("collision.never", "from sampled configurations")
     return Proposal(card, assumed, assemble_robot(name, card, files))
 
@@ -183,6 +186,14 @@ def _card(
         limits=limits,
         rotors=rotors,
     )
+
+
+def _foot_marks(root: ET.Element, model: pin.Model, limbs: Limbs) -> list[str]:
+    """Links of the feet that only mark places, such as the corners of a sole, by solids that collide."""
+    feet = {leg[-1] for leg in limbs.legs}
+    links = [link for link in root.findall("link") if link.find("collision") is not None and is_mark(link)]
+    names = [link.attrib["name"] for link in links]
+    return [name for name in names if model.frames[model.getFrameId(name)].parentJoint in feet]
 
 
 def _limits(
