@@ -11,7 +11,7 @@ import pytest
 from stridelab.errors import InvalidInput, StridelabError, UnreadableFile
 from stridelab.robots.proposal.archive import UnpackedRobot
 from stridelab.robots.proposal.description import read_xml
-from stridelab.robots.proposal.meshes import MeshConverter
+from stridelab.robots.proposal.meshes import MeshConverter, binary_stl
 from stridelab.robots.proposal.mjcf import urdf_of_mjcf
 from stridelab.robots.proposal.propose import propose_card, rebuild_description
 from support.robots.humanoid import HALF_SOLE_M, SOLE_AHEAD_M, SOLE_DROP_M, Humanoid, archive, box_stl
@@ -197,6 +197,27 @@ def test_left_handed_meshes_keep_their_outside(scale: tuple[float, float, float]
             turn = pin.rpy.rpyToMatrix(0.0, np.radians(25.0), 0.0)
             middle_m = turn.T @ (in_thigh_m - (0.02, 0.0, -0.1) + np.array([0.01, -0.02, 0.03]))
         assert middle_m == pytest.approx(np.multiply(scale, (0.02, 0.03, 0.01)), abs=1e-6)
+
+
+def test_a_mesh_of_many_shells_is_displayed_with_few_triangles(tmp_path: Path) -> None:
+    """Triangles that share no vertices, since they differ in the last digits: collapses of edges tear them apart."""
+    turn, rise = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 121), np.linspace(0.0, np.pi, 61), indexing="ij")
+    sphere_m = 0.1 * np.stack([np.sin(rise) * np.cos(turn), np.sin(rise) * np.sin(turn), np.cos(rise)], axis=-1)
+    sphere_m = np.round(sphere_m, 3)
+    a, b, c, d = sphere_m[:-1, :-1], sphere_m[1:, :-1], sphere_m[1:, 1:], sphere_m[:-1, 1:]
+    triangles = np.concatenate([np.stack(three, axis=2).reshape(-1, 3, 3) for three in ((a, c, b), (a, d, c))])
+    triangles += np.random.default_rng(3).normal(0.0, 2e-5, triangles.shape)
+    points = triangles.reshape(-1, 3)
+    (tmp_path / "b.stl").write_bytes(binary_stl(points, np.arange(len(points)).reshape(-1, 3)))
+    upload = UnpackedRobot(tmp_path, PurePosixPath("r"), {PurePosixPath("b.stl"): tmp_path / "b.stl"})
+    name = MeshConverter(upload, tmp_path, "p").convert("b.stl", (1.0, 1.0, 1.0), False)
+    assert name is not None
+    content = (tmp_path / PurePosixPath(name).name).read_bytes()
+    assert len(triangles) > 14_000
+    assert int.from_bytes(content[80:84], "little") <= 6_000
+    volume_m3, middle_m = volume_and_middle(content)
+    assert volume_m3 == pytest.approx(4.0 / 3.0 * np.pi * 1e-3, rel=0.02)
+    assert middle_m == pytest.approx(np.zeros(3), abs=1e-3)
 
 
 @pytest.mark.parametrize(

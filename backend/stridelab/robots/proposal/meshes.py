@@ -8,7 +8,7 @@ from typing import Final
 import coal
 import fast_simplification
 import numpy as np
-from jaxtyping import Float32, Int
+from jaxtyping import Float, Float32, Int
 from scipy.spatial import ConvexHull, QhullError
 
 from stridelab.conventions import Points
@@ -20,6 +20,10 @@ MAX_TRIANGLES: Final = 1_500_000
 """Triangles of all displayed meshes together that are read; later meshes are not displayed."""
 SHOWN_TRIANGLES: Final = 6_000
 """Triangles of one displayed mesh."""
+MERGED_M: Final = 1e-3
+MERGED_SHARES: Final = 200
+"""Vertices of a displayed mesh that has too many triangles are merged on a grid of this width, or of this share of its
+extent. Without it, the edge collapses stop at the seams of bodies made of many shells, after twenty times the time."""
 MAX_EXTENT_M: Final = 10.0
 _TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 """Record of a binary STL."""
@@ -77,6 +81,8 @@ class MeshConverter:
             vertices, faces = _hull(vertices)
         else:
             if len(faces) > SHOWN_TRIANGLES:
+                vertices, faces = _merge_close(vertices, faces, min(MERGED_M, extent_m / MERGED_SHARES))
+            if len(faces) > SHOWN_TRIANGLES:
                 vertices, faces = fast_simplification.simplify(
                     vertices.astype(np.float32), faces.astype(np.int32), target_count=SHOWN_TRIANGLES, agg=5
                 )
@@ -94,6 +100,17 @@ def binary_stl(vertices_m: Points, faces: Faces) -> bytes:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     record["normal"] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     return bytes(80) + np.array(len(faces), "<u4").tobytes() + record.tobytes()
+
+
+def _merge_close(
+    vertices: Points, faces: Faces, width_m: float
+) -> tuple[Float[np.ndarray, "n_kept 3"], Int[np.ndarray, "m_kept 3"]]:
+    """One vertex for all in a cell of a grid; triangles that lose an edge are left out."""
+    cells = np.round((vertices - vertices.min(axis=0)) / width_m).astype(np.int64)
+    _, first, merged = np.unique(cells @ (1 << np.array([0, 21, 42])), return_index=True, return_inverse=True)
+    faces = merged.reshape(-1)[faces]
+    kept = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    return vertices[first], faces[kept]
 
 
 def _hull(vertices: Points) -> tuple[Points, Faces]:
