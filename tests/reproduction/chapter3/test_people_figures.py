@@ -22,6 +22,7 @@ from stridelab.reproduction.claims import Claim
 from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.walking.population.correlations import two_sided_p
 from stridelab.walking.population.population import PARAMETERS, Pair, Person, StepRow, study
+from support.recorded_claims import assert_as_recorded
 from support.recordings.walks import link_adults
 
 ADULTS = ("2014001", "2014015", "2014019", "2014022")
@@ -66,6 +67,13 @@ def test_every_claim_says_that_it_is_about_people_and_how_many(claims: dict[tupl
     assert claims["fig-3.6-people", "below_1_mm"].n == 4
     assert claims["fig-3.4-people", "events_s"].n == 32
     assert all((claim.n or 0) >= 4 for claim in claims.values())
+
+
+@pytest.mark.parametrize("name", [item.name for item in PEOPLE_ITEMS])
+def test_what_verdicts_on_four_people_stand_on_is_as_recorded(
+    claims: dict[tuple[str, str], Claim], name: str
+) -> None:
+    assert_as_recorded(name, [claim for (item, _), claim in claims.items() if item == name])
 
 
 def test_the_thresholds_are_those_that_the_thesis_prints(claims: dict[tuple[str, str], Claim]) -> None:
