@@ -30,6 +30,7 @@ ROOT: Final = Path(__file__).parents[2]
 PACKAGE: Final = Path("backend/stridelab/reproduction")
 MODULES: Final = ("claims.py", "chapter2", "chapter3", "chapter4", "common", "studies")
 RECORDED: Final = "reproduction/test_reproduction.py::test_what_verdicts_stand_on_is_as_recorded"
+RECORDED_ALL: Final = f"tests/{RECORDED}"
 TEST_FILES: Final = sorted(
     path.relative_to(ROOT).as_posix()
     for folder in ("reproduction", "studies", "theory")
@@ -40,6 +41,9 @@ PEOPLE_FILES: Final = tuple(
     f"tests/reproduction/{name}.py"
     for name in ("chapter2/test_fig_2_8_people", "chapter3/test_people_figures", "chapter2/test_real_walks")
 )
+LONG: Final = ("fig-2.8", "fig-2.9", "fig-4.2", "fig-4.9", "table-4.1", "flight", "partial-force", "numbers-4",
+               "errors", "fig-2.7", "fig-3.6", "fig-4.6", "coverage", "occupancy", "fig-4.8", "fig-4.5")  # fmt: skip
+"""Items of more than two seconds, the longest last: they run after the others."""
 LIMIT_S: Final = 240.0
 UNSEEN: Final = re.compile(
     r"^_?draw_|_panels?$|curves?$|_bars$|(?<!wrong)(?<!rigid)_table$|_columns$|_rows?$|svg|_map|label|_text$|^_?spots$|^panel_"
@@ -182,16 +186,18 @@ class Copy:
     def notices(self, mutant: Mutant, tests: Sequence[str], limit_s: float) -> str:
         """The first test that fails with the change, "too slow", or an empty text."""
         file = self.folder / PACKAGE / mutant.file
-        original = file.read_bytes()
+        original, times = file.read_bytes(), file.stat()
         file.write_text(mutant.source, encoding="utf-8")
         try:
-            return self._first_failure(tests, limit_s)
+            return self.first_failure(tests, limit_s, PYTHONDONTWRITEBYTECODE="1")
         finally:
             file.write_bytes(original)
+            os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))  # its compiled form is valid again
 
-    def _first_failure(self, tests: Sequence[str], limit_s: float) -> str:
+    def first_failure(self, tests: Sequence[str], limit_s: float, **variables: str) -> str:
+        """The first test that fails with the code as it is in the copy, "too slow", or an empty text."""
         path = os.pathsep.join(str(self.folder / name) for name in ("backend", "tests", "scripts"))
-        environment = os.environ | {"PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
+        environment = os.environ | {"PYTHONPATH": path} | variables
         command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "--hypothesis-seed=0", *tests]
         try:
             run = subprocess.run(
@@ -208,9 +214,10 @@ class Copy:
 def tests_of(file: str) -> list[str]:
     """Records of the items that import a module, then the files of tests that lead to it, the closest first."""
     module = "stridelab.reproduction." + file.removesuffix(".py").replace("/", ".")
-    records = f"tests/{RECORDED}"
+    leading = [name for name, item in ITEMS.items() if module in transitive_imports(item.run.__module__)]
     items = [
-        f"{records}[{name}]" for name, item in ITEMS.items() if module in transitive_imports(item.run.__module__)
+        f"{RECORDED_ALL}[{name}]"
+        for name in sorted(leading, key=lambda name: 1 + LONG.index(name) if name in LONG else 0)
     ]
     close = [path for path in TEST_FILES if module in _imports_of(ROOT / path)]
     far = [
@@ -254,6 +261,8 @@ def main() -> None:
     tried = {(line["name"], line["place"]): line["by"] for line in map(json.loads, lines)}
     with tempfile.TemporaryDirectory(prefix="stridelab-mutants-") as place, arguments.log.open("a") as log:
         copied = Copy(Path(place))
+        if not tried and (failed := copied.first_failure([RECORDED_ALL], 10.0 * arguments.limit)):
+            raise SystemExit(f"Without a change fails: {failed}")
         for k, mutant in enumerate(sample):
             if (mutant.name, k) in tried:
                 continue

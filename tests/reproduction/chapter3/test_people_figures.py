@@ -70,9 +70,7 @@ def test_every_claim_says_that_it_is_about_people_and_how_many(claims: dict[tupl
 
 
 @pytest.mark.parametrize("name", [item.name for item in PEOPLE_ITEMS])
-def test_what_verdicts_on_four_people_stand_on_is_as_recorded(
-    claims: dict[tuple[str, str], Claim], name: str
-) -> None:
+def test_what_verdicts_on_four_people_stand_on_is_as_recorded(claims: dict[tuple[str, str], Claim], name: str) -> None:
     assert_as_recorded(name, [claim for (item, _), claim in claims.items() if item == name])
 
 
