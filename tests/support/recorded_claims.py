@@ -17,8 +17,8 @@ from stridelab.reproduction.claims import Claim
 RECORDS: Final = Path(__file__).parents[1] / "reproduction" / "recorded_claims.json"
 FIELDS: Final = ("verdict", "thesis", "holds_from", "holds_to", "strict", "threshold", "aim", "evidence", "n", "where",
                  "interval", "comparator", "solver")  # fmt: skip
-MEASURED_TIMES: Final = ("time", "u_c_faster", "per_second", "iteration_", "u_c_gain", "u_f_", "horizon_hz", "kernel_ns",
-                         "wrench_25_s", "forces_17_s")  # fmt: skip
+MEASURED_TIMES: Final = ("time", "u_c_faster", "per_second", "iteration_", "u_c_gain", "u_f_", "horizon_hz",
+                         "kernel_ns", "wrench_25_s", "forces_17_s")  # fmt: skip
 """Beginnings of the keys of claims on processor times, whose numbers and verdicts are those of a machine."""
 ROUNDING: Final = 1e-7
 """Numbers below it are rounding errors of what is exact: their size is not compared."""
