@@ -1,6 +1,7 @@
 """Weights of (4.20a) from motions: those with which motions were generated are recovered, also on people left out."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,8 +29,9 @@ from stridelab.reproduction.studies.inverse_control import (
     weighted,
     without_term,
 )
-from stridelab.reproduction.studies.recorded_motions import RecordedMotion, ground_height_m
+from stridelab.reproduction.studies.recorded_motions import RecordedMotion, ground_height_m, recorded_motion
 from stridelab.robots.robot import Effector
+from support.recorded_claims import assert_as_recorded
 
 HEIGHT_M = 0.95
 SOLE = (0.12, 0.045)
@@ -188,6 +190,7 @@ def test_verdicts_on_weights_need_what_a_term_explains() -> None:
     assert claims["over_equal"].outcome == "aim_missed"
     assert claims["force"].ours == pytest.approx(np.sqrt(0.5))
     assert claims["height"].ours == pytest.approx(np.sqrt(0.9))
+    assert_as_recorded("weights-people of invented errors", claims.values())
     robot = people_weights.talos_weights(TermWeights(2.0, 3.0, 0.0, 5.0))
     assert robot["weights of people, the thesis' densities"] == TermWeights(2.0, 3.0, 0.2, 5.0)
 
@@ -209,6 +212,7 @@ def test_children_are_judged_with_the_weights_of_adults(monkeypatch: pytest.Monk
     assert claim.ours == pytest.approx(0.97)
     assert claim.outcome == "aim_missed"
     assert claim.n == 2
+    assert_as_recorded("weights-people, children", [claim, stairs])
     assert (stairs.key, stairs.n, stairs.interval) == ("stairs", 1, None), "one person has no interval"
     assert people_weights._others_claims(chosen, [], []) == []
 
@@ -260,3 +264,24 @@ def test_a_sole_on_stairs_lies_on_the_plate_below_its_markers() -> None:
     heights = [ground_height_m(np.array([x, 0.3, z]), stairs) for x, z in places]
     assert heights == [0.4, 0.4, 0.2, 0.2, 0.0, 0.4, 0.0]
     assert ground_height_m(np.array([0.2, 0.3, 0.05]), [plate(1, 0.0, 0.004)]) == 0.0, "a plate in the floor"
+
+
+def test_a_recorded_motion_obeys_newton_between_its_nodes(gait: Path) -> None:
+    """The plates' mean force gives the change of the measured velocity, from the start to the end of the problem."""
+    path = next((gait / "rehazenter-adult-walking" / "2014001").glob("*_C4_*.c3d"))
+    motion = recorded_motion(path)
+    problem = motion.problem
+    assert motion.com_m[0] == pytest.approx(problem.com_start_m)
+    assert motion.com_m[-1] == pytest.approx(problem.com_end_m)
+    step_s = np.diff(problem.grid().time_s)
+    speeds_m_s = np.diff(motion.com_m, axis=0) / step_s[:, None]
+    assert np.linalg.norm(speeds_m_s, axis=1) == pytest.approx(np.full(len(step_s), 1.2), abs=0.5)
+    assert speeds_m_s[0] == pytest.approx(problem.start.com_v_m_s, abs=0.15)
+    a = np.diff(speeds_m_s, axis=0) / ((step_s[1:] + step_s[:-1]) / 2.0)[:, None]
+    force_n = (motion.force_n[1:] + motion.force_n[:-1]) / 2.0
+    whole = motion.measured[1:] & motion.measured[:-1]
+    assert whole.sum() >= 4
+    assert (force_n[whole] / problem.mass_kg - [0.0, 0.0, 9.81]) == pytest.approx(a[whole], abs=0.8)
+    one, two = (phase.contacts for phase in problem.sequence.phases[1::2])
+    assert [set(phase.contacts) for phase in problem.sequence.phases][1] == {"left_foot", "right_foot"}
+    assert one.keys() == two.keys()

@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -33,9 +34,8 @@ RECORDED: Final = "reproduction/test_reproduction.py::test_what_verdicts_stand_o
 RECORDED_ALL: Final = f"tests/{RECORDED}"
 TEST_FILES: Final = sorted(
     path.relative_to(ROOT).as_posix()
-    for folder in ("reproduction", "studies", "theory")
-    for path in (ROOT / "tests" / folder).rglob("test_*.py")
-    if path.name != "test_reproduction.py"
+    for path in (ROOT / "tests").rglob("test_*.py")
+    if path.name != "test_reproduction.py" and "stridelab.reproduction" in path.read_text(encoding="utf-8")
 )
 PEOPLE_FILES: Final = tuple(
     f"tests/reproduction/{name}.py"
@@ -81,10 +81,10 @@ class Mutant:
         return f"{self.file}:{self.line}: {self.before} -> {self.after}"
 
 
-def mutants_of(path: Path, file: str) -> Iterator[Mutant]:
-    """Every change of a module."""
+def mutants_of(path: Path, file: str, imported: AbstractSet[str]) -> Iterator[Mutant]:
+    """Every change of a module; ``imported`` are names that other modules use."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    for place in _places(tree):
+    for place in _places(tree, _used_names(tree, imported)):
         if _is_changeable(place):
             before = ast.unparse(place)
             undo = _change_in_place(place)
@@ -92,10 +92,32 @@ def mutants_of(path: Path, file: str) -> Iterator[Mutant]:
             undo()
 
 
-def _places(tree: ast.AST, *, inside: str = "") -> Iterator[ast.expr]:
+def _used_names(tree: ast.AST, imported: AbstractSet[str]) -> set[str]:
+    """Names that are read outside of texts, tables and drawings, also by way of other such names."""
+    used: set[str] = set()
+    while True:
+        now = {place.id for place in _places(tree, used | imported) if isinstance(place, ast.Name)} | imported
+        if now <= used:
+            return used
+        used |= now
+
+
+def _is_unused(node: ast.AST, used: AbstractSet[str]) -> bool:
+    """Whether a node assigns to names that only texts, tables and drawings read."""
+    if not isinstance(node, (ast.Assign, ast.AnnAssign)):
+        return False
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+    parts = [part for target in targets for part in ast.walk(target) if isinstance(part, ast.expr)]
+    names = [part.id for part in parts if isinstance(part, ast.Name)]
+    return all(isinstance(part, (ast.Name, ast.Tuple)) for part in parts) and not used.intersection(names)
+
+
+def _places(tree: ast.AST, used: AbstractSet[str]) -> Iterator[ast.expr]:
     """Expressions that a verdict may stand on."""
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.FunctionDef) and UNSEEN.search(node.name):
+            continue
+        if _is_unused(node, used):
             continue
         if isinstance(node, (ast.JoinedStr, ast.Import, ast.ImportFrom, ast.arguments)):
             continue
@@ -104,23 +126,23 @@ def _places(tree: ast.AST, *, inside: str = "") -> Iterator[ast.expr]:
         if isinstance(node, ast.Call):
             name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
             if name == "says":  # Measured(...).says(words): the numbers are on the left, n and interval are keywords
-                yield from _places(node.func)
+                yield from _places(node.func, used)
                 for keyword in node.keywords:
-                    yield from _places(keyword)
+                    yield from _places(keyword, used)
                 continue
             if name in UNSEEN_CALLS or UNSEEN.search(name):
                 continue
         if isinstance(node, ast.AnnAssign):
             if node.value is not None:
-                yield from _places(ast.Expr(node.value))
+                yield from _places(ast.Expr(node.value), used)
             continue
         if isinstance(node, ast.FunctionDef):
             for part in node.body:
-                yield from _places(ast.Module([part], []))
+                yield from _places(ast.Module([part], []), used)
             continue
         if isinstance(node, ast.expr):
             yield node
-        yield from _places(node)
+        yield from _places(node, used)
 
 
 def _is_changeable(node: ast.expr) -> bool:
@@ -179,7 +201,8 @@ class Copy:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         shutil.copytree(ROOT / "backend", folder / "backend", ignore=shutil.ignore_patterns("__pycache__"))
-        for name in ("tests", "models", "scripts", "docs", "frontend", "pyproject.toml", "shared"):
+        shutil.copytree(ROOT / "tests", folder / "tests", ignore=shutil.ignore_patterns("__pycache__"))
+        for name in ("models", "scripts", "docs", "frontend", "pyproject.toml", "shared"):
             if (ROOT / name).exists():
                 (folder / name).symlink_to(ROOT / name)
 
@@ -237,6 +260,15 @@ def _imports_of(path: Path) -> set[str]:
     return {name for name in names if (ROOT / "backend" / (name.replace(".", "/") + ".py")).is_file()}
 
 
+def _imported_names() -> set[str]:
+    """Names that modules of the package import from others."""
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in (ROOT / PACKAGE).rglob("*.py")]
+    return {
+        alias.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }  # fmt: skip
+
+
 def main() -> None:
     """Try a sample of mutants and print the share that is noticed."""
     parser = argparse.ArgumentParser(prog="scripts/mutants verdicts", description=__doc__)
@@ -244,6 +276,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--log", type=Path, default=Path("mutants-of-verdicts.jsonl"))
     parser.add_argument("--limit", type=float, default=LIMIT_S, help="seconds of tests for each")
+    parser.add_argument(
+        "--part", default="1/1", help="2/3: the second of three parts of the sample, with a log of its own"
+    )
     parser.add_argument("--list", action="store_true", help="print the sample and try none")
     arguments = parser.parse_args()
     files = sorted(
@@ -251,8 +286,11 @@ def main() -> None:
         for name in MODULES
         for path in ([ROOT / PACKAGE / name] if name.endswith(".py") else (ROOT / PACKAGE / name).glob("*.py"))
     )
-    every = [mutant for file in files for mutant in mutants_of(ROOT / PACKAGE / file, file)]
+    imported = _imported_names()
+    every = [mutant for file in files for mutant in mutants_of(ROOT / PACKAGE / file, file, imported)]
     sample = random.Random(arguments.seed).sample(every, min(arguments.sample, len(every)))
+    part, parts = map(int, arguments.part.split("/"))
+    sample = sample[part - 1 :: parts]
     print(f"{len(every)} mutants, {len(sample)} drawn with seed {arguments.seed}", flush=True)
     if arguments.list:
         print("\n".join(mutant.name for mutant in sample))
