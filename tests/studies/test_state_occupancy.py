@@ -111,7 +111,7 @@ def test_the_density_of_a_state_is_the_normal_one_in_the_axes_of_its_contact() -
         multivariate_normal(of.mean(axis=0), np.cov(of.T)).logpdf(z)
         for of, z in zip((velocities, rates), turned, strict=True)
     ]
-    assert density.log_density(*at, R) == pytest.approx(np.column_stack(expected))
+    assert density.log_density(at[0], at[1], R) == pytest.approx(np.column_stack(expected))
 
 
 def test_the_left_sole_has_the_mirrored_density(samples: StateSamples) -> None:

@@ -49,7 +49,9 @@ UNSEEN: Final = re.compile(
     r"^_?draw_|_panels?$|curves?$|_bars$|(?<!wrong)(?<!rigid)_table$|_columns$|_rows?$|svg|_map|label|_text$|^_?spots$|^panel_"
 )
 """Functions of tables and drawings."""
-UNSEEN_CALLS: Final = frozenset({"tell", "render_svg", "Panel", "Curve", "Bars", "says", "PrintedColumn", "lru_cache"})
+UNSEEN_CALLS: Final = frozenset(
+    {"tell", "render_svg", "Panel", "Curve", "Bars", "says", "PrintedColumn", "lru_cache", "dataclass"}
+)
 COMPARISONS: Final = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq,
                       ast.NotEq: ast.Eq, ast.In: ast.NotIn, ast.NotIn: ast.In}  # fmt: skip
 OPERATORS: Final = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.BitAnd: ast.BitOr}
@@ -109,7 +111,7 @@ def _is_unused(node: ast.AST, used: AbstractSet[str]) -> bool:
     targets = node.targets if isinstance(node, ast.Assign) else [node.target]
     parts = [part for target in targets for part in ast.walk(target) if isinstance(part, ast.expr)]
     names = [part.id for part in parts if isinstance(part, ast.Name)]
-    return all(isinstance(part, (ast.Name, ast.Tuple)) for part in parts) and not used.intersection(names)
+    return all(isinstance(part, (ast.Name, ast.Tuple)) for part in parts) and not any(name in used for name in names)
 
 
 def _places(tree: ast.AST, used: AbstractSet[str]) -> Iterator[ast.expr]:

@@ -169,7 +169,8 @@ def _sole(
     c, s = along / length_m
     rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     middle = (heel + tip) / 2.0
-    middle[UP] = ground_height_m(np.median(motion.in_world(middle + 0.0 * motion.com_m)[during], axis=0), plates)
+    at_m = motion.in_world(np.broadcast_to(middle, motion.com_m.shape))[during]
+    middle[UP] = ground_height_m(np.median(at_m, axis=0), plates)
     return Placement(middle, rotation), (length_m / 2.0, breadth_m / 2.0)
 
 
