@@ -15,6 +15,7 @@ from stridelab.contacts.terrain import Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.recordings.recording import Plate
 from stridelab.reproduction.chapter4 import people_weights
+from stridelab.reproduction.studies import human_proxy
 from stridelab.reproduction.studies.human_proxy import human_proxies
 from stridelab.reproduction.studies.inverse_control import (
     COMPARATORS,
@@ -31,8 +32,10 @@ from stridelab.reproduction.studies.inverse_control import (
 )
 from stridelab.reproduction.studies.recorded_motions import RecordedMotion, ground_height_m, recorded_motion
 from stridelab.robots.robot import Effector
+from stridelab.simulation.human.body_model import build_body
 from support.recorded_claims import assert_as_recorded
 
+MEAN_OVER_SOLE, SD_OVER_SOLE = (-0.0369, 0.1055, 0.4089), (0.158, 0.1271, 0.0593)
 HEIGHT_M = 0.95
 SOLE = (0.12, 0.045)
 CANDIDATES = tuple(
@@ -162,6 +165,36 @@ def test_the_density_of_a_person_lies_between_the_feet_and_scales() -> None:
     mode = right.mode_m()
     assert 0.3 * 1.5 < mode[2] < 0.58 * 1.5
     assert 0.0 < mode[1] < 0.3 * 1.5
+
+
+def test_the_moment_of_a_bent_leg_is_that_of_its_triangle() -> None:
+    """Independently: the knee by the law of cosines, masses at their share of thigh and shank."""
+    body = build_body(1.75, 70.0, "female")
+    p, inertias = body.proportions, body.model.inertias
+    hip, ankle, ahead = np.array([[0.1, -0.1, 0.85]]), np.array([[0.3, -0.2, 0.12]]), np.array([[1.0, 0.0, 0.0]])
+    reach_m = np.linalg.norm(ankle - hip)
+    along = (ankle - hip) / reach_m
+    forward = ahead - (ahead @ along.T) * along
+    angle = np.arccos((p.thigh_m**2 + reach_m**2 - p.shank_m**2) / (2.0 * p.thigh_m * reach_m))
+    knee = hip + p.thigh_m * (np.cos(angle) * along + np.sin(angle) * forward / np.linalg.norm(forward))
+    assert np.linalg.norm(ankle - knee) == pytest.approx(p.shank_m)
+    expected = np.zeros((1, 3))
+    for link, start, end in (("thigh", hip, knee), ("shank", knee, ankle)):
+        inertia = inertias[body.joint[f"r_{link}"]]
+        share = -inertia.lever[2] / np.linalg.norm(end - start)
+        assert 0.3 < share < 0.5, "of Dumas' table"
+        expected += inertia.mass * (start + share * (end - start))
+    foot = inertias[body.joint["r_foot"]]
+    expected += foot.mass * (ankle + foot.lever)
+    assert human_proxy._leg_moment(body, "r", hip, ankle, ahead) == pytest.approx(expected)
+
+
+def test_standing_people_are_drawn_as_recorded() -> None:
+    """Mean and scatter of the centre of mass over the right sole, as a share of the stature."""
+    drawn = human_proxy.sample_standing_com(build_body(1.0, 1.0, "male"), 8000, np.random.default_rng(0))
+    recorded = MEAN_OVER_SOLE, SD_OVER_SOLE
+    for ours, expected in zip((drawn.mean(axis=0), drawn.std(axis=0)), recorded, strict=True):
+        assert ours == pytest.approx(expected, abs=2e-4)
 
 
 def test_verdicts_on_weights_need_what_a_term_explains() -> None:
