@@ -126,7 +126,9 @@ def test_pairs_of_steps_are_pooled_with_the_interval_of_a_variance() -> None:
 
 def test_an_interval_is_over_people() -> None:
     values = np.random.default_rng(3).normal(5.0, 2.0, 40)
-    low, high = people_interval(values)
+    interval = people_interval(values)
+    assert interval is not None
+    low, high = interval
     assert (low + high) / 2.0 == pytest.approx(values.mean(), abs=0.1)
     assert high - low == pytest.approx(2.0 * 1.96 * values.std() / np.sqrt(40.0), rel=0.1)
     assert people_interval([1.0, 1.0, 1.0]) == (1.0, 1.0)
