@@ -1,6 +1,7 @@
 """Weights of (4.20a) from motions: those with which motions were generated are recovered, also on people left out."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from stridelab.contacts.terrain import Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.recordings.recording import Plate
 from stridelab.reproduction.chapter4 import people_weights
+from stridelab.reproduction.studies import human_proxy
 from stridelab.reproduction.studies.human_proxy import human_proxies
 from stridelab.reproduction.studies.inverse_control import (
     COMPARATORS,
@@ -28,9 +30,12 @@ from stridelab.reproduction.studies.inverse_control import (
     weighted,
     without_term,
 )
-from stridelab.reproduction.studies.recorded_motions import RecordedMotion, ground_height_m
+from stridelab.reproduction.studies.recorded_motions import RecordedMotion, ground_height_m, recorded_motion
 from stridelab.robots.robot import Effector
+from stridelab.simulation.human.body_model import build_body
+from support.recorded_claims import assert_as_recorded
 
+MEAN_OVER_SOLE, SD_OVER_SOLE = (-0.0369, 0.1055, 0.4089), (0.158, 0.1271, 0.0593)
 HEIGHT_M = 0.95
 SOLE = (0.12, 0.045)
 CANDIDATES = tuple(
@@ -162,6 +167,36 @@ def test_the_density_of_a_person_lies_between_the_feet_and_scales() -> None:
     assert 0.0 < mode[1] < 0.3 * 1.5
 
 
+def test_the_moment_of_a_bent_leg_is_that_of_its_triangle() -> None:
+    """Independently: the knee by the law of cosines, masses at their share of thigh and shank."""
+    body = build_body(1.75, 70.0, "female")
+    p, inertias = body.proportions, body.model.inertias
+    hip, ankle, ahead = np.array([[0.1, -0.1, 0.85]]), np.array([[0.3, -0.2, 0.12]]), np.array([[1.0, 0.0, 0.0]])
+    reach_m = np.linalg.norm(ankle - hip)
+    along = (ankle - hip) / reach_m
+    forward = ahead - (ahead @ along.T) * along
+    angle = np.arccos((p.thigh_m**2 + reach_m**2 - p.shank_m**2) / (2.0 * p.thigh_m * reach_m))
+    knee = hip + p.thigh_m * (np.cos(angle) * along + np.sin(angle) * forward / np.linalg.norm(forward))
+    assert np.linalg.norm(ankle - knee) == pytest.approx(p.shank_m)
+    expected = np.zeros((1, 3))
+    for link, start, end in (("thigh", hip, knee), ("shank", knee, ankle)):
+        inertia = inertias[body.joint[f"r_{link}"]]
+        share = -inertia.lever[2] / np.linalg.norm(end - start)
+        assert 0.3 < share < 0.5, "of Dumas' table"
+        expected += inertia.mass * (start + share * (end - start))
+    foot = inertias[body.joint["r_foot"]]
+    expected += foot.mass * (ankle + foot.lever)
+    assert human_proxy._leg_moment(body, "r", hip, ankle, ahead) == pytest.approx(expected)
+
+
+def test_standing_people_are_drawn_as_recorded() -> None:
+    """Mean and scatter of the centre of mass over the right sole, as a share of the stature."""
+    drawn = human_proxy.sample_standing_com(build_body(1.0, 1.0, "male"), 8000, np.random.default_rng(0))
+    recorded = MEAN_OVER_SOLE, SD_OVER_SOLE
+    for ours, expected in zip((drawn.mean(axis=0), drawn.std(axis=0)), recorded, strict=True):
+        assert ours == pytest.approx(expected, abs=2e-4)
+
+
 def test_verdicts_on_weights_need_what_a_term_explains() -> None:
     """A term that costs 4 % is not one that people minimise; one that costs 6 % is."""
     n = len(GRID)
@@ -188,6 +223,7 @@ def test_verdicts_on_weights_need_what_a_term_explains() -> None:
     assert claims["over_equal"].outcome == "aim_missed"
     assert claims["force"].ours == pytest.approx(np.sqrt(0.5))
     assert claims["height"].ours == pytest.approx(np.sqrt(0.9))
+    assert_as_recorded("weights-people of invented errors", claims.values())
     robot = people_weights.talos_weights(TermWeights(2.0, 3.0, 0.0, 5.0))
     assert robot["weights of people, the thesis' densities"] == TermWeights(2.0, 3.0, 0.2, 5.0)
 
@@ -209,6 +245,7 @@ def test_children_are_judged_with_the_weights_of_adults(monkeypatch: pytest.Monk
     assert claim.ours == pytest.approx(0.97)
     assert claim.outcome == "aim_missed"
     assert claim.n == 2
+    assert_as_recorded("weights-people, children", [claim, stairs])
     assert (stairs.key, stairs.n, stairs.interval) == ("stairs", 1, None), "one person has no interval"
     assert people_weights._others_claims(chosen, [], []) == []
 
@@ -260,3 +297,24 @@ def test_a_sole_on_stairs_lies_on_the_plate_below_its_markers() -> None:
     heights = [ground_height_m(np.array([x, 0.3, z]), stairs) for x, z in places]
     assert heights == [0.4, 0.4, 0.2, 0.2, 0.0, 0.4, 0.0]
     assert ground_height_m(np.array([0.2, 0.3, 0.05]), [plate(1, 0.0, 0.004)]) == 0.0, "a plate in the floor"
+
+
+def test_a_recorded_motion_obeys_newton_between_its_nodes(gait: Path) -> None:
+    """The plates' mean force gives the change of the measured velocity, from the start to the end of the problem."""
+    path = next((gait / "rehazenter-adult-walking" / "2014001").glob("*_C4_*.c3d"))
+    motion = recorded_motion(path)
+    problem = motion.problem
+    assert motion.com_m[0] == pytest.approx(problem.com_start_m)
+    assert motion.com_m[-1] == pytest.approx(problem.com_end_m)
+    step_s = np.diff(problem.grid().time_s)
+    speeds_m_s = np.diff(motion.com_m, axis=0) / step_s[:, None]
+    assert np.linalg.norm(speeds_m_s, axis=1) == pytest.approx(np.full(len(step_s), 1.2), abs=0.5)
+    assert speeds_m_s[0] == pytest.approx(problem.start.com_v_m_s, abs=0.15)
+    a = np.diff(speeds_m_s, axis=0) / ((step_s[1:] + step_s[:-1]) / 2.0)[:, None]
+    force_n = (motion.force_n[1:] + motion.force_n[:-1]) / 2.0
+    whole = motion.measured[1:] & motion.measured[:-1]
+    assert whole.sum() >= 4
+    assert (force_n[whole] / problem.mass_kg - [0.0, 0.0, 9.81]) == pytest.approx(a[whole], abs=0.8)
+    one, two = (phase.contacts for phase in problem.sequence.phases[1::2])
+    assert [set(phase.contacts) for phase in problem.sequence.phases][1] == {"left_foot", "right_foot"}
+    assert one.keys() == two.keys()

@@ -28,6 +28,10 @@ def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float
             f"log_density_{name}": weights.likelihood * value
             for name, value in _log_density_terms(problem, motion).items()
         },
+        **{
+            f"log_density_rates_{name}": weights.likelihood * value
+            for name, value in _state_density_terms(problem, motion).items()
+        },
         "surface_force": 0.0,
         "point_force": 0.0,
     }
@@ -68,6 +72,25 @@ def _squared_rates(problem: CentroidalProblem, motion: Motion) -> tuple[Series, 
 def objective(terms: Mapping[str, float]) -> float:
     """(4.20a): the sum of all terms except the regularisers."""
     return float(sum(value for name, value in terms.items() if name not in REGULARISERS))
+
+
+def _state_density_terms(problem: CentroidalProblem, motion: Motion) -> dict[str, float]:
+    """``-int log p_i(c', L) + log p_i(c'', L') dt`` per effector while it touches, by the rule of the program."""
+    if not problem.state_densities:
+        return {}
+    sums: dict[str, float] = {}
+    h = np.diff(motion.time_s)
+    a = total_force_n(motion) / problem.mass_kg + g
+    velocities = np.hstack([motion.com_v_m_s, motion.l_nms])[:-1]
+    rates = np.hstack([a, np.diff(motion.l_nms, axis=0) / h[:, None]])
+    for i, phase in enumerate(problem.sequence.phases):
+        here = motion.phase == i
+        for name, contact in phase.contacts.items():
+            if name in problem.state_densities:
+                density = problem.state_densities[name]
+                logp = density.log_density(velocities[here], rates[here], contact.placement.rotation)
+                sums[name] = sums.get(name, 0.0) - float(h[here] @ logp.sum(axis=1))
+    return sums
 
 
 def _log_density_terms(problem: CentroidalProblem, motion: Motion) -> dict[str, float]:

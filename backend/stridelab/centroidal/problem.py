@@ -11,7 +11,7 @@ arms can carry (docs/theory/centroidal-problem.md).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -29,6 +29,7 @@ from stridelab.centroidal.control import ContactPatch, Control
 from stridelab.centroidal.force_splines import Shape, limb_times_s
 from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
 from stridelab.centroidal.point_forces import PYRAMIDS
+from stridelab.centroidal.state_density import StateDensity
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.conventions import GRAVITY_M_S2, Points, Series, Vector3
 from stridelab.errors import Fault, InvalidInput
@@ -83,7 +84,9 @@ class CentroidalProblem:
     constant between nodes, or for ``shape`` "cubic" splines (``force_splines``). ``durations`` and ``placements`` are
     fixed unless given as free variables. ``limbs_nm`` (N m) is the momentum rate of the limbs about the CoM, averaged
     between ``limb_times_s``; the cost then weighs the difference from it. ``reference_m_s2`` is an acceleration of the
-    CoM, averaged between the same times; the cost then weighs ``|c'' - a|^2`` instead of ``|c''|^2``. The motion begins
+    CoM, averaged between the same times; the cost then weighs ``|c'' - a|^2`` instead of ``|c''|^2``.
+    ``state_densities`` adds ``-log p(c', L) - log p(c'', L')`` of the contacts of these effectors, (4.11), with the
+    weight ``likelihood``: the former at the first node of an interval, the latter of its mean rates. The motion begins
     at ``start`` and ends at rest, ``capturable``, or ``moving`` with the velocity and the momentum of ``end``, within
     ``bounds``.
 
@@ -92,7 +95,8 @@ class CentroidalProblem:
     ``placements-need-forces`` for free placements with a control whose cones depend on them, ``bounds-need-forces`` for
     force bounds with a control without forces, ``shape-needs-forces`` and ``shape-needs-durations`` for splines of a
     wrench, whose cones differ from phase to phase, or with free durations, ``limbs-need-grid`` if the limbs' rates
-    do not match the grid or durations are free, and ``reference-needs-grid`` for the reference likewise.
+    do not match the grid or durations are free, and ``reference-needs-grid`` for the reference likewise;
+    ``densities-need-constant-forces`` for densities of the state with splines or free durations.
     """
 
     sequence: ContactSequence
@@ -114,6 +118,7 @@ class CentroidalProblem:
     placements: FreePlacements | None = None
     limbs_nm: Float[np.ndarray, "m 3"] | None = None
     reference_m_s2: Float[np.ndarray, "m 3"] | None = None
+    state_densities: Mapping[str, StateDensity] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.sequence.effectors if name not in self.effectors]
@@ -173,6 +178,12 @@ class CentroidalProblem:
                 "A reference acceleration needs fixed durations and one row per interval, or four with continuous "
                 "forces.",
                 [Fault("reference_m_s2", "must have one row per interval of the grid, or four for splines")],
+            )
+        if self.state_densities and (self.shape != "constant" or self.durations is not None):
+            raise InvalidInput(
+                "densities-need-constant-forces",
+                "Densities of velocity and rates need forces that are constant between nodes, and fixed durations.",
+                [Fault("state_densities", "needs constant forces and fixed durations")],
             )
         if self.placements is not None and not self.control.shifts_with_its_contacts:
             raise InvalidInput(

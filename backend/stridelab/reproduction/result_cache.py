@@ -1,7 +1,7 @@
-"""Cache of reproduction results on disk: one JSON file per item, number of draws and digest of the code.
+"""Cache of reproduction results on disk: one JSON file per item, number of draws and digest of code and recordings.
 
-The digest covers the module of an item, all modules of this package that it imports, and the data files. A cached
-result is valid as long as none of these change.
+The digest covers the module of an item, all modules of this package that it imports, the data files, and the
+recordings from which an item on people is computed. A cached result is valid as long as none of these change.
 """
 
 import ast
@@ -30,6 +30,18 @@ def digest_of(module: str) -> str:
     for name in sorted(transitive_imports(module)):
         sources.update(name.encode() + b"\0" + _module_source(name))
     return sources.hexdigest()[:DIGITS]
+
+
+def digest_of_recordings(gait: Path) -> str:
+    """Digest of the names, sizes and times of change of all files below a folder, links followed."""
+    files = hashlib.sha256()
+    for folder, _, names in sorted(os.walk(gait, followlinks=True)):
+        for name in sorted(names):
+            path = Path(folder, name)
+            if path.is_file():
+                stat = path.stat()
+                files.update(f"{path.relative_to(gait).as_posix()}\0{stat.st_size}\0{stat.st_mtime_ns}\n".encode())
+    return files.hexdigest()[:DIGITS]
 
 
 def transitive_imports(module: str) -> frozenset[str]:

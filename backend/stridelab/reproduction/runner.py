@@ -15,7 +15,7 @@ from stridelab.reproduction.chapter3 import height_people, people_figures
 from stridelab.reproduction.chapter4 import people_weights
 from stridelab.reproduction.claims import PeopleItem, Reproduction, place_of, sampling_text
 from stridelab.reproduction.registry import ITEMS, command_of, item_of, seeds_of
-from stridelab.reproduction.result_cache import ResultCache, digest_of
+from stridelab.reproduction.result_cache import ResultCache, digest_of, digest_of_recordings
 
 _MODULES: Final = (fig_2_8_people, fig_2_9_people, table_real_walks, people_weights, height_people)
 PEOPLE: Final[Mapping[str, PeopleItem]] = {
@@ -49,7 +49,10 @@ class Section:
 
 @dataclass(frozen=True)
 class Recipe:
-    """Instructions to compute one item: the seeds of its draws, its module and the function to call."""
+    """Instructions to compute one item: the seeds of its draws, its module and the function to call.
+
+    ``recordings`` is the ``digest_of_recordings`` of an item on people.
+    """
 
     name: str
     title: str
@@ -59,6 +62,12 @@ class Recipe:
     module: str
     run: Callable[[Progress], Reproduction]
     command: str = ""
+    recordings: str = ""
+
+    @property
+    def digest(self) -> str:
+        """Digest of the code, and of the recordings if the item is computed from some."""
+        return digest_of(self.module) + self.recordings
 
 
 def recipes_of(
@@ -69,13 +78,15 @@ def recipes_of(
     ``recordings`` is a folder with real recordings in ``gait/``, which the items on people need. Raises ``NotFound``:
     ``item-not-found`` for an unknown name, ``recordings-missing`` for an item on people without the folder.
     """
+    wanted = list(names)
+    given = "" if recordings is None or PEOPLE.keys().isdisjoint(wanted) else digest_of_recordings(recordings / "gait")
     return [
-        _recipe_on_people(PEOPLE[name], recordings) if name in PEOPLE else recipe_of(name, seeds, seed)
-        for name in names
+        _recipe_on_people(PEOPLE[name], recordings, given) if name in PEOPLE else recipe_of(name, seeds, seed)
+        for name in wanted
     ]
 
 
-def _recipe_on_people(item: PeopleItem, recordings: Path | None) -> Recipe:
+def _recipe_on_people(item: PeopleItem, recordings: Path | None, given: str) -> Recipe:
     if recordings is None:
         raise NotFound("recordings-missing", f"{item.name} needs recordings of people: name their folder.")
     return Recipe(
@@ -87,6 +98,7 @@ def _recipe_on_people(item: PeopleItem, recordings: Path | None) -> Recipe:
         item.module,
         partial(_run_on_people, item, recordings / "gait"),
         f"stridelab reproduce {item.name} --recordings FOLDER",
+        given,
     )
 
 
@@ -112,9 +124,9 @@ def collect_sections(
     the progress counts items. Failures are not cached.
     """
     results: dict[int, Reproduction | str] = {}
-    digests = {each.module: digest_of(each.module) for each in recipes}
+    digests = [each.digest for each in recipes]
     for number, each in enumerate(recipes):
-        cached = None if recompute else cache.load_result(each.name, each.seeds, digests[each.module])
+        cached = None if recompute else cache.load_result(each.name, each.seeds, digests[number])
         if cached is not None:
             results[number] = cached
     missing = [number for number in range(len(recipes)) if number not in results]
@@ -126,7 +138,7 @@ def collect_sections(
             results[missing[index]] = result
             if isinstance(result, Reproduction):
                 done = recipes[missing[index]]
-                cache.save_result(done.name, done.seeds, digests[done.module], result, done.printed)
+                cache.save_result(done.name, done.seeds, digests[missing[index]], result, done.printed)
         result = results[number]
         found, failure = (None, result) if isinstance(result, str) else (result, "")
         yield Section(each.name, each.title, each.sampling, each.printed, found, failure, each.command)

@@ -9,6 +9,7 @@ from stridelab.errors import NotFound
 from stridelab.reproduction.chapter2 import fig_2_8_people
 from stridelab.reproduction.chapter2.fig_2_8_people import COMFORTABLE, WALK, Fused, fuse_walk
 from stridelab.reproduction.common.recorded_walks import RecordedWalk, recordings_in
+from support.recorded_claims import assert_as_recorded
 from support.recordings.walks import link_adults
 
 ADULTS = ("2014001", "2014015")
@@ -44,6 +45,7 @@ def test_the_table_has_every_walk_with_the_speed_of_its_markers(few: Path, walks
     claims = {claim.key: claim for claim in result.claims}
     assert claims["horizontal_over_vertical"].verdict == "met"
     assert result.drawing.count("<g ") == 3
+    assert_as_recorded(fig_2_8_people.NAME, result.claims)
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from stridelab.reproduction.chapter2.fig_2_9_people import LIKE_THESIS, SAME_M, 
 from stridelab.reproduction.claims import Claim
 from stridelab.reproduction.common import recorded_walks
 from stridelab.reproduction.common.recorded_walks import MIN_FLIGHTS, mass_of_runner_kg, read_trial
+from support.recorded_claims import assert_as_recorded
 
 RATE_HZ = 100.0
 OFFSETS_M = np.array([[0.016, 0.002, -0.010], [0.020, -0.002, -0.012], [0.012, 0.001, -0.008]])
@@ -55,6 +56,7 @@ def test_offsets_are_those_of_settled_samples() -> None:
     assert claims["bias_left_predicted"].ours == pytest.approx(0.01)
     assert claims["bias_left_predicted"].outcome == "aim_reached"
     assert {claims[key].n for key in ("offset_along_m", "change_along_m", "drift_m")} == {3}
+    assert_as_recorded("runs of invented offsets", claims.values())
 
 
 def test_an_offset_that_grows_with_the_speed_is_not_that_of_a_table() -> None:

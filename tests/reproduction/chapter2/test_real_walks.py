@@ -10,6 +10,7 @@ from stridelab.errors import NotFound
 from stridelab.recordings.reader import read_recording
 from stridelab.reproduction.chapter2 import table_real_walks
 from stridelab.reproduction.claims import Reproduction
+from support.recorded_claims import assert_as_recorded
 
 ADULTS, CHILDREN = ("2014001", "2014015"), ("HC002D", "HC030A")
 
@@ -22,6 +23,10 @@ def found(gait: Path, tmp_path_factory: pytest.TempPathFactory) -> Reproduction:
         for person in persons:
             (few / study / person).symlink_to((gait / study / person).resolve())
     return table_real_walks.run(few, lambda _fraction, _message: None)
+
+
+def test_what_verdicts_on_four_people_stand_on_is_as_recorded(found: Reproduction) -> None:
+    assert_as_recorded(table_real_walks.NAME, found.claims)
 
 
 def by(columns: Mapping[str, np.ndarray], key: str, value: str) -> dict[str, float]:

@@ -9,6 +9,7 @@ from stridelab.conventions import GRAVITY_M_S2
 from stridelab.errors import NotEstimable, NotFound
 from stridelab.reproduction.chapter3 import height_people
 from stridelab.reproduction.chapter3.height_people import LEG_SHARE, WalkMeans, fit_hierarchy
+from support.recorded_claims import assert_as_recorded
 
 TAU, SIGMA = 0.03, 0.02
 
@@ -71,3 +72,29 @@ def test_too_few_adults_are_refused(tmp_path: Path) -> None:
     with pytest.raises(NotFound) as missing:
         height_people.run(tmp_path, lambda _share, _text: None)
     assert missing.value.code == "recordings-missing"
+
+
+def test_what_verdicts_on_invented_people_stand_on_is_as_recorded() -> None:
+    """The thesis' words need an exponent above zero; its number, to be possible among sixteen people."""
+    for letter in height_people.LETTERS:
+        walks = simulated_walks(1.2, 0.2, 5)
+        hierarchy = fit_hierarchy(walks, letter)
+        assert_as_recorded(f"height-people, {letter} of invented people", height_people._claims(hierarchy, walks, 24))
+
+
+def test_recordings_without_a_walk_are_counted_by_their_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("a/p1/walk1.c3d", "a/p1/walk2.c3d", "a/p1/Static01.c3d", "b/p2/walk1.c3d"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    tried: list[str] = []
+
+    def refuse(path: Path, folder: Path) -> None:
+        tried.append(f"{folder.name}/{path.name}")
+        raise NotEstimable("not-straight" if path.name == "walk1.c3d" else "no-stature", "It turns.")
+
+    monkeypatch.setattr(height_people.RecordedWalk, "from_file", refuse)
+    assert height_people.collect_walks(tmp_path, lambda _share, _text: None) == (
+        [],
+        {"not-straight": 2, "no-stature": 1},
+    )
+    assert tried == ["p1/walk1.c3d", "p1/walk2.c3d", "p2/walk1.c3d"], "who stands does not walk"

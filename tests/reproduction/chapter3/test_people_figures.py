@@ -1,5 +1,6 @@
 """Chapter 3 on real adults: every step counts, and what the simulated walker cannot witness is judged on people."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +21,14 @@ from stridelab.reproduction.chapter3.people_walks import (
 )
 from stridelab.reproduction.claims import Claim
 from stridelab.reproduction.registry import ITEMS, reproduce_item
+from stridelab.reproduction.result_cache import digest_of
+from stridelab.reproduction.runner import recipes_of
 from stridelab.walking.population.correlations import two_sided_p
 from stridelab.walking.population.population import PARAMETERS, Pair, Person, StepRow, study
+from support.recorded_claims import assert_as_recorded
 from support.recordings.walks import link_adults
 
+BOOK = Path(__file__).parents[3] / "docs" / "reproduction.md"
 ADULTS = ("2014001", "2014015", "2014019", "2014022")
 """As many as a correlation needs."""
 
@@ -60,12 +65,27 @@ def test_every_figure_of_chapter_3_has_an_item_on_people() -> None:
     assert {item.name for item in PEOPLE_ITEMS} == {f"{name}-people" for name in simulated}
 
 
+def test_forty_claims_of_the_thesis_in_the_book_stand_on_people_and_all_figures_of_chapter_3_have_one() -> None:
+    parts = BOOK.read_text(encoding="utf-8").split("\n## ")[1:]
+    rows = {part.partition(":")[0]: re.findall(r"^\| .* \| people, n = .*$", part, re.MULTILINE) for part in parts}
+    of_thesis = {name: [row for row in of if " | ours | " not in row] for name, of in rows.items()}
+    assert sum(map(len, of_thesis.values())) >= 40
+    for item in PEOPLE_ITEMS:
+        assert len(rows[item.name]) >= 3, item.name
+    assert all(of_thesis[item.name] for item in PEOPLE_ITEMS)
+
+
 def test_every_claim_says_that_it_is_about_people_and_how_many(claims: dict[tuple[str, str], Claim]) -> None:
     assert {claim.evidence for claim in claims.values()} == {"people"}
     assert len(claims) == 49
     assert claims["fig-3.6-people", "below_1_mm"].n == 4
     assert claims["fig-3.4-people", "events_s"].n == 32
     assert all((claim.n or 0) >= 4 for claim in claims.values())
+
+
+@pytest.mark.parametrize("name", [item.name for item in PEOPLE_ITEMS])
+def test_what_verdicts_on_four_people_stand_on_is_as_recorded(claims: dict[tuple[str, str], Claim], name: str) -> None:
+    assert_as_recorded(name, [claim for (item, _), claim in claims.items() if item == name])
 
 
 def test_the_thresholds_are_those_that_the_thesis_prints(claims: dict[tuple[str, str], Claim]) -> None:
@@ -106,10 +126,13 @@ def test_pairs_of_steps_are_pooled_with_the_interval_of_a_variance() -> None:
 
 def test_an_interval_is_over_people() -> None:
     values = np.random.default_rng(3).normal(5.0, 2.0, 40)
-    low, high = people_interval(values)
+    interval = people_interval(values)
+    assert interval is not None
+    low, high = interval
     assert (low + high) / 2.0 == pytest.approx(values.mean(), abs=0.1)
     assert high - low == pytest.approx(2.0 * 1.96 * values.std() / np.sqrt(40.0), rel=0.1)
     assert people_interval([1.0, 1.0, 1.0]) == (1.0, 1.0)
+    assert people_interval([1.0]) is None, "one person says nothing about others"
 
 
 def test_the_convex_part_is_where_the_height_accelerates_upwards(walk: FittedWalk) -> None:
@@ -166,6 +189,18 @@ def test_a_simulated_population_gives_no_verdict_on_people() -> None:
 def test_walks_of_a_folder_are_fitted_once(folder: Path) -> None:
     assert fitted_walks(folder) is fitted_walks(folder)
     assert set(fitted_walks(folder)) == set(people_walks.SPEEDS)
+
+
+def test_other_recordings_are_computed_anew(tmp_path: Path) -> None:
+    """A result on some people is none on others, even where the code is the same."""
+    digests = []
+    for person in ("one", "two"):
+        (tmp_path / "gait" / person).mkdir(parents=True)
+        (tmp_path / "gait" / person / "a_C4_1.c3d").write_bytes(b"walk")
+        digests += [recipe.digest for recipe in recipes_of(["fig-3.6-people"], None, tmp_path)]
+    again = recipes_of(["fig-3.6-people", "fig-2.5"], None, tmp_path)
+    assert digests[0] != digests[1] == again[0].digest
+    assert again[1].digest == digest_of(again[1].module), "what draws only is computed from no recordings"
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:

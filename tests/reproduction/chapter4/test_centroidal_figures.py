@@ -1,6 +1,9 @@
 """Figures 4.8 and 4.9 and table 4.1, from fewer plans than they take."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import count
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,8 +11,10 @@ import pytest
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones
-from stridelab.reproduction.chapter4 import fig_4_8, fig_4_9, table_4_1
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.reproduction.chapter4 import fig_4_8, fig_4_9, numbers, table_4_1
 from stridelab.reproduction.studies.thesis_experiments import EXPERIMENTS, WALKERS, experiment_problem
+from support.recorded_claims import assert_as_recorded
 
 
 @pytest.fixture(scope="module")
@@ -88,3 +93,32 @@ def test_both_controls_are_compared_by_one_solver(monkeypatch: pytest.MonkeyPatc
     assert (claims["u_c_faster_ipopt"].verdict, claims["u_c_faster_native"].verdict) == ("met", "not_met")
     timed = [claim for key, claim in claims.items() if key.startswith(("time_", "iteration", "u_", "per_second"))]
     assert all(claim.solver in table_4_1.SOLVERS for claim in timed)
+    assert_as_recorded("table 4.1 of invented times", [replace(c, n=c.n or 1) for c in claims.values()], timed=True)
+
+
+def test_times_in_the_text_are_those_of_an_iteration_for_so_many_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Made-up plans: 10 iterations for 20 s of motion in 1 s with the wrench, in 2 s and then 3 s with forces."""
+    times_s = iter([1.0, 1.5, 1.2, 3.0, 2.0, 2.5])
+    problems: list[CentroidalProblem] = []
+
+    def solve(problem: CentroidalProblem, solver: str) -> SimpleNamespace:
+        problems.append(problem)
+        assert solver == numbers.SOLVER
+        return SimpleNamespace(solve_time_s=next(times_s), iterations=10, time_s=np.array([0.0, 20.0]))
+
+    class Horizon:
+        def __init__(self, problem: CentroidalProblem, horizon_s: float) -> None:
+            assert 2.0 <= horizon_s <= 3.0, "seconds that the thesis names"
+
+        def iterate_replans(self, _: None) -> Iterator[SimpleNamespace]:
+            plan = SimpleNamespace(solver="ipopt")
+            yield from (SimpleNamespace(plan=plan, took_s=0.1 * k, iterations=k) for k in count(1))
+
+    monkeypatch.setattr(numbers, "solve", solve)
+    monkeypatch.setattr(numbers, "RecedingHorizon", Horizon)
+    claims = {claim.key: claim for claim in numbers._solve_time_claims()}
+    assert [isinstance(problem.control, ContactWrench) for problem in problems] == [True] * 3 + [False] * 3
+    assert claims["wrench_25_s"].ours == pytest.approx(25.0 * 1.0 / 10 / 20.0), "least of three"
+    assert claims["forces_17_s"].ours == pytest.approx(17.0 * 2.0 / 10 / 20.0)
+    assert claims["horizon_hz"].ours == pytest.approx(10.0)
+    assert_as_recorded("times in the text, invented", claims.values(), timed=True)

@@ -63,6 +63,7 @@ def unsupported_features(problem: CentroidalProblem) -> str | None:
     moved = problem.placements is not None
     features = [
         ("pyramids in place of friction cones", isinstance(problem.control, Pyramids)),
+        ("densities of velocity and rates", bool(problem.state_densities)),
         ("free placements and continuous forces at once", moved and problem.shape == "cubic"),
         ("free placements and durations at once", moved and problem.durations is not None),
         ("free placements of more than four contacts at once", moved and has_too_many_movable_contacts(problem)),

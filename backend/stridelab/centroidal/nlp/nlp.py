@@ -108,6 +108,9 @@ def _compile_program(structure: Structure, mixtures: Mapping[str, Mixture]) -> C
         wrench = _index_ranges(F[:, 0], N_WRENCH)
         of_y = np.hstack([_index_ranges(x[:-1], 6), wrench])
         add_cost("squares", with_durations(of_y, phase_of), stage.squared_rates(free))
+        if structure.state_densities:
+            of_y = np.hstack([_index_ranges(x[:-1], N_STATE), wrench])
+            add_cost("state density", of_y, stage.state_density_cost())
         across = np.hstack([_index_ranges(x[:-1], N_STATE), wrench, _index_ranges(x[1:], N_STATE)])
         add_rows("gap", with_durations(across, phase_of), layout.gap, stage.dynamics_gap(free))
     add_rows("start", _index_ranges(x[:1], N_STATE), np.array([layout.start]), stage.identity_rows(N_STATE))

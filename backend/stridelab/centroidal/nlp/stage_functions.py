@@ -178,6 +178,30 @@ def squared_rates(free: bool) -> CostFunctions:
 
 
 @cache
+def state_density_cost() -> CostFunctions:
+    """(4.11): ``y = (c, c', K, F, T)``, ``q = (h, A_0, b_0, A_1, b_1, d)`` with the matrices by columns.
+
+    h (z_0^T A_0 z_0 / 2 - b_0^T z_0 + z_1^T A_1 z_1 / 2 - b_1^T z_1 + d) with z_0 = (c', L_c / (m |g|)) at the first
+    node and z_1 the mean of (c'', L_c' / (m |g|)), as in ``squared_rates``; Gauss-Newton approximation of the Hessian.
+    """
+    y, q = ca.SX.sym("y", 15), ca.SX.sym("q", 86)
+    c, v, K, F, T = (y[3 * i : 3 * i + 3] for i in range(5))
+    h, down = q[0], ca.DM(DOWN)
+    momentum_rate = T - ca.cross(c + h / 2 * v + h**2 / 6 * GRAVITY_M_S2 * down, F)
+    z = (
+        ca.vertcat(v, K - ca.cross(c, v) / GRAVITY_M_S2),
+        ca.vertcat(GRAVITY_M_S2 * (F + down), momentum_rate),
+    )
+    phi, curvature = q[85], ca.SX(15, 15)
+    for j, z_j in enumerate(z):
+        A, b = ca.reshape(q[1 + 42 * j : 37 + 42 * j], 6, 6), q[37 + 42 * j : 43 + 42 * j]
+        J = ca.jacobian(z_j, y)
+        phi += 0.5 * ca.bilin(A, z_j, z_j) - ca.dot(b, z_j)
+        curvature += J.T @ A @ J
+    return cost_functions(h * phi, y, q, ca.densify(h * curvature))
+
+
+@cache
 def effort_cost(size: int, free: bool) -> CostFunctions:
     """``h u^T Q u / 2``: ``y = (u [, T_s])``, ``q = (h, Q)`` with Q by columns."""
     y, q = ca.SX.sym("y", size + free), ca.SX.sym("q", 1 + size**2)

@@ -37,6 +37,7 @@ from stridelab.centroidal.nlp.variable_layout import (
 )
 from stridelab.centroidal.placement_windows import placement_window_m
 from stridelab.centroidal.problem import CentroidalProblem, Grid
+from stridelab.centroidal.state_density import phase_quadratic
 from stridelab.conventions import Series, Vector3
 from stridelab.errors import InvalidInput
 from stridelab.reachability.gaussian_mixture import Mixture
@@ -136,6 +137,7 @@ def _problem_structure(
         n_shifts=len(spans),
         capture_planes=0 if end is None else len(end.offsets),
         shape=problem.shape,
+        state_densities=bool(problem.state_densities),
     )
 
 
@@ -164,6 +166,11 @@ def _parameter_values(
     reference = np.zeros_like(limbs) if problem.reference_m_s2 is None else problem.reference_m_s2.reshape(len(h), -1)
     targets = np.hstack([weight_rows, limbs, reference])
     numbers = {"squares": np.column_stack([h, targets]), "gap": h[:, None]}
+    if problem.state_densities:
+        per_phase = np.array(
+            [phase_quadratic(problem.state_densities, phase, problem.weight_n) for phase in sequence.phases]
+        )
+        numbers["state density"] = np.column_stack([h, weights.likelihood * per_phase[grid.phase]])
     if problem.shape == "cubic":
         junctions = np.column_stack([h, junction_weights(h)])
         for part, k, _ in spline_parts(len(h)):

@@ -61,7 +61,7 @@ class Structure:
     """Equal and hashable by its contents; ``densities`` pairs effectors with the digest of their mixture.
 
     ``capture_planes``: half-planes for the capture point at the end; 0: the motion ends at rest. ``shape`` is that of
-    the controls within an interval.
+    the controls within an interval; ``state_densities``: whether the cost has densities of velocity and rates.
     """
 
     phases: tuple[PhaseStructure, ...]
@@ -71,6 +71,7 @@ class Structure:
     n_shifts: int
     capture_planes: int
     shape: Shape
+    state_densities: bool = False
 
     @property
     def n_intervals(self) -> int:

@@ -1,5 +1,6 @@
 """Figure 2.6: error spectra of the three inputs, on which the choice of the cut-offs is based (2.5.2)."""
 
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -9,7 +10,8 @@ from stridelab.conventions import Progress
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary.forward_backward import filter_inputs
 from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum, crossing_hz, error_spectrum
-from stridelab.reproduction.claims import Measured, Reproduction, at_least, at_most, reproduces, within
+from stridelab.reproduction.claims import Claim, Measured, Reproduction, at_least, at_most, reproduces, within
+from stridelab.reproduction.common.estimator_errors import resampled_interval
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.reproduction.studies.estimator_study import simulate_trial
 from stridelab.simulation.robot.walker import RATE_HZ
@@ -30,43 +32,73 @@ def run(seeds: range, tell: Progress) -> Reproduction:
     mean = {name: _mean_spectrum([one[name] for one in noisy]) for name in INPUTS}
     clean = _error_spectra("none", 0, tell, len(seeds) / (len(seeds) + 1))["axis"]
     bands = {name: _band_rms(spectrum) for name, spectrum in mean.items()}
-    g, a, p = (bands[name] for name in INPUTS)
-    low, mid, high = np.hypot(g[:, 0], g[:, 1]).tolist()
-    middle = mid / min(low, high)
-    force_high = float((a[2] ** 2 / (a**2).sum(axis=0)).min())
-    # L' about the lateral axis displaces the central axis along the walk, independently of sensor noise.
-    no_noise = float(_band_rms(clean)[1, 0] / p[1, 0])
-    crossing = min(crossing_hz(mean["axis"], mean["geometry"], axis) for axis in (0, 1))
-    vertical = float(np.abs(p[0, 2] / g[0, 2] - 1.0))
-    claims = (
-        Measured("geometry_middle_over_ends", "very clean", middle, "1", at_most(0.5, "ours")).says(
-            "the geometry has errors at low and high frequencies, and is very clean between (horizontally)",
-            "Horizontal RMS error between 0.4 and 4 Hz over the smaller of those below 0.4 Hz and above 4 Hz.",
-        ),
-        Measured("force_power_above_4_hz", 1.0, force_high, "1", at_least(0.9, "ours")).says(
-            "the error of the force lies in high frequencies", "Smallest share of the power of an axis above 4 Hz."
-        ),
-        Measured("axis_without_noise", 1.0, no_noise, "1", at_least(0.7, "ours")).says(
-            "the error of the axis comes from L', independent of the added noise",
-            "Its RMS error between 0.4 and 4 Hz along the walk with perfect sensors and model, over that with noise.",
-        ),
-        Measured("axis_worse_from_hz", 0.4, crossing, "Hz", within(0.2, 1.2, "ours")).says(
-            "the axis is reliable only below 0.4 Hz",
-            "Lowest frequency at which the horizontal error of the axis exceeds that of the geometry; the spectral "
-            "lines are 0.125 Hz apart.",
-        ),
-        Measured("axis_height_over_geometry", "unlikely", vertical, "1", at_most(0.05, "ours")).says(
-            "no input gives a precise height (2.3)",
-            "Vertically the axis only repeats the geometry, projected along the force: below 0.4 Hz its error equals "
-            "the geometry's up to this relative difference. It is no independent measurement.",
-        ),
-    )
     return Reproduction(
-        claims=claims,
+        claims=_claims(noisy, clean),
         note=f"Walk at the robot's cadence, noise of 2.5.1, {len(seeds)} draws. Figure 2.3 is confirmed horizontally.",
         tables={"spectra": _spectrum_columns(mean, clean), "bands": _band_columns(bands)},
         drawing=render_svg(*_spectrum_panels(mean)),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
+    )
+
+
+def _claims(noisy: Sequence[Mapping[str, ErrorSpectrum]], clean: ErrorSpectrum) -> tuple[Claim, ...]:
+    """Claims on the mean spectra of the draws; ``clean`` is that of the axis without noise."""
+
+    def mean_of(name: str, chosen: Sequence[int]) -> ErrorSpectrum:
+        return _mean_spectrum([noisy[k][name] for k in chosen])
+
+    def middle(chosen: Sequence[int]) -> float:
+        bands = _band_rms(mean_of("geometry", chosen))
+        low, mid, high = np.hypot(bands[:, 0], bands[:, 1]).tolist()
+        return float(mid / min(low, high))
+
+    def force_high(chosen: Sequence[int]) -> float:
+        bands = _band_rms(mean_of("force", chosen))
+        return float((bands[2] ** 2 / (bands**2).sum(axis=0)).min())
+
+    def no_noise(chosen: Sequence[int]) -> float:
+        # L' about the lateral axis displaces the central axis along the walk, independently of sensor noise.
+        return float(_band_rms(clean)[1, 0] / _band_rms(mean_of("axis", chosen))[1, 0])
+
+    def crossing(chosen: Sequence[int]) -> float:
+        axis_error, geometry = mean_of("axis", chosen), mean_of("geometry", chosen)
+        return min(crossing_hz(axis_error, geometry, axis) for axis in (0, 1))
+
+    def vertical(chosen: Sequence[int]) -> float:
+        axis_error, geometry = (_band_rms(mean_of(name, chosen))[0, 2] for name in ("axis", "geometry"))
+        return float(np.abs(axis_error / geometry - 1.0))
+
+    every, n = range(len(noisy)), len(noisy)
+    return (
+        Measured("geometry_middle_over_ends", "very clean", middle(every), "1", at_most(0.5, "ours")).says(
+            "the geometry has errors at low and high frequencies, and is very clean between (horizontally)",
+            "Horizontal RMS error between 0.4 and 4 Hz over the smaller of those below 0.4 Hz and above 4 Hz.",
+            interval=resampled_interval(middle, n),
+        ),
+        Measured("force_power_above_4_hz", 1.0, force_high(every), "1", at_least(0.9, "ours")).says(
+            "the error of the force lies in high frequencies",
+            "Smallest share of the power of an axis above 4 Hz.",
+            interval=resampled_interval(force_high, n),
+        ),
+        Measured("axis_without_noise", 1.0, no_noise(every), "1", at_least(0.7, "ours")).says(
+            "the error of the axis comes from L', independent of the added noise",
+            "Its RMS error between 0.4 and 4 Hz along the walk with perfect sensors and model, over that with noise.",
+            interval=resampled_interval(no_noise, n),
+        ),
+        Measured("axis_worse_from_hz", 0.4, crossing(every), "Hz", within(0.2, 1.2, "ours")).says(
+            "the axis is reliable only below 0.4 Hz",
+            "Lowest frequency at which the horizontal error of the axis exceeds that of the geometry; the spectral "
+            "lines are 0.125 Hz apart.",
+            interval=resampled_interval(crossing, n),
+            comparator="geometry",
+        ),
+        Measured("axis_height_over_geometry", "unlikely", vertical(every), "1", at_most(0.05, "ours")).says(
+            "no input gives a precise height (2.3)",
+            "Vertically the axis only repeats the geometry, projected along the force: below 0.4 Hz its error equals "
+            "the geometry's up to this relative difference. It is no independent measurement.",
+            interval=resampled_interval(vertical, n),
+            comparator="geometry",
+        ),
     )
 
 
@@ -84,7 +116,7 @@ def _error_spectra(noise: str, seed: int, tell: Progress, fraction: float) -> di
     return {name: error_spectrum(error, RATE_HZ, SEGMENT_S) for name, error in errors.items()}
 
 
-def _mean_spectrum(spectra: list[ErrorSpectrum]) -> ErrorSpectrum:
+def _mean_spectrum(spectra: Sequence[ErrorSpectrum]) -> ErrorSpectrum:
     return ErrorSpectrum(spectra[0].frequency_hz, np.mean([s.density for s in spectra], axis=0))
 
 

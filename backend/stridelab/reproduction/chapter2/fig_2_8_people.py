@@ -18,7 +18,7 @@ from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.latency import estimate_latency
 from stridelab.reproduction.chapter2.fig_2_8 import com_and_force_panels
 from stridelab.reproduction.claims import Claim, Measured, Reproduction, at_least, at_most, target
-from stridelab.reproduction.common.estimator_errors import as_columns, rms
+from stridelab.reproduction.common.estimator_errors import as_columns, resampled_interval, rms
 from stridelab.reproduction.common.recorded_walks import RecordedWalk, recordings_in
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 
@@ -119,8 +119,14 @@ def _walk_row(pace: str, one: Fused) -> dict[str, object]:
 
 
 def _offset_claims(slow: Sequence[Fused], pairs: Sequence[tuple[Fused, Fused]]) -> tuple[Claim, ...]:
-    flat = rms([float(np.hypot(one.offset_m[WALK], one.offset_m[SIDE])) for one in slow])
-    up = rms([float(one.offset_m[UP]) for one in slow])
+    flat_m, up_m = (
+        np.array([np.linalg.norm(one.offset_m[axes]) for one in slow]) for axes in (slice(WALK, UP), slice(UP, None))
+    )
+    flat, up = rms(flat_m.tolist()), rms(up_m.tolist())
+
+    def horizontal_over_vertical(chosen: Sequence[int]) -> float:
+        return rms(flat_m[chosen].tolist()) / rms(up_m[chosen].tolist())
+
     raw, corrected = (
         np.array([getattr(b, name)[WALK] - getattr(a, name)[WALK] for a, b in pairs])
         for name in ("offset_m", "corrected_m")
@@ -133,15 +139,21 @@ def _offset_claims(slow: Sequence[Fused], pairs: Sequence[tuple[Fused, Fused]]) 
             f"RMS of the mean offsets of {len(slow)} adults at a comfortable speed: {1e3 * flat:.1f} mm horizontally, "
             f"{1e3 * up:.1f} mm vertically.",
             n=len(slow),
+            interval=resampled_interval(horizontal_over_vertical, len(slow)),
         ),
         Measured("change_with_speed_m", 0.0, change, "m", at_most(CHANCE_CHANGE_M, "ours")).says(
             "the difference could be a correction of the table's bias, which is independent of the speed",
             f"Mean change of the offset along the walk from comfortable to fast, {len(pairs)} adults: "
             f"{1e3 * raw.mean():+.1f} mm, standard deviation {1e3 * raw.std():.1f} mm; speed times latency grows by "
             f"{1e3 * late:.1f} mm. The thesis says that it could be: a hedge that is not borne out here, not an error.",
+            interval=resampled_interval(lambda chosen: abs(float(raw[chosen].mean())), len(pairs)),
         ),
         target("change_corrected_over_raw", left / change, "1", at_most=1.0).says(
             "the same with the latency corrected, over that without correction",
             f"{1e3 * corrected.mean():+.1f} mm remain, standard deviation {1e3 * corrected.std():.1f} mm.",
+            interval=resampled_interval(
+                lambda chosen: abs(float(corrected[chosen].mean())) / abs(float(raw[chosen].mean())), len(pairs)
+            ),
+            comparator="latency not corrected",
         ),
     )

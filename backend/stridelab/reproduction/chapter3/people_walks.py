@@ -169,9 +169,11 @@ def fit_walk(walk: RecordedWalk) -> FittedWalk:
     return FittedWalk(walk, estimate, latency_s, ahead, fit_steps(estimate, steps, ahead, walk.windows))
 
 
-def people_interval(values: Sequence[float] | Series, statistic: Callable[..., Series] = np.mean) -> Interval:
-    """95 % interval of a statistic of one value per person: percentiles over bootstrap samples of the people."""
+def people_interval(values: Sequence[float] | Series, statistic: Callable[..., Series] = np.mean) -> Interval | None:
+    """95 % interval of a statistic of one value per person, by bootstrap over the people; None for a single one."""
     given = np.asarray(values, dtype=float)
+    if len(given) < 2:
+        return None
     drawn = statistic(given[bootstrap_indices(len(given), seed=0)], axis=1)
     low, high = np.percentile(drawn, (2.5, 97.5)).tolist()
     return low, high

@@ -20,7 +20,7 @@ from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.terrain import Terrain
-from stridelab.conventions import Points, Series, Vector3
+from stridelab.conventions import Series, Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import NotEstimable
 from stridelab.estimation.estimator import ComEstimate
@@ -158,7 +158,8 @@ def _sole(
 ) -> tuple[Placement, tuple[float, float]]:
     """Placement on the floor or a stair, and half edges, of a sole where the foot is flat and visible."""
     flat = [strike_s + share * (lift_off_s - strike_s) for share in FLAT]
-    outline = motion.feet[side].outline_m[motion.samples(*flat)]
+    during = motion.samples(*flat)
+    outline = motion.feet[side].outline_m[during]
     if not np.isfinite(outline).any(axis=0).all():
         raise NotEstimable("no-two-steps", f"The {side} foot is hidden while it is flat.")
     left_heel, right_heel, left_ball, right_ball, tip = np.nanmedian(outline, axis=0)
@@ -168,7 +169,8 @@ def _sole(
     c, s = along / length_m
     rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     middle = (heel + tip) / 2.0
-    middle[UP] = ground_height_m(motion.in_world(middle[None])[0], plates)
+    at_m = motion.in_world(np.broadcast_to(middle, motion.com_m.shape))[during]
+    middle[UP] = ground_height_m(np.median(at_m, axis=0), plates)
     return Placement(middle, rotation), (length_m / 2.0, breadth_m / 2.0)
 
 
@@ -191,7 +193,9 @@ def _state(motion: WalkMotion, mass_kg: float, at_s: float) -> Start:
     return Start(motion.at(motion.velocity_m_s, at_s), mass_kg * motion.at(motion.momentum_per_kg, at_s))
 
 
-def _mean_forces(wrench: WrenchTrack, nodes_s: Series, motion: WalkMotion) -> tuple[Points, Bool[np.ndarray, "m"]]:
+def _mean_forces(
+    wrench: WrenchTrack, nodes_s: Series, motion: WalkMotion
+) -> tuple[Float[np.ndarray, "m 3"], Bool[np.ndarray, "m"]]:
     """Force averaged over the intervals between nodes, and where all of it is measured."""
     force, measured = [], []
     for start_s, end_s in pairwise(nodes_s.tolist()):

@@ -12,6 +12,7 @@ The wrench is that of a sole that neither slips nor tilts, whatever it takes: fr
 the cone (4.20c), which is a constraint of its own.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import islice
 from typing import Final
@@ -22,6 +23,7 @@ from jaxtyping import Float, Int
 
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.state_density import StateDensity
 from stridelab.conventions import Points, Series, g
 from stridelab.reachability.card import Measure
 from stridelab.reachability.learning.com_sampling import configuration_stream
@@ -29,6 +31,8 @@ from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 
 DAMPING: Final = 1e-10
+MIRROR: Final = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+"""Reflection at the sagittal plane of a velocity (or acceleration) and a momentum (or its rate), an axial vector."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +79,14 @@ def sample_states(robot: Robot, effector: str, samples: int, seed: int, measure:
     return StateSamples(*rows)
 
 
+def densities_of_soles(samples: StateSamples) -> dict[str, StateDensity]:
+    """Normal densities over both soles of a symmetric robot, from states on the right one."""
+    return {
+        "right_foot": StateDensity.of_samples(samples.velocities(), samples.rates()),
+        "left_foot": StateDensity.of_samples(samples.velocities() * MIRROR, samples.rates() * MIRROR),
+    }
+
+
 def rates_of_plan(plan: CentroidalPlan) -> tuple[Float[np.ndarray, "m 6"], Float[np.ndarray, "m 6"]]:
     """``(c', L_c)`` at the first node of every interval and the mean ``(c'', L_c')``; soles along the world axes."""
     l_rate_nm = np.diff(plan.l_nms, axis=0) / np.diff(plan.time_s)[:, None]
@@ -91,6 +103,18 @@ def nats_below_mode(samples: Float[np.ndarray, "n 6"], points: Float[np.ndarray,
 def change_within_phases(log_p: Series, phase: Int[np.ndarray, "n"]) -> float:
     """Largest range of a log-density (nats) within one contact phase: what a plan could gain by it at most."""
     return float(max(np.ptp(log_p[phase == i]) for i in np.unique(phase)))
+
+
+def state_log_density(densities: Mapping[str, StateDensity], plan: CentroidalPlan) -> Series:
+    """``sum_i log p_i(c', L) + log p_i(c'', L')`` of the soles in contact, per interval of a plan."""
+    velocities, rates = rates_of_plan(plan)
+    log_p = np.zeros(len(plan.phase))
+    for i, phase in enumerate(plan.sequence.phases):
+        during = plan.phase == i
+        for name in phase.contacts.keys() & densities.keys():
+            rotation = phase.contacts[name].placement.rotation
+            log_p[during] += densities[name].log_density(velocities[during], rates[during], rotation).sum(axis=1)
+    return log_p
 
 
 def position_log_density(problem: CentroidalProblem, plan: CentroidalPlan) -> Series:

@@ -1,0 +1,140 @@
+"""Claims on many draws, from invented draws: one simulated draw cannot tell a mean from a maximum."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum
+from stridelab.estimation.evaluation.truth_errors import TruthError
+from stridelab.reproduction.chapter2 import (
+    fig_2_6,
+    fig_2_7,
+    fig_2_8,
+    table_coverage,
+    table_errors,
+    table_lag,
+    table_partial_force,
+)
+from stridelab.reproduction.chapter2.table_partial_force import PartialForceErrors
+from stridelab.reproduction.common.estimator_errors import Draw, horizontal_ratio, resampled_interval
+from stridelab.reproduction.common.estimators import GEOMETRY, KALMAN, NAMES, SMOOTHER, THESIS
+from support.recorded_claims import assert_as_recorded
+
+N = 5
+
+
+def invented_error(rng: np.random.Generator) -> TruthError:
+    x, y, z, mean = rng.uniform(0.002, 0.01, 4)
+    rms = np.array([x, y, z])
+    return TruthError(
+        float(np.hypot(x, y)), float(z), 2.0 * float(x), rms, np.array([0.0, 0.0, mean]), rng.uniform(0.9, 1.0, 3),
+        rng.uniform(0.8, 1.5) * rms, rng.uniform(-0.002, 0.003, 3),
+    )  # fmt: skip
+
+
+def invented_draws() -> Iterator[Draw]:
+    rng = np.random.default_rng(8)
+    for noise in ("thesis", "white"):
+        for _ in range(N):
+            errors = {name: invented_error(rng) for name in NAMES}
+            noisy = dict(zip(NAMES, rng.uniform(0.001, 0.003, len(NAMES)).tolist(), strict=True))
+            yield Draw("robot", noise, errors, noisy, float(rng.uniform(0.7, 1.0)))
+
+
+DRAWS = list(invented_draws())
+NOISY = [draw for draw in DRAWS if draw.noise == "thesis"]
+
+
+def test_an_interval_of_draws_is_that_of_their_scatter() -> None:
+    """The mean of n numbers has the standard error s / sqrt(n); one number has none."""
+    values = np.random.default_rng(2).normal(3.0, 0.5, 100)
+    interval = resampled_interval(lambda chosen: float(values[chosen].mean()), len(values))
+    assert interval is not None
+    assert np.subtract(*interval[::-1]) == pytest.approx(2 * 1.96 * values.std() / 10.0, rel=0.1)
+    assert np.mean(interval) == pytest.approx(values.mean(), abs=0.02)
+    assert resampled_interval(lambda _: 0.0, 1) is None
+    assert resampled_interval(lambda _: 0.0, 2) == (0.0, 0.0)
+
+
+def test_ratios_are_those_of_root_mean_squares_over_all_draws() -> None:
+    claims = {claim.key: claim for claim in table_errors._gait_claims("robot", DRAWS)}
+    ours, base = (np.array([d.errors[name].horizontal_m for d in NOISY]) for name in (SMOOTHER, THESIS))
+    by_hand = np.sqrt((ours**2).mean() / (base**2).mean())
+    assert claims["robot_smoother_over_filter"].ours == pytest.approx(by_hand)
+    assert horizontal_ratio(NOISY, SMOOTHER, THESIS) == pytest.approx(by_hand)
+    assert_as_recorded("errors of invented draws", claims.values())
+
+
+def test_the_filter_is_compared_with_the_kalman_filter_draw_by_draw() -> None:
+    claims = {claim.key: claim for claim in fig_2_7._gait_claims("robot", NOISY)}
+    not_worse = [d.errors[THESIS].horizontal_m <= d.errors[KALMAN].horizontal_m for d in NOISY]
+    assert 0 < sum(not_worse) < N, "else it says nothing"
+    assert claims["robot_trials_not_worse"].ours == pytest.approx(sum(not_worse) / N)
+    assert claims["robot_samples_not_worse"].ours == pytest.approx(np.mean([d.share_closer for d in NOISY]))
+    ours, base = (np.array([d.errors[name].vertical_m for d in NOISY]) for name in (THESIS, GEOMETRY))
+    assert claims["robot_height_over_geometry"].ours == pytest.approx(np.sqrt((ours**2).mean() / (base**2).mean()))
+    assert_as_recorded("figure 2.7 of invented draws", claims.values())
+
+
+def test_spectra_are_averaged_before_bands_are_compared() -> None:
+    rng = np.random.default_rng(3)
+    f = np.arange(0.0, 100.0, 0.125)
+    shape = {"geometry": 1.0 / (0.1 + f) + 0.02 * f, "force": f**2, "axis": 1.0 / (0.3 + f)}
+    noisy = [
+        {name: ErrorSpectrum(f, rng.uniform(0.5, 2.0, (1, 3)) * s[:, None] * rng.uniform(0.8, 1.2, (len(f), 3)))
+         for name, s in shape.items()}
+        for _ in range(3)
+    ]  # fmt: skip
+    clean = ErrorSpectrum(f, 0.6 * np.tile(shape["axis"][:, None], (1, 3)))
+    assert_as_recorded("figure 2.6 of invented spectra", fig_2_6._claims(noisy, clean))
+
+
+def test_offsets_of_figure_2_8_are_compared_with_the_bias_of_their_draw() -> None:
+    rng = np.random.default_rng(5)
+    bias = rng.normal(0.0, 0.006, (N, 3))
+    aligned = -bias * [0.7, 0.8, 0.1] + rng.normal(0.0, 0.0003, (N, 3))
+    late, corrected = aligned - [0.02, 0.0, 0.0], aligned + rng.normal(0.0, 0.0002, (N, 3))
+    latencies_s = fig_2_8.LATENCY_S + rng.normal(0.0, 0.001, N)
+    claims = {claim.key: claim for claim in fig_2_8._claims(aligned, late, corrected, bias, latencies_s)}
+    left = np.linalg.norm((bias + aligned)[:, :2]) / np.linalg.norm(bias[:, :2])
+    assert claims["bias_left"].ours == pytest.approx(left)
+    assert claims["latency_error_s"].ours == pytest.approx(np.abs(latencies_s - fig_2_8.LATENCY_S).max())
+    assert "by -20.0 mm" in claims["bias_left"].note
+    assert_as_recorded("figure 2.8 of invented draws", claims.values())
+
+
+def test_lags_are_medians_of_the_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(table_lag, "_estimator_lag_s", lambda *_: np.zeros(3))
+    monkeypatch.setattr(table_lag, "simulate_trial", lambda *_: None)
+    causes = {"as in the thesis": 0.03, "axis through the CoM": 0.01, "both removed": -0.0004}
+    claims = {claim.key: claim for claim in table_lag._gait_claims("robot", NOISY, causes)}
+    lags_s = np.array([d.errors[SMOOTHER].lag_s for d in NOISY])
+    assert claims["robot_smoother_s"].ours == pytest.approx(np.abs(np.median(lags_s, axis=0)[:2]).max())
+    assert claims["robot_kalman_unexplained_s"].ours == pytest.approx(0.0004)
+    assert_as_recorded("lags of invented draws", claims.values())
+
+
+def test_coverage_is_the_mean_share_and_the_width_that_of_root_mean_squares() -> None:
+    errors = [draw.errors[SMOOTHER] for draw in NOISY]
+    summary = table_coverage._coverage_summary(errors)
+    assert summary["coverage_y"] == pytest.approx(np.mean([e.coverage[1] for e in errors]))
+    widths, misses = (np.sqrt(np.mean([getattr(e, of)[2] ** 2 for e in errors])) for of in ("sd_m", "rms_m"))
+    assert summary["ratio_z"] == pytest.approx(widths / misses)
+    assert summary["rms_z_m"] == pytest.approx(misses)
+    claims = table_coverage._coverage_claims("human", table_coverage.SCENARIOS[2], dict(summary))
+    assert_as_recorded("coverage of invented draws", claims)
+
+
+def test_errors_with_a_second_of_force_are_pooled_over_samples() -> None:
+    rng = np.random.default_rng(6)
+    parts = [
+        PartialForceErrors(np.abs(rng.normal(0.0, 0.004, 50)), rng.uniform(0.001, 0.004, 3),
+                           np.abs(rng.normal(0.0, 0.006, 40)), invented_error(rng))
+        for _ in range(3)
+    ]  # fmt: skip
+    inside = np.concatenate([part.with_force_m for part in parts])
+    claims = {claim.key: claim for claim in table_partial_force._gait_claims("human", parts)}
+    assert claims["human_horizontal_m"].ours == pytest.approx(np.sqrt((inside**2).mean()))
+    assert (inside <= claims["human_95_m"].ours).mean() == pytest.approx(0.95, abs=0.01)
+    assert_as_recorded("partial force of invented draws", claims.values())

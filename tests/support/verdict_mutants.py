@@ -1,0 +1,320 @@
+"""Mutants of what verdicts stand on: ``python -m support.verdict_mutants --seed 1 --sample 100 --log FILE``.
+
+Changes the reproduction in one place at a time: bounds, sizes of samples, seeds, signs, comparisons, reductions, the
+estimator, gait, noise or robot that is compared. Not changed are texts, tables, drawings and progress. For each mutant
+the tests that import the changed module run, the shortest first, until one fails. The log has a line per mutant; a run
+with the same log goes on where the former one stopped.
+"""
+
+import argparse
+import ast
+import copy
+import json
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from stridelab.reproduction.registry import ITEMS
+from stridelab.reproduction.result_cache import transitive_imports
+
+ROOT: Final = Path(__file__).parents[2]
+PACKAGE: Final = Path("backend/stridelab/reproduction")
+MODULES: Final = ("claims.py", "chapter2", "chapter3", "chapter4", "common", "studies")
+RECORDED: Final = "reproduction/test_reproduction.py::test_what_verdicts_stand_on_is_as_recorded"
+RECORDED_ALL: Final = f"tests/{RECORDED}"
+TEST_FILES: Final = sorted(
+    path.relative_to(ROOT).as_posix()
+    for path in (ROOT / "tests").rglob("test_*.py")
+    if path.name != "test_reproduction.py" and "stridelab.reproduction" in path.read_text(encoding="utf-8")
+)
+PEOPLE_FILES: Final = tuple(
+    f"tests/reproduction/{name}.py"
+    for name in ("chapter2/test_fig_2_8_people", "chapter3/test_people_figures", "chapter2/test_real_walks")
+)
+LONG: Final = ("fig-2.8", "fig-2.9", "fig-4.2", "fig-4.9", "table-4.1", "flight", "partial-force", "numbers-4",
+               "errors", "fig-2.7", "fig-3.6", "fig-4.6", "coverage", "occupancy", "fig-4.8", "fig-4.5")  # fmt: skip
+"""Items of more than two seconds, the longest last: they run after the others."""
+LIMIT_S: Final = 240.0
+UNSEEN: Final = re.compile(
+    r"^_?draw_|_panels?$|curves?$|_bars$|(?<!wrong)(?<!rigid)_table$|_columns$|_rows?$|svg|_map|label|_text$|^_?spots$|^panel_"
+)
+"""Functions of tables and drawings."""
+UNSEEN_CALLS: Final = frozenset(
+    {"tell", "render_svg", "Panel", "Curve", "Bars", "says", "PrintedColumn", "lru_cache", "dataclass"}
+)
+COMPARISONS: Final = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq,
+                      ast.NotEq: ast.Eq, ast.In: ast.NotIn, ast.NotIn: ast.In}  # fmt: skip
+OPERATORS: Final = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.BitAnd: ast.BitOr}
+PAIRS: Final = (
+    ("at_most", "at_least"), ("above", "below"), ("min", "max"), ("mean", "max"), ("median", "max"), ("any", "all"),
+    ("nanmean", "nanmax"), ("THESIS", "KALMAN"), ("SMOOTHER", "THESIS"), ("GEOMETRY", "SMOOTHER"), ("RTS", "KALMAN"),
+    ("AUTO", "THESIS"), ("percentile", "quantile"), ("fast", "comfortable"), ("robot", "human"), ("left", "right"),
+    ("right_foot", "left_foot"), ("uniform", "conditioned"), ("with", "without"), ("hrp2", "talos"), ("thesis", "none"),
+    ("marker-like", "thesis"), ("words", "ours"), ("met", "not_met"), ("thesis_in_error", "not_met"), ("x", "y"),
+)  # fmt: skip
+"""Names, attributes and words that stand for each other."""
+CALLED: Final = frozenset({"at_most", "at_least", "above", "below", "min", "max"})
+OTHER: Final = {one: other for a, b in PAIRS for one, other in ((b, a), (a, b))}
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A module with one change."""
+
+    file: str
+    line: int
+    before: str
+    after: str
+    source: str
+
+    @property
+    def name(self) -> str:
+        """File, line and change."""
+        return f"{self.file}:{self.line}: {self.before} -> {self.after}"
+
+
+def mutants_of(path: Path, file: str, imported: AbstractSet[str]) -> Iterator[Mutant]:
+    """Every change of a module; ``imported`` are names that other modules use."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for place in _places(tree, _used_names(tree, imported)):
+        if _is_changeable(place):
+            before = ast.unparse(place)
+            undo = _change_in_place(place)
+            yield Mutant(file, place.lineno, before[:90], ast.unparse(place)[:90], ast.unparse(tree))
+            undo()
+
+
+def _used_names(tree: ast.AST, imported: AbstractSet[str]) -> set[str]:
+    """Names that are read outside of texts, tables and drawings, also by way of other such names."""
+    used: set[str] = set()
+    while True:
+        now = {place.id for place in _places(tree, used | imported) if isinstance(place, ast.Name)} | imported
+        if now <= used:
+            return used
+        used |= now
+
+
+def _is_unused(node: ast.AST, used: AbstractSet[str]) -> bool:
+    """Whether a node assigns to names that only texts, tables and drawings read."""
+    if not isinstance(node, (ast.Assign, ast.AnnAssign)):
+        return False
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+    parts = [part for target in targets for part in ast.walk(target) if isinstance(part, ast.expr)]
+    names = [part.id for part in parts if isinstance(part, ast.Name)]
+    return all(isinstance(part, (ast.Name, ast.Tuple)) for part in parts) and not any(name in used for name in names)
+
+
+def _places(tree: ast.AST, used: AbstractSet[str]) -> Iterator[ast.expr]:
+    """Expressions that a verdict may stand on."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.FunctionDef) and UNSEEN.search(node.name):
+            continue
+        if _is_unused(node, used):
+            continue
+        if isinstance(node, (ast.JoinedStr, ast.Import, ast.ImportFrom, ast.arguments)):
+            continue
+        if isinstance(node, ast.keyword) and node.arg in ("note", "drawing", "tables", "says", "references", "strict"):
+            continue
+        if isinstance(node, ast.Call):
+            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if name == "says":  # Measured(...).says(words): the numbers are on the left, n and interval are keywords
+                yield from _places(node.func, used)
+                for keyword in node.keywords:
+                    yield from _places(keyword, used)
+                continue
+            if name in UNSEEN_CALLS or UNSEEN.search(name):
+                continue
+        if isinstance(node, ast.AnnAssign):
+            if node.value is not None:
+                yield from _places(ast.Expr(node.value), used)
+            continue
+        if isinstance(node, ast.FunctionDef):
+            for part in node.body:
+                yield from _places(ast.Module([part], []), used)
+            continue
+        if isinstance(node, ast.expr):
+            yield node
+        yield from _places(node, used)
+
+
+def _is_changeable(node: ast.expr) -> bool:
+    if isinstance(node, ast.Constant):
+        return isinstance(node.value, (bool, int, float)) or (isinstance(node.value, str) and node.value in OTHER)
+    if isinstance(node, ast.Compare):
+        return len(node.ops) == 1 and type(node.ops[0]) in COMPARISONS
+    if isinstance(node, ast.BinOp):
+        return type(node.op) in OPERATORS and not _is_text(node)
+    if isinstance(node, ast.Name):
+        return node.id in OTHER and (node.id.isupper() or node.id in CALLED)
+    if isinstance(node, ast.Attribute):
+        return node.attr in OTHER
+    return isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub)
+
+
+def _is_text(node: ast.BinOp) -> bool:
+    return any(isinstance(part, ast.JoinedStr) or (isinstance(part, ast.Constant) and isinstance(part.value, str))
+               for part in ast.walk(node))  # fmt: skip
+
+
+def _change_in_place(node: ast.expr) -> Callable[[], None]:
+    """Change a node; returns what undoes it."""
+    old = copy.copy(node.__dict__)
+
+    def undo() -> None:
+        node.__dict__.clear()
+        node.__dict__.update(old)
+
+    if isinstance(node, ast.Constant):
+        value = node.value
+        if isinstance(value, bool):
+            node.value = not value
+        elif isinstance(value, int):
+            node.value = value + 1
+        elif isinstance(value, float):
+            node.value = round(value * 1.3, 12) if value else 1.0
+        else:
+            node.value = OTHER[str(value)]
+    elif isinstance(node, ast.Compare):
+        node.ops = [COMPARISONS[type(node.ops[0])]()]
+    elif isinstance(node, ast.BinOp):
+        node.op = OPERATORS[type(node.op)]()
+    elif isinstance(node, ast.Name):
+        node.id = OTHER[node.id]
+    elif isinstance(node, ast.Attribute):
+        node.attr = OTHER[node.attr]
+    elif isinstance(node, ast.UnaryOp):
+        node.op = ast.UAdd()
+    return undo
+
+
+class Copy:
+    """A copy of the project in a folder, of which one module at a time is changed."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        shutil.copytree(ROOT / "backend", folder / "backend", ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / "tests", folder / "tests", ignore=shutil.ignore_patterns("__pycache__"))
+        for name in ("models", "scripts", "docs", "frontend", "pyproject.toml", "shared"):
+            if (ROOT / name).exists():
+                (folder / name).symlink_to(ROOT / name)
+
+    def notices(self, mutant: Mutant, tests: Sequence[str], limit_s: float) -> str:
+        """The first test that fails with the change, "too slow", or an empty text."""
+        file = self.folder / PACKAGE / mutant.file
+        original, times = file.read_bytes(), file.stat()
+        file.write_text(mutant.source, encoding="utf-8")
+        try:
+            return self.first_failure(tests, limit_s, PYTHONDONTWRITEBYTECODE="1")
+        finally:
+            file.write_bytes(original)
+            os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))  # its compiled form is valid again
+
+    def first_failure(self, tests: Sequence[str], limit_s: float, **variables: str) -> str:
+        """The first test that fails with the code as it is in the copy, "too slow", or an empty text."""
+        path = os.pathsep.join(str(self.folder / name) for name in ("backend", "tests", "scripts"))
+        environment = os.environ | {"PYTHONPATH": path} | variables
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "--hypothesis-seed=0", *tests]
+        try:
+            run = subprocess.run(
+                command, cwd=self.folder, env=environment, capture_output=True, text=True, timeout=limit_s, check=False
+            )
+        except subprocess.TimeoutExpired:
+            return "too slow"
+        if run.returncode == 0:
+            return ""
+        failed = re.search(r"^(?:FAILED|ERROR) (\S+)", run.stdout, re.MULTILINE)
+        return failed.group(1) if failed else (run.stdout + run.stderr)[-200:].replace("\n", " ")
+
+
+def tests_of(file: str) -> list[str]:
+    """Records of the items that import a module, then the files of tests that lead to it, the closest first."""
+    module = "stridelab.reproduction." + file.removesuffix(".py").replace("/", ".")
+    leading = [name for name, item in ITEMS.items() if module in transitive_imports(item.run.__module__)]
+    items = [
+        f"{RECORDED_ALL}[{name}]"
+        for name in sorted(leading, key=lambda name: 1 + LONG.index(name) if name in LONG else 0)
+    ]
+    close = [path for path in TEST_FILES if module in _imports_of(ROOT / path)]
+    far = [
+        path
+        for path in PEOPLE_FILES
+        if path not in close and any(module in transitive_imports(one) for one in _imports_of(ROOT / path))
+    ]
+    return [*items, *close, *far]
+
+
+def _imports_of(path: Path) -> set[str]:
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("stridelab.reproduction"):
+            module = str(node.module)
+            names |= {module, *(f"{module}.{alias.name}" for alias in node.names)}
+    return {name for name in names if (ROOT / "backend" / (name.replace(".", "/") + ".py")).is_file()}
+
+
+def _imported_names() -> set[str]:
+    """Names that modules of the package import from others."""
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in (ROOT / PACKAGE).rglob("*.py")]
+    return {
+        alias.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }  # fmt: skip
+
+
+def main() -> None:
+    """Try a sample of mutants and print the share that is noticed."""
+    parser = argparse.ArgumentParser(prog="scripts/mutants verdicts", description=__doc__)
+    parser.add_argument("--sample", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--log", type=Path, default=Path("mutants-of-verdicts.jsonl"))
+    parser.add_argument("--limit", type=float, default=LIMIT_S, help="seconds of tests for each")
+    parser.add_argument(
+        "--part", default="1/1", help="2/3: the second of three parts of the sample, with a log of its own"
+    )
+    parser.add_argument("--list", action="store_true", help="print the sample and try none")
+    arguments = parser.parse_args()
+    files = sorted(
+        path.relative_to(ROOT / PACKAGE).as_posix()
+        for name in MODULES
+        for path in ([ROOT / PACKAGE / name] if name.endswith(".py") else (ROOT / PACKAGE / name).glob("*.py"))
+    )
+    imported = _imported_names()
+    every = [mutant for file in files for mutant in mutants_of(ROOT / PACKAGE / file, file, imported)]
+    sample = random.Random(arguments.seed).sample(every, min(arguments.sample, len(every)))
+    part, parts = map(int, arguments.part.split("/"))
+    sample = sample[part - 1 :: parts]
+    print(f"{len(every)} mutants, {len(sample)} drawn with seed {arguments.seed}", flush=True)
+    if arguments.list:
+        print("\n".join(mutant.name for mutant in sample))
+        return
+    lines = arguments.log.read_text(encoding="utf-8").splitlines() if arguments.log.exists() else []
+    tried = {(line["name"], line["place"]): line["by"] for line in map(json.loads, lines)}
+    with tempfile.TemporaryDirectory(prefix="stridelab-mutants-") as place, arguments.log.open("a") as log:
+        copied = Copy(Path(place))
+        if not tried and (failed := copied.first_failure([RECORDED_ALL], 10.0 * arguments.limit)):
+            raise SystemExit(f"Without a change fails: {failed}")
+        for k, mutant in enumerate(sample):
+            if (mutant.name, k) in tried:
+                continue
+            start_s = time.monotonic()
+            by = copied.notices(mutant, tests_of(mutant.file), arguments.limit)
+            tried[mutant.name, k] = by
+            log.write(json.dumps({"name": mutant.name, "place": k, "by": by}) + "\n")
+            log.flush()
+            print(f"{by or 'NOT NOTICED'} {time.monotonic() - start_s:.0f} s: {mutant.name}", flush=True)
+    noticed = sum(bool(by) for by in tried.values())
+    print(f"{noticed} of {len(tried)} noticed")
+
+
+if __name__ == "__main__":
+    main()
