@@ -9,6 +9,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from experiments.real_tracks import ESTIMATORS, ExactWalk, TrackErrors, draw_inputs, exact_walk
+from experiments.track_floor import acceleration_covariance, least_error
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.estimation.differentiation import window_span
 from stridelab.estimation.latency import ClockError, remaining_clock_error
@@ -73,6 +74,25 @@ def test_a_late_force_is_noticed_where_the_clocks_have_not_been_compared(walk: E
     truth = walk.com_m[np.searchsorted(walk.time_s, found.time_s - 1e-9), 0]
     assert np.abs(found.com_m[:, 0] - truth).mean() < 0.7 * np.abs(trusted.com_m[:, 0] - truth).mean()
     assert found.sd_m[:, 0].mean() < 0.85 * trusted.sd_m[:, 0].mean()
+
+
+def test_the_least_error_falls_with_what_is_known_of_clock_and_table(walk: ExactWalk) -> None:
+    part = slice(30, 90)
+    short = replace(
+        walk,
+        **{name: getattr(walk, name)[part] for name in ("time_s", "com_m", "force_n", "momentum_rate_nm")},
+        segment_m={name: track[part] for name, track in walk.segment_m.items()},
+        windows=(),
+    )
+    errors = TrackErrors(markers="white", whole=True, rolls=False)
+    covariance = acceleration_covariance([walk], len(short.time_s))
+    exact, shared, moments = (least_error(short, errors, covariance, c) for c in ("exact", "shared", "moments"))
+    assert exact.clock_sd_s == 0.0 < shared.clock_sd_s < SmootherPriors().clock_s
+    assert exact.square_m2[0] < shared.square_m2[0] < moments.square_m2[0]
+    known = replace(short, sd_m=(1e-4, 1e-4, 1e-4))
+    rest = least_error(known, errors, covariance, "exact").square_m2
+    assert (rest < SmootherPriors().table_varying_m ** 2).all()
+    assert (exact.square_m2 < np.square(walk.sd_m[:2])).all()
 
 
 def test_every_estimator_takes_the_walk(walk: ExactWalk) -> None:
