@@ -115,7 +115,7 @@ def least_error(walk: ExactWalk, errors: TrackErrors, covariance: Float[np.ndarr
     longest = max(windows, key=lambda one: one.end_s - one.start_s)
     judged = (t >= longest.start_s - 1e-9) & (t <= longest.end_s + 1e-9)
     squares = [
-        np.mean(np.einsum("ij,jk,ik->i", path, prior, path) - np.sum((explained @ path.T) ** 2, axis=0))
+        np.mean(np.sum((path @ prior) * path, axis=1) - np.sum((explained @ path.T) ** 2, axis=0))
         for path in paths[:2, judged]
     ]
     clock_m2 = prior[late, late] - np.sum(explained[:, late] ** 2)
