@@ -1,8 +1,9 @@
 """Walks of real people with a known truth: their segments' tracks, taken as point masses, move exactly.
 
 The low-passed tracks have a centre of mass, a force and an angular momentum without error. Table, markers, plates, mass
-and clock then err by the sizes that the smoother assumes by default. What is real is the movement; the errors are drawn
-from the priors, which is kind to the smoother, and so are the independent samples of the noise.
+and clock then err by the sizes that the smoother assumes by default; the clocks have not been compared. What is real is
+the movement; the errors are drawn from the priors, which is kind to the smoother, and so are the independent samples of
+the noise.
 """
 
 from collections.abc import Mapping

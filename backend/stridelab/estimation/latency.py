@@ -15,7 +15,7 @@ The accuracy and a comparison with other methods are in ``docs/theory/synchronis
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -66,7 +66,11 @@ MIN_CORRELATION: Final = 0.8
 edge of the search range."""
 MAX_SD_S: Final = 0.01
 """Largest standard deviation of a useful estimate: lags lie within 25 ms anyway."""
+LONGEST_S: Final = 6.0
+"""Part of a window from which the remaining error of a corrected latency is estimated."""
+PRIOR_WIDTHS: Final = 3.0
 _SEARCH_S, _REFINED_SEARCH_S, _STEP_S = 0.05, 0.006, 0.001
+_NEAR_S, _FEWEST_LAGS = 0.015, 5
 _ITERATIONS = 8
 _WALKING_M_S = 0.3
 _EDGE = 0.3
@@ -163,6 +167,45 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
     wrench = wrench_at(0.0)
     along, lateral, vertical = _axis_lags(geometric, wrench, window_span(geometric, wrench), mass_kg, R)
     return Latency(latency_s, repeated_sd_s(sd_s), along, lateral, vertical, likelihood.correlation)
+
+
+@dataclass(frozen=True)
+class ClockError:
+    """Remaining latency of the force, posterior mean and standard deviation."""
+
+    mean_s: float
+    sd_s: float
+
+
+def remaining_clock_error(
+    geometric: GeometricCom, wrench: WrenchTrack, span: Span, mass_kg: float, prior_s: float
+) -> ClockError:
+    """Latency of the force within a normal prior of zero mean, from at most ``LONGEST_S`` of the window.
+
+    The prior remains where the recording cannot say more: its clocks have been compared before (what remains is the
+    error of that estimate), the likelihood is broad or largest at the edge of the search range, the two paths do not
+    resemble each other, or force is withheld.
+    """
+    prior = ClockError(0.0, prior_s)
+    if wrench.clocks_compared or wrench.withheld is not None:
+        return prior
+    spare = max(0, (span.inside.stop - span.inside.start - round(LONGEST_S * span.rate_hz)) // 2)
+    middle = replace(span, inside=slice(span.inside.start + spare, span.inside.stop - spare))
+    lags = _lag_grid(min(PRIOR_WIDTHS * prior_s, _NEAR_S))
+    if len(lags) < _FEWEST_LAGS:
+        return prior
+    velocity, acceleration = smoothed_derivatives(geometric.com_m[span.around], span.rate_hz)
+    R = _walking_axes(velocity[span.within] - geometric.ground_m_s, acceleration[span.within])
+    likelihood = clock_likelihood(geometric, wrench, middle, mass_kg, R, lags)
+    log_likelihood = likelihood.log_likelihood
+    if np.argmax(log_likelihood) in (0, len(lags) - 1) or likelihood.correlation < MIN_CORRELATION:
+        return prior
+    weights = np.exp(log_likelihood - log_likelihood.max())
+    weights /= weights.sum()
+    mean_s = float(weights @ lags)
+    variance_s2 = repeated_sd_s(float(np.sqrt(weights @ (lags - mean_s) ** 2))) ** 2
+    kept = prior_s**2 / (prior_s**2 + variance_s2)
+    return ClockError(kept * mean_s, float(np.sqrt(kept * variance_s2)))
 
 
 def _lag_too_large_error(searched_s: float) -> NotEstimable:

@@ -78,7 +78,7 @@ class DrawnRecording:
         both = self._measured(t + latency_s)
         complete = (t >= self.window.start_s - 1e-9) & (t <= self.window.end_s + 1e-9)
         windows = (Window(float(t[complete][0]), float(t[complete][-1])),)
-        return WrenchTrack(t, both[:, :3], both[:, 3:], complete, windows, latency_s)
+        return WrenchTrack(t, both[:, :3], both[:, 3:], complete, windows, latency_s, clocks_compared=True)
 
 
 def draw_recording(

@@ -12,6 +12,7 @@ from stridelab.errors import NotEstimable
 from stridelab.estimation.differentiation import require_mass, smoothed_derivatives, window_span
 from stridelab.estimation.estimator import ComEstimate, StateCovariance
 from stridelab.estimation.evaluation.physics_residuals import segment_momentum_rate
+from stridelab.estimation.latency import ClockError, remaining_clock_error
 from stridelab.estimation.smoother.kalman_rts import (
     ForwardPass,
     Gains,
@@ -27,6 +28,7 @@ from stridelab.estimation.smoother.measurements import (
     normalised_innovations,
     plate_bias_remarks,
     plate_bias_statistic,
+    read_later,
     require_single_support,
     smoother_signals,
 )
@@ -34,6 +36,7 @@ from stridelab.estimation.smoother.noise_levels import (
     SmootherPriors,
     is_airborne,
     is_explained,
+    is_walk,
     learn_sizes,
     moves_ahead,
     sizes_of,
@@ -49,10 +52,11 @@ from stridelab.recordings.recording import WrenchTrack
 class Smoother:
     """Fixed-interval smoother; ``priors`` are the sizes of the input errors, that of the table is in the geometry.
 
-    ``learn`` estimates the noise levels from the recording (``noise_levels``). In walking and running it also decides
-    whether the angular momentum of the segments as point masses is used, by the likelihood of the recording with and
-    without it; ``segment_momentum`` uses it always. ``beyond_window`` returns the whole gap-free stretch of geometry
-    around the window instead of the window alone.
+    ``learn`` estimates the noise levels from the recording (``noise_levels``). In walking it also estimates the latency
+    within the prior ``clock_s``, unless the clocks have been compared (``remaining_clock_error``). In walking and
+    running it decides whether the angular momentum of the segments as point masses is used, by the likelihood of the
+    recording with and without it; ``segment_momentum`` uses it always. ``beyond_window`` returns the whole gap-free
+    stretch of geometry around the window instead of the window alone.
     """
 
     name: ClassVar[str] = "smoother"
@@ -78,6 +82,12 @@ class Smoother:
         walk = in_walking_frame(geometric.com_m[used], force_n, moment_nm, seen, rate_hz, geometric.ground_m_s)
         sizes = sizes_of(self.priors, walk, mass_kg, geometric.sd_m)
         require_single_support(walk, span.within, sizes.swing_hz[0])
+        clock = ClockError(0.0, self.priors.clock_s)
+        if self.learn and clock.sd_s > 0.0 and is_walk(walk, mass_kg):
+            clock = remaining_clock_error(geometric, wrench, span, mass_kg, clock.sd_s)
+        if clock.mean_s != 0.0:
+            walk = read_later(walk, clock.mean_s)
+            sizes = sizes_of(replace(self.priors, clock_s=clock.sd_s), walk, mass_kg, geometric.sd_m)
         if wrench.withheld is not None:
             walk = replace(walk, seen=seen & ~wrench.withheld[used])
         sizes, data = self._model(sizes, walk, geometric, used, mass_kg)
@@ -105,6 +115,7 @@ class Smoother:
             remarks=plate_bias_remarks(space, forward, mass_kg, self.priors.plate_force_n, walk.frame),
             diagnostics={
                 **_size_diagnostics(sizes, walk, mass_kg),
+                **({"clock_ms": 1e3 * clock.mean_s, "clock_sd_ms": 1e3 * clock.sd_s} if clock.mean_s != 0.0 else {}),
                 "normalised_innovations": _run_innovations(sizes, walk, data, mass_kg, gain_sets, forward),
                 "plate_bias_statistic": plate_bias_statistic(space, forward),
             },

@@ -17,10 +17,11 @@ mean m and variance V satisfy m ~ N(0, P0 - V) if the prior variance P0 is true,
 one degree of freedom. A constant error of the *moment* is not observable: it has the effect of a table error.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from stridelab.conventions import GRAVITY_M_S2, Mask, Points, Rotation, Series, Vector3
 from stridelab.dynamics.wrench import com_acceleration
@@ -39,6 +40,8 @@ BRIDGE_S = 0.2
 BESIDE, CALM_SHARE = 3, 0.25
 """Samples beside a gap that show whether the body is in flight there; change of the vertical force over the weight from
 one sample to the next, at the calmer end, up to which the force is known at the end."""
+FEWEST_TO_SHIFT = 4
+"""Shortest run of samples with force that can be read at another time."""
 WALKS_M_S = 0.1
 END_S, FULL_SWING = 0.3, 0.6
 
@@ -76,6 +79,19 @@ def in_walking_frame(
     measured = seen[:, None]
     f, nu = (np.where(measured, x, 0.0) @ frame.T for x in (force_n, moment_nm))
     return Walk(frame, geometry_m @ frame.T, f, nu, seen, rate_hz, frame @ velocity, frame @ ground_m_s)
+
+
+def read_later(walk: Walk, late_s: float) -> Walk:
+    """The same with the wrench read ``late_s`` later; samples that would be read beyond a gap or an end are missing."""
+    read = np.hstack([walk.force_n, walk.moment_nm])
+    seen = walk.seen.copy()
+    for i, j in true_runs(walk.seen):
+        at = np.arange(i, j) + late_s * walk.rate_hz
+        seen[i:j] = (at >= i) & (at <= j - 1) & (j - i > FEWEST_TO_SHIFT)
+        if seen[i:j].any():
+            read[i:j] = CubicSpline(np.arange(i, j), read[i:j])(at)
+    read[~seen] = 0.0
+    return replace(walk, force_n=read[:, :3], moment_nm=read[:, 3:], seen=seen)
 
 
 def smoother_signals(walk: Walk, mass_kg: float) -> Signals:

@@ -1,6 +1,6 @@
 """Recorded walks for the items on real recordings: geometric CoM, plate forces, body mass."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -58,7 +58,8 @@ class RecordedWalk:
 
     def total_wrench(self, latency_s: float) -> WrenchTrack:
         """Total contact wrench, corrected for the latency: read ``latency_s`` later than its time stamp."""
-        return wrench_track(self.recording, self.windows, latency_s=latency_s)
+        track = wrench_track(self.recording, self.windows, latency_s=latency_s)
+        return replace(track, clocks_compared=True)
 
 
 def read_trial(path: Path) -> Recording:
