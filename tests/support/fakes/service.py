@@ -73,6 +73,7 @@ class FakeService:
         self.plans: dict[str, dict[str, bytes]] = {}
         self.results: dict[str, JobResult] = {}
         self.comparisons: dict[str, tuple[bool, dict[str, bytes]]] = {}
+        self.files_are_gone = False
         self.wheel = recorded_walk.wheel_parquet()
         self.failing: Problem | None = None
         self.measures, self.stale_measures = list[Measure](reachability.MEASURES), list[Measure]()
@@ -378,6 +379,8 @@ class FakeService:
         return Response(robots.links_glb(), media_type="model/gltf-binary")
 
     async def _artifact(self, request: Request) -> Response:
+        if self.files_are_gone:
+            return _problem(404, "file-gone", "The stored file is gone.")
         _, compared = self.comparisons.get(request.path_params["id"], (False, None))
         files = self.plans.get(request.path_params["id"], compared)
         if files is not None:
