@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from support.browser.page import Service, Tab, few_pictures, focus_by_tab
+from support.browser.page import FETCHED, Service, Tab, few_pictures, focus_by_tab
 
 CLICKS_AT_MOST = 2
 PLANNED_WITHIN_MS = 420_000
@@ -39,7 +39,11 @@ def page(open_tab: Callable[..., Tab]) -> Page:
 
 
 def test_a_walking_person(page: Page) -> None:
-    """By Tab, Enter and Space alone; the picker of files is reached on the way."""
+    """By Tab, Enter and Space alone; the picker of files is reached on the way. The front page is small."""
+    fetched = dict(page.evaluate(FETCHED))
+    assert any(name.endswith("/app.css") for name in fetched)
+    assert 20_000 < sum(fetched.values()) < 100_000
+    assert not any("plotly" in name for name in fetched)
     with page.expect_file_chooser():
         focus_by_tab(page, page.locator("[data-upload] input[type=file]"))
         page.keyboard.press("Enter")

@@ -29,6 +29,10 @@ from stridelab.client import Client
 Answer = TypeVar("Answer")
 
 
+FETCHED = """() => [window, ...[...document.querySelectorAll("iframe")].map((frame) => frame.contentWindow)]
+    .flatMap(({ performance }) => ["navigation", "resource"].flatMap((kind) => performance.getEntriesByType(kind)))
+    .map(({ name, transferSize }) => [name, transferSize])"""
+"""What the page and its frames requested, and the bytes of each that crossed the network."""
 RINGED = """() => {
     const focused = document.activeElement;
     if (focused === document.body) return true;
