@@ -42,8 +42,8 @@ COLOURS_ALONE = {**WITHOUT_FRAMES, "runOnly": ["color-contrast"]}
 """A dark page differs from a light one in its colours, which are the same at every size."""
 COUNTED = ("serious", "critical")
 AS_BEFORE = "(open) => document.querySelectorAll('main details').forEach((one, k) => { one.open = open[k]; })"
-FOLDED = "(open) => document.querySelectorAll('main details').forEach((one) => { one.open = open; })"
-"""Also what is folded is looked at."""
+UNFOLDED = "() => [...document.querySelectorAll('main details')].slice(0, 8).forEach((one) => { one.open = true; })"
+"""Also what is folded is looked at; of the many cards of a page that are alike, the first ones."""
 WITH_DIALOGS = ("recording", "failed", "view-recording", "view-scenario")
 DIALOGS = """async ([options, counted]) => {
     const wrong = [];
@@ -82,7 +82,7 @@ def test_every_page_fits_and_is_accessible(open_tab: Callable[..., Tab], lab: La
         _complete(page, name)
         page.evaluate(Axe().axe_script)
         was_open = page.evaluate("[...document.querySelectorAll('main details')].map((one) => one.open)")
-        page.evaluate(FOLDED, True)
+        page.evaluate(UNFOLDED)
         for size in SIZES:
             tab.page.emulate_media(color_scheme="light")
             page.set_viewport_size(size)
