@@ -12,7 +12,6 @@ from stridelab.schemas.jobs import EstimateComInput, JobResult, Progress
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import EstimateOffer, TrialClock
 from stridelab_web.pages.results.summary_facts import facts_of, headline_of, main_and_other_facts, sentences_of
-from support.browser.every_page import every_page
 from support.fakes.service import FakeService
 from support.fakes.web_app import make_client
 
@@ -52,32 +51,6 @@ def test_recording_page_tells_windows_plates_and_what_is_missing(fake: FakeServi
     assert "l mt2" in page
     assert "C7 is hidden for the last 0.5 s." in page
     assert 'name="height_m" min="0.4" max="2.6" step="any" value="1.71"' in page
-
-
-def test_a_result_whose_files_are_gone_shows_its_summary_and_says_what_to_do(fake: FakeService, browse: Browse) -> None:
-    """The same way for every kind of result whose page reads a file."""
-    addresses = every_page(fake)
-    fake.files_are_gone = True
-    shown = {
-        "wheel": "wheel.parquet",
-        "sweep": "sweep.parquet",
-        "imitation": "curves.parquet",
-        "pushes": "pushes.parquet",
-        "receding": "receding.parquet",
-        "learned": "reachability.json",
-    }
-    for name, file in shown.items():
-        page = browse(addresses[name])
-        assert page.status_code == 200, name
-        notices = re.findall(r"<p[^>]*data-gone>(.*?)</p>", page.text, re.S)
-        text = f"A part of this result is not shown, because its file is gone ({file})."
-        assert [" ".join(notice.split()) for notice in notices] == [
-            f"{text} Restore a backup, or compute the result again."
-        ], name
-        assert 'class="headline"' in page.text or 'class="facts"' in page.text, name
-    assert "data-gone" not in browse(addresses["measures"]).text
-    fake.files_are_gone = False
-    assert all("data-gone" not in browse(addresses[name]).text for name in shown)
 
 
 def test_recording_page_of_an_unknown_id_is_a_friendly_404(browse: Browse) -> None:
