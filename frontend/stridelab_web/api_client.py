@@ -12,6 +12,7 @@ from stridelab.schemas.jobs import Job
 from stridelab_web.config import WebConfig
 
 TIMEOUT_S = 60.0
+FILE_GONE = "file-gone"
 T = TypeVar("T")
 
 
@@ -41,6 +42,30 @@ async def none_if_missing(request: Awaitable[T]) -> T | None:
         if refusal.status == 404:
             return None
         raise
+
+
+class JobFiles:
+    """Reads the files of a finished job for its page, and collects the names of those that are no longer stored.
+
+    A page without one of its files shows what the summary of the result still contains.
+    """
+
+    def __init__(self, client: AsyncClient, job_id: str) -> None:
+        self._client, self.job_id = client, job_id
+        self.gone: list[str] = []
+
+    async def read_file(self, name: str) -> bytes | None:
+        """Content of an artifact, or None if its file is gone from the store.
+
+        Raises ``ProblemError`` for every other refusal.
+        """
+        try:
+            return await self._client.read_artifact(self.job_id, name)
+        except ProblemError as refusal:
+            if refusal.problem.code != FILE_GONE:
+                raise
+            self.gone.append(name)
+            return None
 
 
 async def read_tracks(client: AsyncClient, recording_id: str) -> bytes:

@@ -6,6 +6,7 @@ from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
+from threading import Lock
 from typing import Final
 
 import zstandard
@@ -28,6 +29,7 @@ ZSTD_LEVEL: Final = 18
 
 PLOTLY_ZSTD_LEVEL: Final = 9
 """Compresses plotly in a ninth of a second; level 19 takes sixteen times as long for 9 % less size."""
+_compressing = Lock()
 
 
 class OwnFiles(StaticFiles):
@@ -93,15 +95,28 @@ async def viser_file(request: Request) -> Response:
     return gzip_response(request, await run_in_threadpool(viser_gzip, name), media_type, headers)
 
 
-@cache
 def viser_zstd(name: str) -> bytes:
-    """A file of viser's client, zstd-compressed (2.4 MB to 0.57 MB); browsers accept it in secure contexts."""
+    """A file of viser's client, zstd-compressed (2.4 MB to 0.57 MB); browsers accept it in secure contexts.
+
+    It takes nearly a second, once: viewers that are opened together right after the start wait for the same result.
+    """
+    with _compressing:
+        return _viser_zstd(name)
+
+
+@cache
+def _viser_zstd(name: str) -> bytes:
     return zstandard.ZstdCompressor(level=ZSTD_LEVEL).compress(viser_client.installed_client().files[name])
 
 
-@cache
 def viser_gzip(name: str) -> bytes:
-    """A file of viser's client, gzip-compressed (0.7 MB)."""
+    """A file of viser's client, gzip-compressed once (0.7 MB)."""
+    with _compressing:
+        return _viser_gzip(name)
+
+
+@cache
+def _viser_gzip(name: str) -> bytes:
     return gzip.compress(viser_client.installed_client().files[name], compresslevel=9, mtime=0)
 
 

@@ -15,7 +15,7 @@ from stridelab.schemas.scenarios import (
     ScenarioPhase,
 )
 from stridelab_web.scene.contacts import placed_contacts
-from support.browser.page import Service, Tab, hold, nodes, opened, until
+from support.browser.page import Service, Tab, focus_by_tab, hold, nodes, opened, until
 
 PLANNED_WITHIN_MS = 120_000
 WARNING = [176, 0, 32]
@@ -82,18 +82,24 @@ def test_a_contact_is_judged_while_it_is_held(tab: Tab, service: Service) -> Non
 
 
 def test_numbers_are_judged_while_they_are_typed(tab: Tab, service: Service) -> None:
+    """By Tab, Enter and digits alone, as by the mouse."""
     remaining = service.client.add_scenario(bare(service, "six-stairs", name="typed"))
     page = opened(tab, f"/view/?scenario={remaining.id}")
     contact = page.get_by_role("button", name="5 right foot")
-    contact.click()
+    focus_by_tab(page, contact)
+    page.keyboard.press("Enter")
     height = page.locator("li", has=contact).get_by_label("z")
-    height.fill("0.3")
+    focus_by_tab(page, height)
+    page.keyboard.press("Control+a")
+    page.keyboard.type("0.3")
     expect(page.locator("[data-verdict]")).to_contain_text("right foot: is in the air")
     expect(page.locator("[data-margins]").nth(4)).to_contain_text("10.0 cm above the surface")
     for k in range(placed_contacts(remaining)[4].first_phase, placed_contacts(remaining)[4].last_phase + 1):
         expect(bars(page).nth(k)).to_have_attribute("data-kind", "invalid")
     assert service.client.scenario(remaining.id).phases == remaining.phases
-    height.fill("0.2")
+    expect(height).to_be_focused()
+    page.keyboard.press("Control+a")
+    page.keyboard.type("0.2")
     expect(page.locator("[data-editor]")).to_have_attribute("data-judged", "valid")
 
 

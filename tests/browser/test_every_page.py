@@ -41,6 +41,22 @@ WITHOUT_FRAMES = {"resultTypes": ["violations"], "iframes": False}
 COLOURS_ALONE = {**WITHOUT_FRAMES, "runOnly": ["color-contrast"]}
 """A dark page differs from a light one in its colours, which are the same at every size."""
 COUNTED = ("serious", "critical")
+AS_BEFORE = "(open) => document.querySelectorAll('main details').forEach((one, k) => { one.open = open[k]; })"
+UNFOLDED = "() => [...document.querySelectorAll('main details')].slice(0, 8).forEach((one) => { one.open = true; })"
+"""Also what is folded is looked at; of the many cards of a page that are alike, the first ones."""
+WITH_DIALOGS = ("recording", "failed", "view-recording", "view-scenario")
+DIALOGS = """async ([options, counted]) => {
+    const wrong = [];
+    for (const dialog of document.querySelectorAll("dialog")) {
+        dialog.showModal();
+        const { violations } = await axe.run(dialog, options);
+        wrong.push(...violations.filter(({ impact }) => counted.includes(impact))
+            .map(({ id, nodes }) => `in a dialog, ${id} at ${nodes[0].target}`));
+        if (dialog.scrollWidth > innerWidth) wrong.push("a dialog is wider than the page");
+        dialog.close();
+    }
+    return [document.querySelectorAll("dialog").length, wrong];
+}"""
 
 
 @pytest.fixture
@@ -65,12 +81,19 @@ def test_every_page_fits_and_is_accessible(open_tab: Callable[..., Tab], lab: La
         page = tab.go(address)
         _complete(page, name)
         page.evaluate(Axe().axe_script)
+        was_open = page.evaluate("[...document.querySelectorAll('main details')].map((one) => one.open)")
+        page.evaluate(UNFOLDED)
         for size in SIZES:
             tab.page.emulate_media(color_scheme="light")
             page.set_viewport_size(size)
             page.evaluate(TWO_PICTURES)
             if wrong := [*_page_faults(page, CHECKED_BY_AXE.get(size["width"], ()))]:
                 result[f"{name} at {size['width']}"] = wrong
+        if name in WITH_DIALOGS:
+            number, wrong = page.evaluate(DIALOGS, [WITHOUT_FRAMES, COUNTED])
+            assert number, name
+            result |= {f"dialogs of {name}": wrong} if wrong else {}
+        page.evaluate(AS_BEFORE, was_open)
         if len(page.screenshot(type="png")) <= LEAST_BYTES:
             result[name] = ["empty"]
         if pictures is not None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from support.browser.page import Service, Tab, few_pictures
+from support.browser.page import FETCHED, Service, Tab, few_pictures, focus_by_tab
 
 CLICKS_AT_MOST = 2
 PLANNED_WITHIN_MS = 420_000
@@ -39,12 +39,26 @@ def page(open_tab: Callable[..., Tab]) -> Page:
 
 
 def test_a_walking_person(page: Page) -> None:
-    mouse = Mouse()
-    mouse.click(page.get_by_role("link", name="Watch the sample walk"))
+    """By Tab, Enter and Space alone; the picker of files is reached on the way. The front page is small."""
+    fetched = dict(page.evaluate(FETCHED))
+    assert any(name.endswith("/app.css") for name in fetched)
+    assert 20_000 < sum(fetched.values()) < 100_000
+    assert not any("plotly" in name for name in fetched)
+    with page.expect_file_chooser():
+        focus_by_tab(page, page.locator("[data-upload] input[type=file]"))
+        page.keyboard.press("Enter")
+    focus_by_tab(page, page.get_by_role("link", name="Watch the sample walk"))
+    page.keyboard.press("Enter")
     page.wait_for_url("**/view/?recording=sample-walk*")
     expect_motion(page)
     expect(page.locator('[data-show="/paths/"]')).to_be_visible()
-    assert mouse.clicks <= CLICKS_AT_MOST
+    stage = page.locator(".stage")
+    focus_by_tab(page, stage.locator("iframe"))
+    expect(stage).to_have_attribute("data-focused", "")
+    focus_by_tab(page, page.locator("[data-do=play]"))
+    expect(stage).not_to_have_attribute("data-focused", "")
+    page.keyboard.press("Space")
+    expect(page.get_by_role("button", name="Play (space)")).to_be_focused()
 
 
 @pytest.mark.timeout(600)

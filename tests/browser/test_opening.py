@@ -74,7 +74,7 @@ def test_the_client_of_viser_is_fetched_once_for_all_scenes(tab: Tab, addresses:
     page = opened(tab, addresses["plan"])
     first = dict(page.evaluate(VISER))
     assert sorted(name.rpartition(".")[2] for name in first) == ["css", "js", "wasm"]
-    assert 500_000 < sum(first.values()) < 850_000
+    assert 500_000 < sum(first.values()) < 640_000
     for kind in ("recording", "scenario", "plan"):
         again = dict(opened(tab, addresses[kind]).evaluate(VISER))
         assert again == dict.fromkeys(first, 0), "nothing of it crosses the network again"

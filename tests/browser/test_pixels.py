@@ -51,7 +51,7 @@ def test_the_ratio_follows_the_time_that_pictures_take(tab: Tab) -> None:
             fast: [[1, 16], [2, 12], [2, 20]].map(([k, ms]) => all[nextLevel(all, k, ms)]),
         };
     }""")
-    assert result["ratios"] == [[0.5], [1, 0.75], [2, 1.5, 1], [3, 2.25, 1.5]]
+    assert result["ratios"] == [[0.5], [1, 0.75, 0.5], [2, 1.5, 1], [3, 2.25, 1.5]]
     assert result["slow"] == [1.5, 1, 1], "the finest with which a picture takes 50 ms at most, else the coarsest"
     assert result["between"] == 1.5
     assert result["fast"] == [2, 1.5, 1], "a finer one where that stays below 33 ms"

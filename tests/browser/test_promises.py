@@ -20,7 +20,7 @@ from stridelab.robots.loader import load_robot
 from stridelab.robots.visuals import link_poses
 from stridelab_web.scene.documents import Document
 from support.browser import page as own_loop
-from support.browser.page import ScenePoses, Service, apart, prepare_pictures
+from support.browser.page import FETCHED, ScenePoses, Service, apart, prepare_pictures
 from support.browser.service_costs import Consumption, Meter
 
 pytestmark = pytest.mark.timeout(1500)
@@ -74,6 +74,9 @@ def test_the_first_sight_of_talos_on_stairs_is_two_megabytes_at_most(page: Page,
     """Page, scripts, viser's client, frames and the websocket's meshes; again with what the browser may keep."""
     show(page, meter, climb)
     first = meter.down_bytes
+    fetched = {name: size for name, size in page.evaluate(FETCHED) if not name.endswith("/frames.bin")}
+    assert any("/static/viser/" in name and size > 500_000 for name, size in fetched.items())
+    assert sum(fetched.values()) < 700_000, "without the data of the scene"
     assert 1e6 < first < 2e6
     show(page, meter, climb)
     assert meter.down_bytes - first < 1.1e6, "viser's client is kept"

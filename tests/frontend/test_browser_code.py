@@ -1,8 +1,11 @@
 """Third-party browser code comes from the installed packages and runs under a policy that names it."""
 
 import re
+import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from importlib.resources import files
+from types import SimpleNamespace
 
 import httpx
 import pytest
@@ -119,3 +122,18 @@ def decompressed(file: httpx.Response) -> bytes:
     """Whether httpx has undone zstandard depends on what is installed beside it."""
     whole = file.content
     return whole if not whole.startswith(b"\x28\xb5\x2f\xfd") else zstandard.ZstdDecompressor().decompress(whole)
+
+
+def test_viewers_that_open_together_compress_the_client_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[str] = []
+
+    def installed_client() -> SimpleNamespace:
+        time.sleep(0.05)
+        calls.append("read")
+        return SimpleNamespace(files={"together.js": b"viser " * 1000})
+
+    monkeypatch.setattr(viser_client, "installed_client", installed_client)
+    with ThreadPoolExecutor(4) as threads:
+        packed = [*threads.map(assets.viser_zstd, ["together.js"] * 4)]
+    assert len(calls) == 1
+    assert {zstandard.ZstdDecompressor().decompress(one) for one in packed} == {b"viser " * 1000}

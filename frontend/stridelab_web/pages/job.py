@@ -11,7 +11,7 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.recordings import Recording
-from stridelab_web.api_client import client_of, none_if_missing, took_s
+from stridelab_web.api_client import JobFiles, client_of, none_if_missing, took_s
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages import reproduction
 from stridelab_web.pages.render import render_page
@@ -61,8 +61,9 @@ async def job_page(request: Request) -> Response:
     result = await client.result(job.id) if job.state == "succeeded" else None
     recording = await _recording_of(client, job, result)
     views: dict[str, Any] = dict.fromkeys(VIEWS)
+    files = JobFiles(client, job.id)
     if result is not None:
-        views |= await _result_view(client, job, result, request.query_params)
+        views |= await _result_view(files, job, result, request.query_params)
     facts, other_facts = main_and_other_facts(result, facts_of(result)) if result else ([], [])
     present = {item.name for item in result.artifacts} if result is not None else set()
     compared, learned = views["comparison"], views["learned"]
@@ -82,6 +83,7 @@ async def job_page(request: Request) -> Response:
         sentences=sentences_of(result) if result else [],
         english_result=any(views[name] is not None for name in VIEWS if name not in TRANSLATED),
         recording=recording,
+        gone=files.gone,
         plots=plots,
         plots_url=compared["plots_url"] if compared else f"/jobs/{job.id}/plots.json",
         plotly_style_ids=plotly_style_ids() if plots or learned else (),
@@ -90,23 +92,23 @@ async def job_page(request: Request) -> Response:
     )
 
 
-async def _result_view(client: AsyncClient, job: Job, result: JobResult, query: QueryParams) -> dict[str, Any]:
+async def _result_view(files: JobFiles, job: Job, result: JobResult, query: QueryParams) -> dict[str, Any]:
     """Values of the view for the kind of the job, by the name of the view; empty for kinds that have none."""
     match job.kind:
         case comparison.KIND:
             return {"comparison": comparison.comparison_of(job.id, result, query.get("figure", ""))}
         case cycloid.KIND:
-            return {"cycloid": await cycloid.cycloid_of(client, job.id, result, query.get("step", ""))}
+            return {"cycloid": await cycloid.cycloid_of(files, result, query.get("step", ""))}
         case reachability.KIND:
-            return {"learned": await reachability.learned_of(client, job.id, result)}
+            return {"learned": await reachability.learned_of(files, result)}
         case sweep.KIND:
-            return {"sweep": await sweep.sweep_of(client, job.id, result)}
+            return {"sweep": await sweep.sweep_of(files, result)}
         case receding.KIND:
-            return {"receding": await receding.receding_of(client, job.id, result)}
+            return {"receding": await receding.receding_of(files, result)}
         case push_basin.KIND:
-            return {"basin": await push_basin.push_basin_of(client, job.id, result)}
+            return {"basin": await push_basin.push_basin_of(files, result)}
         case imitation.KIND:
-            return {"imitation": await imitation.imitation_of(client, job.id, result)}
+            return {"imitation": await imitation.imitation_of(files, result)}
         case com_bench.KIND:
             return {"com_bench": com_bench.com_bench_of(result)}
         case kind if kind in measures.KINDS:

@@ -9,6 +9,7 @@ import pytest
 from stridelab.schemas.jobs import JobVerdict
 from stridelab.schemas.plans import StoppedMotion
 from stridelab_web.pages.home import SAMPLE_SCENARIO
+from support.browser.every_page import every_page
 from support.fakes.service import FakeService
 
 Browse = Callable[[str], httpx.Response]
@@ -113,3 +114,29 @@ def test_jobs_are_named_by_what_they_are_about(fake: FakeService, browse: Browse
         assert (job.id[:8] in row.replace(job.id, "")) == (job is unknown)
     heading = browse(f"/jobs/{jobs['2 recordings'].id}").text
     assert f'<p class="hint">2 recordings · {jobs["2 recordings"].id}' in heading
+
+
+def test_a_result_whose_files_are_gone_shows_its_summary_and_says_what_to_do(fake: FakeService, browse: Browse) -> None:
+    """The same way for every kind of result whose page reads a file."""
+    addresses = every_page(fake)
+    fake.files_are_gone = True
+    shown = {
+        "wheel": "wheel.parquet",
+        "sweep": "sweep.parquet",
+        "imitation": "curves.parquet",
+        "pushes": "pushes.parquet",
+        "receding": "receding.parquet",
+        "learned": "reachability.json",
+    }
+    for name, file in shown.items():
+        page = browse(addresses[name])
+        assert page.status_code == 200, name
+        notices = re.findall(r"<p[^>]*data-gone>(.*?)</p>", page.text, re.S)
+        text = f"A part of this result is not shown, because its file is gone ({file})."
+        assert [" ".join(notice.split()) for notice in notices] == [
+            f"{text} Restore a backup, or compute the result again."
+        ], name
+        assert 'class="headline"' in page.text or 'class="facts"' in page.text, name
+    assert "data-gone" not in browse(addresses["measures"]).text
+    fake.files_are_gone = False
+    assert all("data-gone" not in browse(addresses[name]).text for name in shown)

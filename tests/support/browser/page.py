@@ -22,11 +22,27 @@ from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 import numpy as np
-from playwright.sync_api import ConsoleMessage, Page, Request, WebSocket
+from playwright.sync_api import ConsoleMessage, Locator, Page, Request, WebSocket
 
 from stridelab.client import Client
 
 Answer = TypeVar("Answer")
+
+
+FETCHED = """() => [window, ...[...document.querySelectorAll("iframe")].map((frame) => frame.contentWindow)]
+    .flatMap(({ performance }) => ["navigation", "resource"].flatMap((kind) => performance.getEntriesByType(kind)))
+    .map(({ name, transferSize }) => [name, transferSize])"""
+"""What the page and its frames requested, and the bytes of each that crossed the network."""
+RINGED = """() => {
+    const focused = document.activeElement;
+    if (focused === document.body) return true;
+    const drawn = focused.matches("[type=file]") ? focused.labels[0] : focused;
+    const ring = focused.matches("iframe")
+        ? getComputedStyle(focused.parentElement, "::after") : getComputedStyle(drawn);
+    const { width, height } = drawn.getBoundingClientRect();
+    return ring.outlineStyle !== "none" && parseFloat(ring.outlineWidth) > 0 && width > 0 && height > 0;
+}"""
+"""Whether what has the focus is seen to have it."""
 
 
 def run(work: Coroutine[None, None, Answer]) -> Answer:
@@ -189,6 +205,16 @@ def opened(tab: Tab, address: str) -> Page:
     page = tab.go(address)
     page.wait_for_selector("[data-ready]", timeout=90_000)
     return page
+
+
+def focus_by_tab(page: Page, target: Locator, at_most: int = 120) -> None:
+    """Press Tab until ``target`` has the focus, each time with a visible ring."""
+    for _ in range(at_most):
+        page.keyboard.press("Tab")
+        assert page.evaluate(RINGED), page.evaluate("document.activeElement.outerHTML.slice(0, 200)")
+        if target.evaluate("(one) => one === document.activeElement"):
+            return
+    raise AssertionError(f"{target} is not reached by Tab")
 
 
 def until(page: Page, holds: Callable[[], bool]) -> None:

@@ -73,13 +73,11 @@ class FakeService:
         self.plans: dict[str, dict[str, bytes]] = {}
         self.results: dict[str, JobResult] = {}
         self.comparisons: dict[str, tuple[bool, dict[str, bytes]]] = {}
-        self.wheel = recorded_walk.wheel_parquet()
         self.failing: Problem | None = None
         self.measures, self.stale_measures = list[Measure](reachability.MEASURES), list[Measure]()
         self.robot_refusal: tuple[int, str, str] | None = None
-        self.preparation = robots.READY
-        self.step_s = step_s
-        self.tracks, self.com = tracks_parquet(), com_parquet()
+        self.preparation, self.step_s, self.files_are_gone = robots.READY, step_s, False
+        self.tracks, self.com, self.wheel = tracks_parquet(), com_parquet(), recorded_walk.wheel_parquet()
 
     def add_recording(self, filename: str = "walk.c3d", **fields: Any) -> Recording:
         """A recording that parsed well."""
@@ -378,6 +376,8 @@ class FakeService:
         return Response(robots.links_glb(), media_type="model/gltf-binary")
 
     async def _artifact(self, request: Request) -> Response:
+        if self.files_are_gone:
+            return _problem(404, "file-gone", "The stored file is gone.")
         _, compared = self.comparisons.get(request.path_params["id"], (False, None))
         files = self.plans.get(request.path_params["id"], compared)
         if files is not None:

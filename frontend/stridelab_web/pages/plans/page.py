@@ -12,7 +12,7 @@ from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import Job
 from stridelab.schemas.plans import PLAN_STAGES, PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
-from stridelab_web.api_client import client_of, none_if_missing, took_s
+from stridelab_web.api_client import JobFiles, client_of, none_if_missing, took_s
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.plans.answer import plan_answer
 from stridelab_web.pages.plans.comparison import PlanFacts
@@ -40,6 +40,8 @@ async def plan_page(request: Request) -> Response:
     other_id = request.query_params.get("with", "")
     facts = PlanFacts(result.input, summary) if result and summary else None
     pair = await compare_plans(client, job, facts, other_id) if facts else None
+    files = JobFiles(client, job.id)
+    durations = await _load_durations(files, summary)
     beside = f"?{urlencode({'with': other_id})}" if pair and pair.other else ""
     watch = f"/view/?plan={job.id}"
     moves = summary is not None and (summary.certificate is not None or summary.stopped is not None)
@@ -64,7 +66,8 @@ async def plan_page(request: Request) -> Response:
         objective=cost_text(summary.objective) if summary else "",
         not_minimised=NOT_MINIMISED if facts and facts.has_wrench_control else "",
         pair=pair,
-        durations=await _load_durations(client, job.id, summary),
+        durations=durations,
+        gone=files.gone,
     )
 
 
@@ -96,13 +99,11 @@ async def _scenario_name(client: AsyncClient, job: Job) -> str:
     return scenario.name if scenario else ""
 
 
-async def _load_durations(
-    client: AsyncClient, job_id: str, summary: PlanMotionSummary | None
-) -> ChosenDurations | None:
+async def _load_durations(files: JobFiles, summary: PlanMotionSummary | None) -> ChosenDurations | None:
     if summary is None or summary.phase_durations is None:
         return None
-    scenario = Scenario.model_validate_json(await client.read_artifact(job_id, SCENARIO_FILE))
-    return chosen_durations(summary.phase_durations, scenario)
+    content = await files.read_file(SCENARIO_FILE)
+    return chosen_durations(summary.phase_durations, Scenario.model_validate_json(content)) if content else None
 
 
 def _stage_times(summary: PlanMotionSummary | None) -> list[dict[str, Any]]:

@@ -10,9 +10,9 @@ from typing import Any, Final
 import numpy as np
 from starlette.concurrency import run_in_threadpool
 
-from stridelab.client import AsyncClient
 from stridelab.schemas.cycloid import FitCycloidSummary
 from stridelab.schemas.jobs import JobResult
+from stridelab_web.api_client import JobFiles
 from stridelab_web.charts.svg import Chart, range_of
 from stridelab_web.languages import gettext, ngettext
 from stridelab_web.pages.results.cycloid_steps import (
@@ -183,7 +183,7 @@ MIN_SAMPLES: Final = 4
 SOURCES: Final = {"plates": "Plates", "markers": "Markers", "mixed": "Plates and markers"}
 
 
-async def cycloid_of(client: AsyncClient, job_id: str, result: JobResult, step_number: str) -> dict[str, Any]:
+async def cycloid_of(files: JobFiles, result: JobResult, step_number: str) -> dict[str, Any]:
     """Values for the template; shows the step of the given number (from 1), or the first one."""
     summary = FitCycloidSummary.model_validate(result.summary)
     steps = steps_of(summary)
@@ -191,8 +191,8 @@ async def cycloid_of(client: AsyncClient, job_id: str, result: JobResult, step_n
     shown = steps[number - 1] if steps else None
     charts = None
     if shown is not None and any(item.name == WHEEL_TABLE for item in result.artifacts):
-        content = await client.read_artifact(job_id, WHEEL_TABLE)
-        charts = await run_in_threadpool(lambda: _step_charts(content, shown))
+        content = await files.read_file(WHEEL_TABLE)
+        charts = await run_in_threadpool(_step_charts, content, shown) if content is not None else None
     return {
         "summary": summary,
         "headline": _wheel_error_sentence(steps),

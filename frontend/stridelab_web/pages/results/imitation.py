@@ -7,10 +7,10 @@ from typing import Any, Final
 import numpy as np
 from starlette.concurrency import run_in_threadpool
 
-from stridelab.client import AsyncClient
 from stridelab.schemas.imitation.contract import ComparedQuantity, ImitateSummary, WheelTrial
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.measures import MEASURE_TITLES
+from stridelab_web.api_client import JobFiles
 from stridelab_web.charts.svg import Chart, range_of
 from stridelab_web.parquet import read_columns
 
@@ -61,15 +61,15 @@ class Row:
     n: str
 
 
-async def imitation_of(client: AsyncClient, job_id: str, result: JobResult) -> dict[str, Any]:
+async def imitation_of(files: JobFiles, result: JobResult) -> dict[str, Any]:
     """Values of _imitation.html."""
     summary = ImitateSummary.model_validate(result.summary)
-    content = await client.read_artifact(job_id, TABLE)
+    content = await files.read_file(TABLE)
     return {
         "summary": summary,
         "headline": imitation_headline(summary),
         "rows": [compared_row(row) for row in summary.comparison],
-        "charts": await run_in_threadpool(lambda: draw_curves(content)),
+        "charts": await run_in_threadpool(draw_curves, content) if content is not None else [],
         "legend": LEGEND,
         "wheels": [WHEELS[trial.wheel] for trial in summary.wheel],
         "trials": trial_rows(summary.wheel),

@@ -6,9 +6,9 @@ from typing import Any, Final
 import numpy as np
 from starlette.concurrency import run_in_threadpool
 
-from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.receding import PushBasinSummary, PushOutcome
+from stridelab_web.api_client import JobFiles
 from stridelab_web.charts.svg import Chart, Shape
 from stridelab_web.parquet import read_columns, read_texts
 
@@ -23,11 +23,11 @@ MARKS: Final[dict[PushOutcome, tuple[str, Shape, str]]] = {
 SIDES: Final = ("forwards (x)", "left (y)", "backwards", "right")
 
 
-async def push_basin_of(client: AsyncClient, job_id: str, result: JobResult) -> dict[str, Any]:
+async def push_basin_of(files: JobFiles, result: JobResult) -> dict[str, Any]:
     """Values of _push_basin.html."""
     summary = PushBasinSummary.model_validate(result.summary)
-    content = await client.read_artifact(job_id, TABLE)
-    chart, falls = await run_in_threadpool(lambda: draw_pushes(summary, content))
+    content = await files.read_file(TABLE)
+    chart, falls = await run_in_threadpool(draw_pushes, summary, content) if content is not None else (None, [])
     low, high = (f"{100 * end:.0f}" for end in summary.survived_ci95)
     return {
         "summary": summary,

@@ -12,7 +12,7 @@ from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reachability import EffectorReach, RobotReachability
 from stridelab.schemas.robots import ProxyCard, ProxySize
-from stridelab_web.api_client import client_of
+from stridelab_web.api_client import JobFiles, client_of
 from stridelab_web.charts.svg import SHAPES, Chart, Shape
 from stridelab_web.formatting import code_words
 from stridelab_web.pages.results.summary_facts import Fact
@@ -100,12 +100,15 @@ def density_values(cards: Sequence[ProxyCard], address: str) -> dict[str, Any]:
     }
 
 
-async def learned_of(client: AsyncClient, job_id: str, result: JobResult) -> dict[str, Any] | None:
+async def learned_of(files: JobFiles, result: JobResult) -> dict[str, Any] | None:
     """Template values of the densities of a job; None for a result without their file."""
     if all(item.name != FILE for item in result.artifacts):
         return None
-    learned = await _read_densities(client, job_id)
-    return density_values([each.card for each in learned.effectors], f"/jobs/{job_id}/reach.json")
+    content = await files.read_file(FILE)
+    if content is None:
+        return None
+    learned = RobotReachability.model_validate_json(content)
+    return density_values([each.card for each in learned.effectors], f"/jobs/{files.job_id}/reach.json")
 
 
 def facts_beside_table(facts: Sequence[Fact]) -> list[Fact]:

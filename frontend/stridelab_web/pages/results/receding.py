@@ -10,6 +10,7 @@ from starlette.concurrency import run_in_threadpool
 from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingSummary, Push
+from stridelab_web.api_client import JobFiles
 from stridelab_web.charts.plotly import Reading, Row, Trace, plot_document, xyz_row
 from stridelab_web.charts.svg import Chart
 from stridelab_web.formatting import with_unit
@@ -81,25 +82,36 @@ AT_REST_M: Final = 1e-5
 """Distance from its place of rest below which the CoM counts as at rest."""
 
 
-async def receding_of(client: AsyncClient, job_id: str, result: JobResult) -> dict[str, Any]:
+async def receding_of(files: JobFiles, result: JobResult) -> dict[str, Any]:
     """Values of _receding.html."""
-    columns = await _read_table(client, job_id)
+    content = await files.read_file(TABLE)
+    columns = await run_in_threadpool(read_columns, content) if content is not None else None
     job_input = PlanRecedingInput.model_validate(result.input)
     summary = PlanRecedingSummary.model_validate(result.summary)
-    took_ms = columns["replan_ms"][np.isfinite(columns["replan_ms"])]
-    within = int((took_ms <= LIMIT_MS).sum())
     felt = zip(effect_times_s(job_input.pushes, job_input.period_s), job_input.pushes, strict=True)
     at_rest = summary.goal_gap_m < AT_REST_M
+    chart = None
+    if columns is not None:
+        chart = await run_in_threadpool(replan_chart, columns, job_input.pushes, job_input.period_s)
     return {
         "summary": summary,
         "input": job_input,
-        "text": f"{within} of {len(took_ms)} replans took at most {LIMIT_MS:.0f} ms, the period of 20 Hz; the motion "
-        f"was replanned every {with_unit(job_input.period_s, 's')}, {with_unit(job_input.horizon_s, 's')} ahead.",
+        "text": f"{_timely_replans(columns)} motion was replanned every {with_unit(job_input.period_s, 's')}, "
+        f"{with_unit(job_input.horizon_s, 's')} ahead.",
         "ends": "at its place of rest" if at_rest else f"{with_unit(summary.goal_gap_m, 'm')} from its place of rest",
         "pushes": [{"at_s": at_s, "text": push_text(push)} for at_s, push in felt],
-        "chart": await run_in_threadpool(replan_chart, columns, job_input.pushes, job_input.period_s),
+        "chart": chart,
         "limit_ms": LIMIT_MS,
     }
+
+
+def _timely_replans(columns: Columns | None) -> str:
+    """How many replans took at most a period of 20 Hz, and the beginning of the next clause."""
+    if columns is None:
+        return "The"
+    took_ms = columns["replan_ms"][np.isfinite(columns["replan_ms"])]
+    within = int((took_ms <= LIMIT_MS).sum())
+    return f"{within} of {len(took_ms)} replans took at most {LIMIT_MS:.0f} ms, the period of 20 Hz; the"
 
 
 async def receding_plot(client: AsyncClient, job_id: str, result: JobResult) -> dict[str, Any]:

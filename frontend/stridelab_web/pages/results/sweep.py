@@ -16,7 +16,7 @@ from starlette.responses import Response
 from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.sweeps import SweepAxis, SweepSummary
-from stridelab_web.api_client import client_of
+from stridelab_web.api_client import JobFiles, client_of
 from stridelab_web.charts.svg import Chart, Range, range_of
 from stridelab_web.formatting import plain_number
 from stridelab_web.pages.render import render_page
@@ -154,13 +154,13 @@ KIND: Final = "sweep"
 TABLE: Final = "sweep.parquet"
 
 
-async def sweep_of(client: AsyncClient, job_id: str, result: JobResult) -> dict[str, Any] | None:
+async def sweep_of(files: JobFiles, result: JobResult) -> dict[str, Any] | None:
     """Values for the template; None for a result without its table."""
     if all(item.name != TABLE for item in result.artifacts):
         return None
     summary = SweepSummary.model_validate(result.summary)
-    content = await client.read_artifact(job_id, TABLE)
-    charts, borders = await run_in_threadpool(lambda: _draw_sweep(summary, content))
+    content = await files.read_file(TABLE)
+    charts, borders = await run_in_threadpool(_draw_sweep, summary, content) if content is not None else ([], [])
     return {
         "summary": summary,
         "headline": sweep_headline(summary),

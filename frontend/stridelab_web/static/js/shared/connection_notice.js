@@ -24,6 +24,9 @@ export async function checkConnection() {
   if (!timer) await retry();
 }
 
+// Whether the service answers, as far as the last check knows.
+export const isAnswering = () => state !== "lost";
+
 // Whether requests are refused until the reader has logged in again.
 export const isLoggedOut = () => state === "login";
 

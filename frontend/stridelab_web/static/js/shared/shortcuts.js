@@ -82,9 +82,15 @@ export class Shortcuts {
     document.querySelector("[data-shortcuts]")?.addEventListener("click", () => this.showHelp());
   }
 
-  // Also handles keys inside the scene's frame, before viser does.
+  // Also handles keys inside the scene's frame, before viser does, and marks the stage while Tab has moved the focus there:
+  // no selector matches a frame whose document has the focus.
   listenInFrame(frame) {
-    frame.contentWindow.addEventListener("keydown", (event) => this.onKey(event, true), true);
+    const inside = frame.contentWindow,
+      mark = (isFocused) => frame.parentElement.toggleAttribute("data-focused", isFocused);
+    inside.addEventListener("keydown", (event) => this.onKey(event, true), true);
+    inside.addEventListener("pointerdown", () => mark(false), true);
+    addEventListener("blur", () => mark(document.activeElement === frame && !this.focusedByPointer));
+    addEventListener("focus", () => mark(false));
   }
 
   onKey(event, inScene) {

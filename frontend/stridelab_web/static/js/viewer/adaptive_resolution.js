@@ -4,7 +4,7 @@
 // `fixedDpr` replaces that by the ratio set here.
 
 const STEPS = [1, 0.75, 0.5],
-  MIN_RATIO = 0.75; // parts of the screen's ratio; device pixels per CSS pixel
+  MIN_RATIO = 0.5; // parts of the screen's ratio; device pixels per CSS pixel
 const SLOW_MS = 50,
   FAST_MS = 33,
   MAX_INTERVAL_MS = 3000,

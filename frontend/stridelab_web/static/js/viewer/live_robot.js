@@ -9,7 +9,7 @@ import { HIDDEN, ViserNodes } from "./viser_nodes.js";
 import { counted } from "../shared/plurals.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
 import { fetchChecked } from "../shared/api.js";
-import { checkConnection } from "../shared/connection_notice.js";
+import { checkConnection, isAnswering } from "../shared/connection_notice.js";
 import { createElement } from "../shared/elements.js";
 
 const RECONNECT_MS = 2000,
@@ -50,6 +50,7 @@ let drawn = null;
 let pushNumber = 0;
 let isReady = false;
 let wasDrawn = false;
+let isInterrupted = false;
 
 const live = { nodes, layout: { n_frames: 1, width: 3, points: [["/com/live", 0]], bodies: [] }, values: REST };
 const camera = new Camera(live);
@@ -88,12 +89,15 @@ function connect() {
     if (socket !== opened) return;
     socket = null;
     setActing(false);
-    if (event.code === 1000 || event.code === 4404) say("This robot is no longer live.");
-    else if (event.code === 4429) say("Too many others watch this robot, or too much was sent.");
+    if (event.code === 1000 || event.code === 4404) {
+      const link = createElement("a", { href: "/live/robots" }, "Start a new one");
+      part("said").replaceChildren("This robot is no longer live. ", link, ".");
+    } else if (event.code === 4429) say("Too many others watch this robot, or too much was sent.");
     else {
-      say("The connection is lost; trying again …");
-      checkConnection();
+      isInterrupted = true;
       setTimeout(connect, RECONNECT_MS);
+      // The notice on the page is enough while the whole service does not answer.
+      checkConnection().then(() => isInterrupted && say(isAnswering() ? "The connection is lost; trying again …" : ""));
     }
   });
 }
@@ -130,8 +134,9 @@ function showState(message) {
   fact("pace", slow ? `· runs at ${(100 * message.pace).toFixed(0)} % of real time: the computer is busy` : "");
   if (message.phase === "planning") say(`Planning: ${message.message}`);
   else if (message.phase === "failed") say(message.problem?.detail ?? message.message);
-  else if (before?.phase !== message.phase)
+  else if (before?.phase !== message.phase || isInterrupted)
     say(message.may_push ? "" : "Your token lets you watch; pushing needs the scope submit.");
+  isInterrupted = false;
   if (document.activeElement?.matches("[data-setting]")) return;
   for (const slider of sliders) showSetting(slider, message.settings[slider.dataset.setting]);
 }
