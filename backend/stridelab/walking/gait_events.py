@@ -167,7 +167,8 @@ def contacts_of_foot(recording: Recording, landmarks: Mapping[str, str], foot: F
         contacts.append(Contact(foot.side, strike_s, lift_off_s))
         strike_s = None
         if landing_s is not None:
-            strike_s = landing_s + STRIKE_DELAY_S - _sinking_s(landing_velocities(time_s, v_heel, v_fore, landing_s) / v)
+            up = landing_velocities(time_s, v_heel, v_fore, landing_s) / v
+            strike_s = landing_s + STRIKE_DELAY_S - _sinking_s(up)
         down_again = len(time_s) if landing_s is None else int(np.searchsorted(time_s, landing_s))
     contacts.append(Contact(foot.side, strike_s, None))
     return [c for c in contacts if len(contacts) == 1 or c.strike_s is not None or c.lift_off_s is not None]
