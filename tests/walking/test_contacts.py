@@ -14,7 +14,8 @@ from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
-from stridelab.walking.gait_events import MARKER_ERROR, Contact, find_contacts
+from stridelab.walking import gait_events
+from stridelab.walking.gait_events import MARKER_ERROR, MAX_SINKING_S, STRIKE_DELAY_S, Contact, find_contacts
 from stridelab.walking.low_passed_plates import low_pass_lead_s
 from support.recordings.walks import LANDMARKS, STANCE_S, STEP_S, walk
 
@@ -80,9 +81,31 @@ def test_markers_are_shifted_by_their_mean_difference_to_the_plates_of_the_recor
         assert of_stance(plain, k).strike_s == pytest.approx(of_stance(alone, k).start_s + 0.02, abs=0.002)
         contact = of_stance(shifted, k)
         assert contact.strike_source == "markers"
-        assert abs(contact.start_s - strike_s(k)) < 0.25 * abs(of_stance(plain, k).start_s - strike_s(k))
+        on_plate_s = strike_s(k) + LOADED_S
+        assert abs(contact.start_s - on_plate_s) < 0.15 * abs(of_stance(plain, k).start_s - on_plate_s)
         assert contact.strike_error.common_s < 0.5 * MARKER_ERROR["strike"].common_s
         assert contact.strike_error.own_s == MARKER_ERROR["strike"].own_s
+
+
+def test_a_foot_that_sinks_before_and_not_after_lands_earlier_up_to_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The limit shows with weights of a thousand times their size; without velocities only the delay remains."""
+    recording = walk([2, 3])
+    last = np.searchsorted(recording.time_s, strike_s(5) + 0.05)
+    cut = replace(recording, markers_m={label: track[:last] for label, track in recording.markers_m.items()})
+    strikes = {}
+    for size in (0.0, 1.0, 1000.0):
+        weights_s = size * gait_events.SINKING_WEIGHTS_S if size else np.zeros((2, 8))
+        with monkeypatch.context() as changed:
+            changed.setattr(gait_events, "SINKING_WEIGHTS_S", weights_s)
+            changed.setattr(gait_events, "SINKING_MEAN_S", 0.0)
+            contacts = find_contacts(cut, LANDMARKS, plates=False)
+        strikes[size] = [contact.strike_s for contact in contacts if contact.strike_s is not None]
+    crossing, plain, large = (np.array(strikes[size]) for size in (0.0, 1.0, 1000.0))
+    assert len(crossing) >= 4
+    assert np.all((plain[:-1] < crossing[:-1]) & (plain[:-1] > crossing[:-1] - 0.02))
+    assert large[:-1] == pytest.approx(crossing[:-1] - MAX_SINKING_S)
+    assert plain[-1] == crossing[-1] == large[-1]
+    assert crossing[-1] > strike_s(5) - MARKERS_S + STRIKE_DELAY_S
 
 
 def test_a_plate_under_half_of_a_contact_does_not_end_it() -> None:

@@ -2,12 +2,15 @@
 
 ``recordings.foot_contact`` is conservative: it detects when a foot *may* touch the ground. Here the instants are
 estimated without bias. With v the speed of the pelvis, a foot lifts off when its forefoot moves at 0.9 v over the
-floor, and lands when its heel (or its forefoot, if earlier) becomes slower than 0.45 v. Both limits are calibrated with
-plates, with synchronised force and markers, on 11 adults at two speeds, 7 children and a treadmill: the medians of
-these sets lie from -2 to +9 ms at lift-off (sd 8) and from -12 to +13 ms at the strike (sd 9), and no error exceeds
-25 ms. At 0.35 m/s one lift-off was 93 ms late.
+floor, and lands near the instant at which its heel (or its forefoot, if earlier) becomes slower than 0.45 v. A foot
+that still sinks after that instant lands later. With u the vertical velocities of heel and forefoot around it, over v,
 
-Most of that error is the same in all events of a recording: it follows from the placement of the markers, the shoes and
+    strike = instant + 0.0044 s - (w . u - c), the last at most 25 ms,
+
+where w, c and the constant are a regression on the strikes of 20 sources with plates, in which only differences within
+a recording inform w (``scripts/make_strike_timing.py``). At 0.35 m/s one lift-off was 93 ms late.
+
+Most of the error is the same in all events of a recording: it follows from the placement of the markers, the shoes and
 the filter of the plates. Where whole stances of a recording are timed by plates, the mean difference there, shrunk by
 its own error, shifts the events by markers (``_shift_to_plates``).
 
@@ -23,8 +26,9 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
+from jaxtyping import Float
 
-from stridelab.conventions import Series
+from stridelab.conventions import Points, Series
 from stridelab.recordings.foot_contact import Foot, find_feet
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.plate_contacts import loaded_intervals, markers_on_plate, mean_visible
@@ -34,8 +38,19 @@ from stridelab.walking.marker_kinematics import level_speed_m_s, smooth_velocity
 
 LIFT_OFF_SPEED_SHARE, STRIKE_SPEED_SHARE = 0.9, 0.45
 """Speeds of the forefoot at lift-off and of the heel at the strike, per walking speed."""
-STRIKE_DELAY_S: Final = 0.006
-"""Time from that speed of the heel to the strike on plates: median of 34 people of two laboratories."""
+STRIKE_DELAY_S: Final = 0.0044
+"""Time from that speed of the heel to the strike on plates: median of the medians of the sources."""
+SINKING_LAGS_S: Final = np.arange(-4, 4) * 0.02
+"""Times after that instant at which the vertical velocities are taken."""
+SINKING_WEIGHTS_S: Final = 1e-3 * np.array(
+    [
+        [-3.90, -3.38, 0.88, -2.06, 10.21, 24.32, 30.78, 4.46],
+        [-0.50, -1.53, -2.02, -3.09, -7.47, 5.99, 13.12, 12.64],
+    ]
+)
+"""Weights of the vertical velocities of heel and forefoot, over the walking speed."""
+SINKING_MEAN_S, MAX_SINKING_S = -0.0103, 0.025
+"""Weighted sum in a median landing, and the largest difference from it that is believed."""
 SWING_SPEED_SHARE: Final = 0.9
 """Minimum speed of a swinging foot, per walking speed. The peak is 3.5, in the first step from rest 1.5."""
 MIN_SWING_S: Final = 0.15
@@ -65,10 +80,14 @@ PLATE_ERROR: Final[Mapping[EventKind, EventError]] = {
 LOW_PASSED_STRIKE_ERROR: Final = EventError(0.0, LEAD_SD_S)
 """Error of a strike by a plate whose force was low-passed before it was stored."""
 MARKER_ERROR: Final[Mapping[EventKind, EventError]] = {
-    "strike": EventError(0.009, 0.005),
+    "strike": EventError(0.011, 0.005),
     "lift_off": EventError(0.006, 0.006),
 }
-"""Errors of events by markers against plates, measured on people (``scripts/make_event_table.py``)."""
+"""Errors of events by markers against plates, measured on people.
+
+That of a strike is of laboratories that did not inform its weights (``scripts/make_strike_timing.py``), that of a
+lift-off of ``scripts/make_event_table.py``.
+"""
 MAX_SHIFT_S: Final = 0.05
 """Largest difference between plates and markers that shifts other events; larger ones are not of the same instant."""
 
@@ -146,10 +165,25 @@ def contacts_of_foot(recording: Recording, landmarks: Mapping[str, str], foot: F
         if lift_off_s is not None and landing_s is not None and landing_s - lift_off_s < MIN_SWING_S:
             continue
         contacts.append(Contact(foot.side, strike_s, lift_off_s))
-        strike_s = None if landing_s is None else landing_s + STRIKE_DELAY_S
+        strike_s = None
+        if landing_s is not None:
+            up = landing_velocities(time_s, v_heel, v_fore, landing_s) / v
+            strike_s = landing_s + STRIKE_DELAY_S - _sinking_s(up)
         down_again = len(time_s) if landing_s is None else int(np.searchsorted(time_s, landing_s))
     contacts.append(Contact(foot.side, strike_s, None))
     return [c for c in contacts if len(contacts) == 1 or c.strike_s is not None or c.lift_off_s is not None]
+
+
+def landing_velocities(time_s: Series, v_heel: Points, v_fore: Points, landing_s: float) -> Float[np.ndarray, "2 lags"]:
+    """Vertical velocities of heel and forefoot at ``SINKING_LAGS_S`` after ``landing_s``; NaN outside the recording."""
+    at_s = landing_s + SINKING_LAGS_S
+    return np.array([np.interp(at_s, time_s, v[:, 2], left=np.nan, right=np.nan) for v in (v_heel, v_fore)])
+
+
+def _sinking_s(up: Float[np.ndarray, "2 lags"]) -> float:
+    """Time by which a landing with the relative vertical velocities ``up`` is early; 0 if one is not known."""
+    early_s = float(np.sum(SINKING_WEIGHTS_S * up)) - SINKING_MEAN_S
+    return float(np.clip(early_s, -MAX_SINKING_S, MAX_SINKING_S)) if np.isfinite(early_s) else 0.0
 
 
 def _crossing_s(time_s: Series, speed: Series, start: int, way: Literal[-1, 1], level: float) -> float | None:
