@@ -40,7 +40,7 @@ def acceleration_covariance(others: Sequence[ExactWalk], n: int) -> Float[np.nda
     """Covariance of the acceleration at lags of 0 to n - 1 samples over walks, tapered so that it is one."""
     total, samples = np.zeros((3, n)), np.zeros(n)
     for walk in others:
-        a = _acceleration(walk)
+        a = _walk_acceleration(walk)
         for lag in range(min(n, len(a))):
             total[:, lag] += np.sum(a[: len(a) - lag] * a[lag:], axis=0)
             samples[lag] += len(a)
@@ -55,7 +55,7 @@ def least_error(walk: ExactWalk, errors: TrackErrors, covariance: Float[np.ndarr
     a = f / walk.mass_kg - np.array([0.0, 0.0, GRAVITY_M_S2])
     v = np.gradient(c, t, axis=0)
     jerk, turn_rate = (np.asarray(make_interp_spline(t, x, k=3)(t, 1)) for x in (a, turn))
-    windows, seen = _seen(walk, errors)
+    windows, seen = _loaded_windows(walk, errors)
     at = np.flatnonzero(seen)
 
     start, vary, constant = 6, 6 + 3 * n, 6 + 6 * n
@@ -64,16 +64,16 @@ def least_error(walk: ExactWalk, errors: TrackErrors, covariance: Float[np.ndarr
     prior[range(6), range(6)] = [START_SD_M**2] * 3 + [START_SD_M_S**2] * 3
     slow = toeplitz(np.exp(-(t - t[0]) / sizes.table_varying_s))
     for k, share in enumerate((1.0, 1.0, 1.0 / 3.0)):
-        _block(prior, start + k * n, _positive(toeplitz(covariance[k])))
-        _block(prior, vary + k * n, (share * sizes.table_varying_m) ** 2 * slow)
-    _block(prior, table, frame @ np.diag(np.square(walk.sd_m)) @ frame.T)
-    _block(prior, force, sizes.plate_force_n**2 * np.eye(3))
+        _add_block(prior, start + k * n, _nearest_covariance(toeplitz(covariance[k])))
+        _add_block(prior, vary + k * n, (share * sizes.table_varying_m) ** 2 * slow)
+    _add_block(prior, table, frame @ np.diag(np.square(walk.sd_m)) @ frame.T)
+    _add_block(prior, force, sizes.plate_force_n**2 * np.eye(3))
     along, lateral = (np.hypot(sizes.plate_moment_nm, errors.rolls * size) for size in sizes.walking_moment_nm)
     clock_m = sizes.clock_s * float(np.linalg.norm(v[:, :2].mean(axis=0))) * (clock == "moments")
-    _block(prior, moment, np.diag([(along / weight_n) ** 2 + clock_m**2, (lateral / weight_n) ** 2]))
+    _add_block(prior, moment, np.diag([(along / weight_n) ** 2 + clock_m**2, (lateral / weight_n) ** 2]))
     prior[late, late] = sizes.clock_s**2 * (clock == "shared")
     prior[mass, mass] = sizes.mass_share**2
-    _block(prior, factor, errors.rolls * np.diag([TURNS[1][1] ** 2, TURNS[0][1] ** 2]))
+    _add_block(prior, factor, errors.rolls * np.diag([TURNS[1][1] ** 2, TURNS[0][1] ** 2]))
 
     twice = _twice_integrated(n, 1.0 / walk.rate_hz)
     paths = np.zeros((3, n, len(prior)))
@@ -122,24 +122,24 @@ def least_error(walk: ExactWalk, errors: TrackErrors, covariance: Float[np.ndarr
     return Floor(np.array(squares), float(np.sqrt(max(clock_m2, 0.0))))
 
 
-def _acceleration(walk: ExactWalk) -> Points:
+def _walk_acceleration(walk: ExactWalk) -> Points:
     frame = walk_frame(np.gradient(walk.com_m, walk.time_s, axis=0))
     gravity: PerAxis = np.array([0.0, 0.0, GRAVITY_M_S2])
     return np.asarray((walk.force_n / walk.mass_kg - gravity) @ frame.T)
 
 
-def _seen(walk: ExactWalk, errors: TrackErrors) -> tuple[tuple[Window, ...], Mask]:
+def _loaded_windows(walk: ExactWalk, errors: TrackErrors) -> tuple[tuple[Window, ...], Mask]:
     t = walk.time_s
     whole = (Window(float(t[0] + MARGIN_S), float(t[-1] - MARGIN_S)),)
     windows = whole if errors.whole else walk.windows
     return windows, np.any([(t >= one.start_s - 1e-9) & (t <= one.end_s + 1e-9) for one in windows], axis=0)
 
 
-def _block(into: Matrix, first: int, block: Float[np.ndarray, "block block"]) -> None:
+def _add_block(into: Matrix, first: int, block: Float[np.ndarray, "block block"]) -> None:
     into[first : first + len(block), first : first + len(block)] = block
 
 
-def _positive(matrix: Matrix) -> Matrix:
+def _nearest_covariance(matrix: Matrix) -> Matrix:
     """The nearest covariance: lags that few walks have may leave small negative eigenvalues."""
     values, vectors = np.linalg.eigh(matrix)
     return np.asarray((vectors * np.maximum(values, 1e-8 * values.max())) @ vectors.T)

@@ -65,7 +65,7 @@ class Recipe:
     recordings: str = ""
 
     @property
-    def digest(self) -> str:
+    def source_digest(self) -> str:
         """Digest of the code, and of the recordings if the item is computed from some."""
         return digest_of(self.module) + self.recordings
 
@@ -124,7 +124,7 @@ def collect_sections(
     the progress counts items. Failures are not cached.
     """
     results: dict[int, Reproduction | str] = {}
-    digests = [each.digest for each in recipes]
+    digests = [each.source_digest for each in recipes]
     for number, each in enumerate(recipes):
         cached = None if recompute else cache.load_result(each.name, each.seeds, digests[number])
         if cached is not None:

@@ -87,7 +87,7 @@ def test_spectra_are_averaged_before_bands_are_compared() -> None:
         for _ in range(3)
     ]  # fmt: skip
     clean = ErrorSpectrum(f, 0.6 * np.tile(shape["axis"][:, None], (1, 3)))
-    assert_as_recorded("figure 2.6 of invented spectra", fig_2_6._claims(noisy, clean))
+    assert_as_recorded("figure 2.6 of invented spectra", fig_2_6._spectrum_claims(noisy, clean))
 
 
 def test_offsets_of_figure_2_8_are_compared_with_the_bias_of_their_draw() -> None:
@@ -96,7 +96,7 @@ def test_offsets_of_figure_2_8_are_compared_with_the_bias_of_their_draw() -> Non
     aligned = -bias * [0.7, 0.8, 0.1] + rng.normal(0.0, 0.0003, (N, 3))
     late, corrected = aligned - [0.02, 0.0, 0.0], aligned + rng.normal(0.0, 0.0002, (N, 3))
     latencies_s = fig_2_8.LATENCY_S + rng.normal(0.0, 0.001, N)
-    claims = {claim.key: claim for claim in fig_2_8._claims(aligned, late, corrected, bias, latencies_s)}
+    claims = {claim.key: claim for claim in fig_2_8._offset_claims(aligned, late, corrected, bias, latencies_s)}
     left = np.linalg.norm((bias + aligned)[:, :2]) / np.linalg.norm(bias[:, :2])
     assert claims["bias_left"].ours == pytest.approx(left)
     assert claims["latency_error_s"].ours == pytest.approx(np.abs(latencies_s - fig_2_8.LATENCY_S).max())

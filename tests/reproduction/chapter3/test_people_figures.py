@@ -197,10 +197,10 @@ def test_other_recordings_are_computed_anew(tmp_path: Path) -> None:
     for person in ("one", "two"):
         (tmp_path / "gait" / person).mkdir(parents=True)
         (tmp_path / "gait" / person / "a_C4_1.c3d").write_bytes(b"walk")
-        digests += [recipe.digest for recipe in recipes_of(["fig-3.6-people"], None, tmp_path)]
+        digests += [recipe.source_digest for recipe in recipes_of(["fig-3.6-people"], None, tmp_path)]
     again = recipes_of(["fig-3.6-people", "fig-2.5"], None, tmp_path)
-    assert digests[0] != digests[1] == again[0].digest
-    assert again[1].digest == digest_of(again[1].module), "what draws only is computed from no recordings"
+    assert digests[0] != digests[1] == again[0].source_digest
+    assert again[1].source_digest == digest_of(again[1].module), "what draws only is computed from no recordings"
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
     clean = _error_spectra("none", 0, tell, len(seeds) / (len(seeds) + 1))["axis"]
     bands = {name: _band_rms(spectrum) for name, spectrum in mean.items()}
     return Reproduction(
-        claims=_claims(noisy, clean),
+        claims=_spectrum_claims(noisy, clean),
         note=f"Walk at the robot's cadence, noise of 2.5.1, {len(seeds)} draws. Figure 2.3 is confirmed horizontally.",
         tables={"spectra": _spectrum_columns(mean, clean), "bands": _band_columns(bands)},
         drawing=render_svg(*_spectrum_panels(mean)),
@@ -41,13 +41,13 @@ def run(seeds: range, tell: Progress) -> Reproduction:
     )
 
 
-def _claims(noisy: Sequence[Mapping[str, ErrorSpectrum]], clean: ErrorSpectrum) -> tuple[Claim, ...]:
+def _spectrum_claims(noisy: Sequence[Mapping[str, ErrorSpectrum]], clean: ErrorSpectrum) -> tuple[Claim, ...]:
     """Claims on the mean spectra of the draws; ``clean`` is that of the axis without noise."""
 
     def mean_of(name: str, chosen: Sequence[int]) -> ErrorSpectrum:
         return _mean_spectrum([noisy[k][name] for k in chosen])
 
-    def middle(chosen: Sequence[int]) -> float:
+    def middle_over_ends(chosen: Sequence[int]) -> float:
         bands = _band_rms(mean_of("geometry", chosen))
         low, mid, high = np.hypot(bands[:, 0], bands[:, 1]).tolist()
         return float(mid / min(low, high))
@@ -60,20 +60,20 @@ def _claims(noisy: Sequence[Mapping[str, ErrorSpectrum]], clean: ErrorSpectrum) 
         # L' about the lateral axis displaces the central axis along the walk, independently of sensor noise.
         return float(_band_rms(clean)[1, 0] / _band_rms(mean_of("axis", chosen))[1, 0])
 
-    def crossing(chosen: Sequence[int]) -> float:
+    def first_crossing_hz(chosen: Sequence[int]) -> float:
         axis_error, geometry = mean_of("axis", chosen), mean_of("geometry", chosen)
         return min(crossing_hz(axis_error, geometry, axis) for axis in (0, 1))
 
-    def vertical(chosen: Sequence[int]) -> float:
+    def height_difference(chosen: Sequence[int]) -> float:
         axis_error, geometry = (_band_rms(mean_of(name, chosen))[0, 2] for name in ("axis", "geometry"))
         return float(np.abs(axis_error / geometry - 1.0))
 
     every, n = range(len(noisy)), len(noisy)
     return (
-        Measured("geometry_middle_over_ends", "very clean", middle(every), "1", at_most(0.5, "ours")).says(
+        Measured("geometry_middle_over_ends", "very clean", middle_over_ends(every), "1", at_most(0.5, "ours")).says(
             "the geometry has errors at low and high frequencies, and is very clean between (horizontally)",
             "Horizontal RMS error between 0.4 and 4 Hz over the smaller of those below 0.4 Hz and above 4 Hz.",
-            interval=resampled_interval(middle, n),
+            interval=resampled_interval(middle_over_ends, n),
         ),
         Measured("force_power_above_4_hz", 1.0, force_high(every), "1", at_least(0.9, "ours")).says(
             "the error of the force lies in high frequencies",
@@ -85,18 +85,18 @@ def _claims(noisy: Sequence[Mapping[str, ErrorSpectrum]], clean: ErrorSpectrum) 
             "Its RMS error between 0.4 and 4 Hz along the walk with perfect sensors and model, over that with noise.",
             interval=resampled_interval(no_noise, n),
         ),
-        Measured("axis_worse_from_hz", 0.4, crossing(every), "Hz", within(0.2, 1.2, "ours")).says(
+        Measured("axis_worse_from_hz", 0.4, first_crossing_hz(every), "Hz", within(0.2, 1.2, "ours")).says(
             "the axis is reliable only below 0.4 Hz",
             "Lowest frequency at which the horizontal error of the axis exceeds that of the geometry; the spectral "
             "lines are 0.125 Hz apart.",
-            interval=resampled_interval(crossing, n),
+            interval=resampled_interval(first_crossing_hz, n),
             comparator="geometry",
         ),
-        Measured("axis_height_over_geometry", "unlikely", vertical(every), "1", at_most(0.05, "ours")).says(
+        Measured("axis_height_over_geometry", "unlikely", height_difference(every), "1", at_most(0.05, "ours")).says(
             "no input gives a precise height (2.3)",
             "Vertically the axis only repeats the geometry, projected along the force: below 0.4 Hz its error equals "
             "the geometry's up to this relative difference. It is no independent measurement.",
-            interval=resampled_interval(vertical, n),
+            interval=resampled_interval(height_difference, n),
             comparator="geometry",
         ),
     )

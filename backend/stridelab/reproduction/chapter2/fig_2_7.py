@@ -48,14 +48,14 @@ def run(seeds: range, tell: Progress) -> Reproduction:
 def _gait_claims(gait: str, thesis: Sequence[Draw]) -> list[Claim]:
     trials_not_worse = float(np.mean([d.errors[THESIS].horizontal_m <= d.errors[KALMAN].horizontal_m for d in thesis]))
 
-    def closer(chosen: Sequence[int]) -> float:
+    def share_not_worse(chosen: Sequence[int]) -> float:
         return float(np.mean([thesis[k].share_closer for k in chosen]))
 
-    def height(chosen: Sequence[int]) -> float:
+    def height_over_geometry(chosen: Sequence[int]) -> float:
         ours, base = ([thesis[k].errors[name].vertical_m for k in chosen] for name in (THESIS, GEOMETRY))
         return rms(ours) / rms(base)
 
-    def noisy(chosen: Sequence[int]) -> float:
+    def noise_over_kalman(chosen: Sequence[int]) -> float:
         ours, base = ([thesis[k].noisy_m[name] for k in chosen] for name in (THESIS, KALMAN))
         return rms(ours) / rms(base)
 
@@ -65,24 +65,34 @@ def _gait_claims(gait: str, thesis: Sequence[Draw]) -> list[Claim]:
             f"{gait}_trials_not_worse", 1.0, trials_not_worse, "1", at_least(1.0, "words", otherwise="thesis_in_error")
         ).says(f"{gait} gait: the filter is never worse than the Kalman filter (trials, horizontal RMS)"),
         Measured(
-            f"{gait}_samples_not_worse", 1.0, closer(range(n)), "1", at_least(0.99, "ours", otherwise="thesis_in_error")
+            f"{gait}_samples_not_worse",
+            1.0,
+            share_not_worse(range(n)),
+            "1",
+            at_least(0.99, "ours", otherwise="thesis_in_error"),
         ).says(
             f"{gait} gait: its error is always inferior or equivalent (samples, horizontal)",
-            interval=resampled_interval(closer, n),
+            interval=resampled_interval(share_not_worse, n),
             comparator=KALMAN,
         ),
-        Measured(f"{gait}_height_over_geometry", "biased", height(range(n)), "1", above(0.5, "ours")).says(
+        Measured(
+            f"{gait}_height_over_geometry", "biased", height_over_geometry(range(n)), "1", above(0.5, "ours")
+        ).says(
             f"{gait} gait: the height is biased",
             "RMS vertical error over that of the geometry.",
-            interval=resampled_interval(height, n),
+            interval=resampled_interval(height_over_geometry, n),
             comparator=GEOMETRY,
         ),
         Measured(
-            f"{gait}_noise_over_kalman", "more", noisy(range(n)), "1", above(1.0, "words", otherwise="thesis_in_error")
+            f"{gait}_noise_over_kalman",
+            "more",
+            noise_over_kalman(range(n)),
+            "1",
+            above(1.0, "words", otherwise="thesis_in_error"),
         ).says(
             f"{gait} gait: the filter has more high-frequency noise than the Kalman filter",
             "Horizontal RMS of the error above 5 Hz, over the Kalman filter's.",
-            interval=resampled_interval(noisy, n),
+            interval=resampled_interval(noise_over_kalman, n),
             comparator=KALMAN,
         ),
     ]

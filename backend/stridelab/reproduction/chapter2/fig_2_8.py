@@ -83,7 +83,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
             offsets.append(trial.offset_m(read_later_s))
         biases.append(trial.bias_m())
     a, delayed, compensated, b = (np.array(rows) for rows in (aligned, late, corrected, biases))
-    claims = _claims(a, delayed, compensated, b, np.array(latencies_s))
+    claims = _offset_claims(a, delayed, compensated, b, np.array(latencies_s))
     columns = {"draw": np.array(seeds), "latency_s": np.array(latencies_s)} | {
         f"{name}_{axis}_m": rows[:, k]
         for name, rows in (("bias", b), ("offset", a), ("offset_late", delayed), ("offset_corrected", compensated))
@@ -115,7 +115,9 @@ def _simulated_trial(seed: int) -> _Trial:
     return _Trial(geometric, recording, windows, _simulated_walk().mass_kg, simulated.truth.com_m)
 
 
-def _claims(a: Offsets, delayed: Offsets, compensated: Offsets, b: Offsets, latencies_s: Series) -> tuple[Claim, ...]:
+def _offset_claims(
+    a: Offsets, delayed: Offsets, compensated: Offsets, b: Offsets, latencies_s: Series
+) -> tuple[Claim, ...]:
     """Claims on the offsets with synchronous clocks, a late force and a corrected one, and on the geometry's bias."""
     shift = float((delayed - a)[:, 0].mean())
     left, left_late = _remaining_bias_share(a, b), _remaining_bias_share(delayed, b)

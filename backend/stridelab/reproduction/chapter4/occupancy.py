@@ -81,8 +81,8 @@ def run(seeds: range, tell: Progress) -> Reproduction:
         Measured("converges", "robustly", float(np.mean(converged)), "1", at_least(1.0, "words")).says(
             "the solver robustly computes a good local minimum when optimizing over a cost penalizing the log-PDF "
             "of the state and its rate (share of the plans on stairs)",
-            f"Iterations: {_listed(compared, 'iterations_with')}; without it "
-            f"{_listed(compared, 'iterations_without')}. The centre of mass moves by at most "
+            f"Iterations: {_join_values(compared, 'iterations_with')}; without it "
+            f"{_join_values(compared, 'iterations_without')}. The centre of mass moves by at most "
             f"{1e3 * max(row['moved_m'] for row in compared):.1f} mm, and the mean "
             f"log-density of the state rises by at most {max(gained):.4f} nats.",
             n=len(compared),
@@ -107,7 +107,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
     )
 
 
-def _listed(rows: Sequence[Mapping[str, Any]], key: str) -> str:
+def _join_values(rows: Sequence[Mapping[str, Any]], key: str) -> str:
     return " and ".join(str(row[key]) for row in rows)
 
 

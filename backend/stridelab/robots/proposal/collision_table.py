@@ -95,13 +95,13 @@ def _only_hulls_meet(robot: Robot, pairs: Sequence[Pair], draws: Sequence[np.nda
     drawn, hulls = visual_shapes(robot), robot.collision.copy()
     qs = [np.concatenate([robot.q_reference[:7], angles]) for angles in draws]
     for pair in pairs:
-        met = [q for q, meets in zip(qs, _meetings(robot, hulls, pair, qs), strict=True) if meets]
-        shown = _meetings(robot, drawn, pair, met)
+        met = [q for q, meets in zip(qs, _shapes_meet(robot, hulls, pair, qs), strict=True) if meets]
+        shown = _shapes_meet(robot, drawn, pair, met)
         if len(met) >= FEWEST and drawn.collisionPairs and sum(shown) <= DRAWN_SHARE * len(met):
             yield pair
 
 
-def _meetings(robot: Robot, geometry: pin.GeometryModel, pair: Pair, qs: Sequence[np.ndarray]) -> list[bool]:
+def _shapes_meet(robot: Robot, geometry: pin.GeometryModel, pair: Pair, qs: Sequence[np.ndarray]) -> list[bool]:
     """Whether shapes of two links meet, in every configuration; ``geometry`` gets their pairs and no others."""
     links = [str(robot.model.frames[shape.parentFrame].name) for shape in geometry.geometryObjects]
     geometry.removeAllCollisionPairs()
