@@ -28,7 +28,12 @@ if (upload) {
 function offerDescriptions(choice, paths) {
   const select = choice.querySelector("select");
   choice.hidden = select.disabled = paths.length === 0;
-  select.replaceChildren(...paths.map((path) => createElement("option", { value: path }, path)));
+  select.replaceChildren();
+  for (const path of paths) {
+    const at = path.lastIndexOf("/");
+    const folder = at < 0 ? "" : ` (${path.slice(0, at)})`; // last, since a narrow field shows the beginning only
+    select.append(createElement("option", { value: path }, path.slice(at + 1) + folder));
+  }
   if (paths.length) select.focus();
 }
 
