@@ -17,8 +17,8 @@ that was interrupted goes on where it stopped; delete the rows to start anew.
 import argparse
 import collections
 import hashlib
+import importlib
 import json
-import multiprocessing
 import re
 import resource
 import statistics
@@ -27,21 +27,27 @@ import tempfile
 import time
 import warnings
 import zipfile
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from multiprocessing.connection import Connection
+from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any, Final
 
-import strangers_list
-from strangers_files import Trial, listed_trials, trials_below
+import numpy as np
 
+import strangers_list
+import stridelab as sl
+from strangers_files import Trial, listed_trials, trials_below
+from stridelab.errors import StridelabError
+from stridelab.machine.parallel import map_isolated
+
+PRELOAD: Final = ("stridelab.library.recordings", "stridelab.pipelines.estimate_com")
 TIMEOUT_S: Final = 90.0
 MEMORY_BYTES: Final = 4 << 30
 TOLERATED_MM: Final = 50.0
 """A result farther from the geometry must carry an error remark."""
 NO_FORCE: Final = frozenset({"no-plates", "no-measured-window", "plates-unloaded", "window-too-short", "mass-unknown"})
 """Refusals of a fused estimate after which the geometry alone is tried."""
+PROCESS_OUTCOMES: Final = {"computation-timed-out": "timeout", "computation-crashed": "crash"}
 OUTCOMES: Final = (*strangers_list.ESTIMATES, "contradicted")
 """Outcomes with a result."""
 STATIC_NEEDED: Final = ("knee-markers-missing", "pelvis-markers-missing")
@@ -133,9 +139,6 @@ def uploaded(trial: Trial, folder: Path) -> Path:
 
 def estimated(loaded: Any) -> tuple[Any, str | None]:
     """The estimate of a read recording; without usable force the geometry alone, and why the fusion was refused."""
-    import stridelab as sl
-    from stridelab.errors import StridelabError
-
     try:
         return sl.estimate_com(loaded), None
     except StridelabError as refusal:
@@ -144,14 +147,10 @@ def estimated(loaded: Any) -> tuple[Any, str | None]:
         return sl.estimate_com(loaded, method="geometry"), refusal.code
 
 
-def examine(trial: Trial, answer: Connection) -> None:
-    """In a child: estimate one recording and send its row."""
+def examine_recording(trial: Trial) -> dict[str, Any]:
+    """In a process of its own: estimate one recording. Returns its row."""
+    began_s = time.monotonic()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
-    import numpy as np
-
-    import stridelab as sl
-    from stridelab.errors import StridelabError
-
     warnings.simplefilter("error")
     row: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -189,27 +188,23 @@ def examine(trial: Trial, answer: Connection) -> None:
             row |= {"outcome": refusal.code, "message": str(refusal)[:300]}
         except BaseException as failure:  # noqa: BLE001 - a crash is an outcome to report
             row |= {"outcome": "crash", "message": f"{type(failure).__name__}: {failure}"[:300]}
+    row["took_s"] = round(time.monotonic() - began_s, 2)
     row["peak_mib"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
-    answer.send(row)
+    return row
 
 
-def row_of(trial: Trial) -> dict[str, Any]:
-    """Examine one recording in a child that is killed when its time is over."""
-    context = multiprocessing.get_context("forkserver")
-    here, there = context.Pipe(duplex=False)
-    child = context.Process(target=examine, args=(trial, there), daemon=True)
-    began_s = time.monotonic()
-    child.start()
-    there.close()
-    try:
-        row = here.recv() if here.poll(TIMEOUT_S) else {"outcome": "timeout"}
-    except EOFError:
-        row = {"outcome": "crash", "message": "the process ended without an answer"}
-    child.kill()
-    child.join()
-    digest = hashlib.sha256(trial.path.read_bytes()).hexdigest()[:16]
-    took_s = round(time.monotonic() - began_s, 2)
-    return {"source": trial.source, "path": trial.name, "sha256": digest, "took_s": took_s, **row}
+def examine_recordings(trials: Sequence[Trial]) -> Iterator[dict[str, Any]]:
+    """The rows of recordings as they finish; a cluster (``STRIDELAB_DASK_URL``) must see the files."""
+    results = map_isolated(examine_recording, trials, preload=PRELOAD, timeout_s=TIMEOUT_S)
+    with closing(results):
+        for index, result in results:
+            trial = trials[index]
+            digest = hashlib.sha256(trial.path.read_bytes()).hexdigest()[:16]
+            row = {"source": trial.source, "path": trial.name, "sha256": digest, "took_s": TIMEOUT_S}
+            if not isinstance(result, StridelabError):
+                yield row | result
+            else:
+                yield row | {"outcome": PROCESS_OUTCOMES[result.code], "message": str(result)}
 
 
 def page(rows: Sequence[dict[str, Any]], entries: Sequence[strangers_list.Entry]) -> str:
@@ -312,8 +307,8 @@ def main() -> None:
     parser.add_argument("--page", type=Path, help="write the page of outcomes here; default: print it")
     parser.add_argument("--renew", action="store_true", help="write the outcomes to the list")
     arguments = parser.parse_args()
-    multiprocessing.set_start_method("forkserver")
-    multiprocessing.set_forkserver_preload(["stridelab.library.recordings", "stridelab.pipelines.estimate_com"])
+    for module in PRELOAD:
+        importlib.import_module(module)  # once, for all processes that are forked from this one
     entries = [] if arguments.folders else strangers_list.read_list()
     strangers_list.fetch(entries, arguments.into, arguments.mirrors)
     trials = [trial for folder in arguments.folders for trial in trials_below(folder)]
@@ -321,8 +316,8 @@ def main() -> None:
     rows = [json.loads(line) for line in arguments.rows.read_text().splitlines()] if arguments.rows.exists() else []
     known = {(row["source"], row["path"]) for row in rows}
     work = [trial for trial in trials if (trial.source, trial.name) not in known]
-    with arguments.rows.open("a", encoding="utf-8") as out, ThreadPoolExecutor(2) as pool:
-        for n, row in enumerate(pool.map(row_of, work), 1):
+    with arguments.rows.open("a", encoding="utf-8") as out:
+        for n, row in enumerate(examine_recordings(work), 1):
             rows.append(row)
             out.write(json.dumps(row) + "\n")
             out.flush()
