@@ -244,6 +244,25 @@ def test_missing_moments_of_inertia_are_those_of_a_sphere(
     assert assumed.keys() == (set() if expected == stated else {"link left_elbow_link: inertia"})
 
 
+def test_a_motor_that_is_added_to_the_moments_of_its_link_is_a_rotor(tmp_path: Path) -> None:
+    """The knee turns about y, which is the x of the axes in which the inertia of its link is stated."""
+    root = ET.fromstring(with_inertia("left_knee_link", 3.0, (0.41, 0.01, 0.02)))
+    origin = root.find("link[@name='left_knee_link']/inertial/origin")
+    assert origin is not None
+    origin.set("rpy", f"0 0 {np.pi / 2}")
+    proposal = proposal_of_text(ET.tostring(root, encoding="unicode"), tmp_path)
+    model, v = proposal.robot.model, 6 + proposal.robot.joint_names.index("left_knee")
+    assert model.armature[v] == pytest.approx(0.41 - 0.02)
+    body = model.inertias[model.getJointId("left_knee")].inertia
+    assert np.diag(body) == pytest.approx((0.01, 0.02, 0.02), abs=1e-6)
+    assert proposal.assumed["joint left_knee: rotor inertia"].startswith("0.39 kg m2")
+
+
+def test_moments_that_no_motor_explains_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput, match=r"left_knee_link: its principal moments of inertia .* are not physical"):
+        proposal_of_text(with_inertia("left_knee_link", 3.0, (0.41, 0.01, 0.02)), tmp_path)
+
+
 def test_a_negative_moment_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="link left_elbow_link: its smallest principal moment") as refusal:
         proposal_of_text(with_inertia("left_elbow_link", 0.8, (-1e-3, 1e-3, 1e-3)), tmp_path)
