@@ -176,9 +176,13 @@ def show_proposal(proposal: "Proposal", path: Path) -> None:
         patch = "" if half is None else f"{2e3 * half[0]:.0f} x {2e3 * half[1]:.0f} mm"
         table.add_row(name, escape(effector.frame), effector.kind, patch)
     out.print(table)
-    assumed = Table("assumed", "", box=None, pad_edge=False)
+    fields_of: dict[str, list[str]] = {}
     for field, how in proposal.assumed.items():
-        assumed.add_row(escape(field), escape(how))
+        fields_of.setdefault(how, []).append(field)
+    assumed = Table("assumed", "", box=None, pad_edge=False)
+    for how, fields in fields_of.items():
+        more = f", and {len(fields) - 2} more" if len(fields) > 2 else ""
+        assumed.add_row(escape(", ".join(fields[:2]) + more), escape(how))
     out.print(assumed)
 
 
