@@ -70,13 +70,26 @@ def never_colliding(robot: Robot, configurations: int = CONFIGURATIONS, seed: in
 def _check(
     robot: Robot, data: pin.Data, results: pin.GeometryData, margin_m: float
 ) -> Callable[[Float[np.ndarray, "nq"]], Int[np.ndarray, "k"]]:
-    """Function that returns the indices of the pairs closer than ``margin_m``."""
+    """Function that returns the indices of the active pairs closer than ``margin_m``.
+
+    Only pairs whose bounding spheres are as close are looked at: in a robot of many shapes, these are few.
+    """
+    geometry = robot.collision
     for request in results.collisionRequests:
         request.security_margin = margin_m
+    shapes = [part.geometry for part in geometry.geometryObjects]
+    for shape in shapes:
+        shape.computeLocalAABB()
+    centres_m, radii_m = [shape.aabb_center for shape in shapes], np.array([shape.aabb_radius for shape in shapes])
+    first, second = np.array([(pair.first, pair.second) for pair in geometry.collisionPairs], int).reshape(-1, 2).T
+    reach_m = radii_m[first] + radii_m[second] + margin_m
 
     def collide(q: np.ndarray) -> np.ndarray:
-        pin.computeCollisions(robot.model, data, robot.collision, results, q, False)
-        return np.flatnonzero([result.isCollision() for result in results.collisionResults])
+        pin.updateGeometryPlacements(robot.model, data, geometry, results, q)
+        at_m = np.array([T.act(centre) for T, centre in zip(results.oMg, centres_m, strict=True)])
+        close = np.linalg.norm(at_m[first] - at_m[second], axis=1) <= reach_m
+        candidates = np.flatnonzero(close & np.array(results.activeCollisionPairs, bool))
+        return np.array([k for k in candidates if pin.computeCollision(geometry, results, int(k))], int)
 
     return collide
 
