@@ -76,11 +76,13 @@ def try_motion(
     *,
     change: Change | None = None,
     replay_uncertified: bool = False,
+    resumes: bool = True,
     watcher: PlanWatcher = IGNORED,
 ) -> MotionTrial:
     """Plan and certify a motion and, if it is certified or ``replay_uncertified``, replay it as requested.
 
-    Errors of the stages become the reason of the trial. ``change`` and ``watcher`` are those of ``plan_motion``.
+    Errors of the stages become the reason of the trial. ``change`` and ``watcher`` are those of ``plan_motion``,
+    ``resumes`` is that of ``replay_motion``.
     """
     stages = Stages(progress, stage_shares(task.input))
     try:
@@ -97,7 +99,7 @@ def try_motion(
         return MotionTrial(task, stages, result, reasons=reasons)
     try:
         with stages.run_stage(REPLAY, "simulating") as tell:
-            replay = replay_motion(task.input, result.robot, motion, tell, watcher)
+            replay = replay_motion(task.input, result.robot, motion, tell, watcher, resumes=resumes)
     except InvalidInput as error:
         return MotionTrial(task, stages, result, reasons=(*reasons, error.message))
     replayed = result.summary(replay, stages).replay

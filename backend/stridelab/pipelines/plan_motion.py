@@ -249,10 +249,12 @@ def replay_motion(
     motion: WholeBodyMotion,
     progress: ProgressCallback,
     watcher: PlanWatcher = IGNORED,
+    *,
+    resumes: bool = True,
 ) -> "Replay":
     """Replay ``motion`` of ``robot`` in a physics simulation, with the disturbances of the request.
 
-    A plan that is left for a recovery is resumed (``resume_plan``).
+    A plan that is left for a recovery is resumed (``resume_plan``) if it ``resumes``.
     """
     # imported lazily: the simulator is needed for a replay only
     from stridelab.pipelines.replays.resume_plan import PlanResumer
@@ -262,7 +264,7 @@ def replay_motion(
     options = asked if isinstance(asked, ReplayOptions) else ReplayOptions()
     clock = motion_progress(progress, sequence.duration_s)
     observe, disturbed = observer_of(options, robot), disturbances_of(options)
-    resume = PlanResumer(sequence, plan_scenario_motion)
+    resume = PlanResumer(sequence, plan_scenario_motion) if resumes else None
     physics = PhysicsReplay(expected_delay_s=options.expected_delay_s)
     watch = watcher.on_replay_samples
     return physics.run(robot, sequence, motion, clock, observe, disturbed, watch=watch, resume=resume)

@@ -216,7 +216,7 @@ def _try_scenario(scenario: dict[str, Any]) -> Outcome:
     """Plan, certify and, if certified, replay a scenario."""
     posed = Scenario.model_validate(scenario)
     task = PlanMotionTask(scenario=posed, input=PlanMotionInput(scenario=posed, replay=True))
-    trial = try_motion(task, _ignore_progress)
+    trial = try_motion(task, _ignore_progress, resumes=False)
     return "" if trial.passed else trial.reason or "not completed", scenario
 
 

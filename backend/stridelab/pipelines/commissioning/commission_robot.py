@@ -182,7 +182,7 @@ def _try_walk(
 ) -> tuple[MotionResult | None, WalkAttempt]:
     posed = Scenario.model_validate(scenario)
     task = PlanMotionTask(scenario=posed, input=PlanMotionInput(scenario=posed, replay=True))
-    trial = try_motion(task, progress, replay_uncertified=True)
+    trial = try_motion(task, progress, replay_uncertified=True, resumes=False)
     replayed = trial.replayed
     attempt = WalkAttempt(
         step_m=step_m,
