@@ -63,6 +63,7 @@ def replaced(process: psutil.Process) -> bool:
         return True
 
 
+@pytest.mark.quiet
 @pytest.mark.parametrize("name", [*MEMBERS, *NURSERIES])
 def test_a_stopped_process_is_replaced_and_jobs_go_on(service: Service, name: str) -> None:
     with client(service) as http:
