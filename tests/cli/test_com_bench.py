@@ -16,7 +16,8 @@ from stridelab.pipelines.progress import Json
 from stridelab.schemas.comparison import ComBenchSummary
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.methods import METHODS
-from stridelab.schemas.tasks import BenchMember, ComBenchTask, EstimateComTask, RecordingSource
+from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
+from stridelab.schemas.tasks import BenchMember, ComBenchTask
 from stridelab.service.kinds.com_bench import run as com_bench
 from support.command_line import SAMPLE, Run
 

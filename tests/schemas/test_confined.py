@@ -17,6 +17,7 @@ from stridelab.schemas.jobs import SimulateRecordingInput
 from stridelab.schemas.measures import GaitReportInput
 from stridelab.schemas.population import PersonFields
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingTask, PushBasinInput, PushBasinTask
+from stridelab.schemas.recording_tasks import SimulateRecordingTask
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceTask
 from stridelab.schemas.sweeps import SweepInput, SweepTask
 from stridelab.schemas.tasks import (
@@ -28,7 +29,6 @@ from stridelab.schemas.tasks import (
     GaitReportTask,
     MeasuresMember,
     PopulationMember,
-    SimulateRecordingTask,
     StudyPopulationTask,
 )
 from stridelab.service.kinds.registry import COMPUTING, KINDS

@@ -176,11 +176,12 @@ def estimate(
     """Estimate the centre of mass of one recording, or of each of a session; needs no server."""
     from stridelab.cli.estimate import estimate_recording as run
     from stridelab.cli.options import EstimateRequest
-    from stridelab.cli.session import estimate_session, recordings_below
 
     if len(walks.files) == 1 and not walks.files[0].is_dir():
         run(EstimateRequest(walks.to_walks(walks.files)[0], method, estimation, preparation), delivery)
         return
+    from stridelab.cli.session import estimate_session, recordings_below  # with the tasks of all jobs on recordings
+
     each = walks.to_walks(recordings_below(walks.files))
     estimate_session([EstimateRequest(walk, method, estimation, preparation) for walk in each], delivery)
 

@@ -28,8 +28,9 @@ from stridelab.schemas.population import (
     StudyPopulationSummary,
     SubjectOfRecording,
 )
+from stridelab.schemas.recording_tasks import RecordingSource
 from stridelab.schemas.recordings import RecordingPatch, SubjectFields
-from stridelab.schemas.tasks import FitCycloidTask, RecordingSource, StudyPopulationTask
+from stridelab.schemas.tasks import FitCycloidTask, StudyPopulationTask
 from stridelab.service.local_runs import require_file, validate_options, write_result
 from stridelab.service.subject_table import MatchedFile, TableRow, match_files, read_subject_table
 

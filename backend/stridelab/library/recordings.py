@@ -33,8 +33,9 @@ from stridelab.pipelines.trial import read_source as _read
 from stridelab.recordings.recording import Recording
 from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary
+from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
 from stridelab.schemas.recordings import SubjectFields
-from stridelab.schemas.tasks import EstimateComTask, FitCycloidTask, RecordingSource
+from stridelab.schemas.tasks import FitCycloidTask
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

@@ -44,7 +44,8 @@ from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.population import LeftOut
 from stridelab.schemas.quality import Quality, TrialQuality
-from stridelab.schemas.tasks import BenchMember, ComBenchTask, EstimateComTask
+from stridelab.schemas.recording_tasks import EstimateComTask
+from stridelab.schemas.tasks import BenchMember, ComBenchTask
 
 REFERENCES: Final = ("shimba1984", "zatsiorsky1998", "efron2004", "efron1987")
 _FORCE_MASSES: Final = ("standing", "impulse", "whole_steps", "static", "session")

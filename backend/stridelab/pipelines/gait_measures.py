@@ -38,7 +38,8 @@ from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import GaitMeasuresSummary, MeasureValue, NotMeasured
 from stridelab.schemas.population import LeftOut
 from stridelab.schemas.quality import TrialQuality
-from stridelab.schemas.tasks import EstimateComTask, GaitMeasuresTask, MeasuresMember
+from stridelab.schemas.recording_tasks import EstimateComTask
+from stridelab.schemas.tasks import GaitMeasuresTask, MeasuresMember
 from stridelab.walking.gait_events import Contact, find_contacts
 from stridelab.walking.preconditions import require_walk
 from stridelab.walking.steps import GaitStep, find_one_sided_steps, find_steps

@@ -10,42 +10,10 @@ from pydantic import Field
 from stridelab.schemas.base import Contract
 from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.cycloid import FitCycloidInput
-from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.marker_sets import SourceMarkerSet
 from stridelab.schemas.measures import GaitReportInput
 from stridelab.schemas.population import PersonFields
-from stridelab.schemas.recordings import PlateSwitch, SubjectFields
-from stridelab.schemas.sessions import SessionValues
-
-
-class RecordingSource(Contract):
-    """File of a recording and its user settings; ``filename`` is the uploaded name, used in messages only."""
-
-    file: str = Field(description="file name inside the task's folder")
-    filename: str
-    subject: SubjectFields = SubjectFields()
-    marker_map: dict[str, str] = Field(default_factory=dict)
-    plates: dict[int, PlateSwitch] = Field(default_factory=dict)
-    static_labels: list[str] = Field(
-        default_factory=list, description="labels of its static trial, to which the marker map may refer"
-    )
-    marker_sets: list[SourceMarkerSet] = Field(default_factory=list, description="sets of users, preferred ones first")
-    shipped_sets: bool = Field(default=True, description="false: only `marker_sets` are considered")
-
-
-class ParseUploadTask(Contract):
-    """Task of ``parse_upload``."""
-
-    recording: RecordingSource
-
-
-class EstimateComTask(Contract):
-    """Task of ``estimate-com``."""
-
-    recording: RecordingSource
-    static: RecordingSource | None = None
-    session: SessionValues | None = Field(default=None, description="values of the recording's session")
-    input: EstimateComInput
+from stridelab.schemas.recording_tasks import EstimateComTask
 
 
 class CompareEstimatorsTask(EstimateComTask):
@@ -120,12 +88,6 @@ class GaitReportTask(GaitMeasuresTask):
     created_on: date = Field(description="the only date in the report beside those of the recordings")
     lab_name: str = ""
     logo: str | None = Field(default=None, description="file name inside the task's folder")
-
-
-class SimulateRecordingTask(Contract):
-    """Task of ``simulate-recording``."""
-
-    input: SimulateRecordingInput
 
 
 class BatchFile(Contract):

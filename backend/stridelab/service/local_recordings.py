@@ -17,8 +17,9 @@ from stridelab.errors import StridelabError
 from stridelab.pipelines.session_values import TrialFacts, share_session
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import GaitReportInput
+from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
 from stridelab.schemas.recordings import SubjectFields
-from stridelab.schemas.tasks import EstimateComTask, GaitReportTask, MeasuresMember, RecordingSource, ReferencePerson
+from stridelab.schemas.tasks import GaitReportTask, MeasuresMember, ReferencePerson
 from stridelab.service.local_runs import collect_recordings, validate_options
 
 

@@ -15,14 +15,10 @@ from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.plans import PlanContactsInput, PlanContactsTask, PlanMotionInput, PlanMotionTask
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingTask
+from stridelab.schemas.recording_tasks import EstimateComTask, SimulateRecordingTask
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
 from stridelab.schemas.robots import LearnReachabilityInput, LearnReachabilityTask
-from stridelab.schemas.tasks import (
-    CompareEstimatorsTask,
-    EstimateComTask,
-    FitCycloidTask,
-    SimulateRecordingTask,
-)
+from stridelab.schemas.tasks import CompareEstimatorsTask, FitCycloidTask
 from stridelab.service.filenames import SIMULATED_FACTS_FILE
 from stridelab.service.kinds import staging
 from stridelab.service.kinds.registry import KINDS
