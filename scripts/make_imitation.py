@@ -21,7 +21,7 @@ from stridelab.pipelines.imitation.wheel_reference import BRANCHES, RollingWheel
 from stridelab.pipelines.imitation.wheel_trials import trial_of
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.recording_tasks import EstimateComTask
+from stridelab.schemas.tasks import EstimateComTask
 
 
 def ignore(_fraction: float, _message: str) -> None:

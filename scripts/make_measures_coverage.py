@@ -47,7 +47,7 @@ from stridelab.recordings.foot_contact import find_feet, foot_outline
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.marker_sets import identify
 from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.simulation.ground_truth import true_motion
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from stridelab.machine.models_folder import models_dir
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput, SimulationNoise
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
 from stridelab.service.filenames import SIMULATED_FACTS_FILE, SIMULATED_RECORDING_FILE, SIMULATED_TRACKS_FILE
 from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.estimate_com import run as estimate_com

@@ -13,11 +13,10 @@ from stridelab.cli.compare import continued_map
 from stridelab.errors import NotEstimable, StridelabError
 from stridelab.pipelines import bench_estimators
 from stridelab.pipelines.progress import Json
-from stridelab.schemas.comparison import ComBenchSummary
+from stridelab.schemas.comparison import BenchMember, ComBenchSummary, ComBenchTask
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.methods import METHODS
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
-from stridelab.schemas.tasks import BenchMember, ComBenchTask
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.kinds.com_bench import run as com_bench
 from support.command_line import SAMPLE, Run
 

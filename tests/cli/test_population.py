@@ -19,8 +19,7 @@ from stridelab.client import ProblemError
 from stridelab.errors import StridelabError, Unavailable
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.jobs import JobResult
-from stridelab.schemas.population import RecordingBatch, RefusedFile, StudyPopulationSummary
-from stridelab.schemas.tasks import StudyPopulationTask
+from stridelab.schemas.population import RecordingBatch, RefusedFile, StudyPopulationSummary, StudyPopulationTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.study_population import run as study_population
 from support.command_line import SAMPLE, Run, ScriptedService, problem

@@ -26,7 +26,7 @@ from stridelab.estimation.estimator import ComEstimator
 from stridelab.machine.models_folder import models_dir
 from stridelab.recordings.marker_sets import identify, marker_sets, parse_marker_set
 from stridelab.recordings.recording import Window
-from stridelab.schemas.recording_tasks import RecordingSource
+from stridelab.schemas.tasks import RecordingSource
 from stridelab.service import kinds
 from stridelab.service.api.jobs import submit
 from stridelab.service.kinds import registry

@@ -18,7 +18,7 @@ from pyarrow import parquet
 from stridelab.errors import InvalidInput, NotEstimable, StridelabError, Unavailable
 from stridelab.machine import cluster
 from stridelab.machine.parallel import available_processes, map_in_order, map_isolated, worthwhile_processes
-from stridelab.schemas.tasks import BenchMember, ComBenchTask
+from stridelab.schemas.comparison import BenchMember, ComBenchTask
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.processes.landlock import NETWORK_ABI
 from stridelab.service.processes.pool import IsolatedPool

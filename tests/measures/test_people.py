@@ -15,7 +15,7 @@ from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
 from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.walking.gait_events import MARKER_ERROR, Contact, find_contacts
 
 GAIT = Path(os.environ.get("STRIDELAB_TEST_DATA", Path(__file__).parents[3] / "shared")).resolve() / "gait"

@@ -16,10 +16,9 @@ from pydantic import ValidationError
 import stridelab as sl
 from stridelab.errors import NotEstimable, UnreadableFile
 from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
+from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary, GaitMeasuresTask, MeasuresMember
 from stridelab.schemas.recordings import PlateSwitch
-from stridelab.schemas.tasks import GaitMeasuresTask, MeasuresMember
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.kinds.gait_measures import run as gait_measures
 from stridelab.simulation.noise import NOISE_FREE
 from support.command_line import SAMPLE, quiet

@@ -8,8 +8,8 @@ import pytest
 
 from stridelab.schemas.jobs import EstimateComSummary
 from stridelab.schemas.methods import METHODS
-from stridelab.schemas.recording_tasks import ParseUploadTask, RecordingSource
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
+from stridelab.schemas.tasks import ParseUploadTask, RecordingSource
 from stridelab.service.estimable import estimate_offers
 from stridelab.service.kinds import parse_upload
 from stridelab.service.kinds.estimate_com import run as estimate_com

@@ -15,8 +15,8 @@ from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Window
 from stridelab.schemas.jobs import EstimateComSummary
-from stridelab.schemas.recording_tasks import RecordingSource
 from stridelab.schemas.recordings import SubjectFields
+from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from support.command_line import SAMPLE, estimate_task, quiet
 from support.recordings.export_files import write_trc

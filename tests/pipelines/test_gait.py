@@ -9,8 +9,8 @@ import pytest
 
 from stridelab.errors import NotEstimable
 from stridelab.schemas.jobs import EstimateComSummary
-from stridelab.schemas.recording_tasks import ParseUploadTask, RecordingSource
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
+from stridelab.schemas.tasks import ParseUploadTask, RecordingSource
 from stridelab.service.kinds import parse_upload
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from support.command_line import estimate_task, quiet

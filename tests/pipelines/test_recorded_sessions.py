@@ -13,9 +13,9 @@ from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.static_pose import SAME_BODY_M, body_difference
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.sessions import SessionValues
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.parse_upload import recording_facts
 from support.command_line import quiet

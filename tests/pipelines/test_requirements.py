@@ -109,7 +109,7 @@ def test_an_interval_that_the_recording_does_not_have_is_refused_with_its_length
 def test_errors_name_the_uploaded_file_not_its_copy(tmp_path: Path) -> None:
     from stridelab.errors import UnreadableFile
     from stridelab.pipelines.trial import read_source
-    from stridelab.schemas.recording_tasks import RecordingSource
+    from stridelab.schemas.tasks import RecordingSource
 
     (tmp_path / "trial").write_bytes(b"")
     with pytest.raises(UnreadableFile) as refusal:

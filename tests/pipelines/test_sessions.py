@@ -15,9 +15,9 @@ from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.recording import Recording, Subject
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.sessions import SessionValues
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.parse_upload import recording_facts
 from stridelab.simulation.human.walker import HumanWalker

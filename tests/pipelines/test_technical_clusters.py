@@ -14,7 +14,7 @@ from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.recording import Recording
 from stridelab.recordings.technical_clusters import rigid_subset, technical_landmarks
 from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import MeasurementNoise

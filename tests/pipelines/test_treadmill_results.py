@@ -8,11 +8,10 @@ import pytest
 
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.recording import Recording
-from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary
+from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary, FitCycloidTask
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
 from stridelab.schemas.recordings import PlateSwitch
-from stridelab.schemas.tasks import FitCycloidTask
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.fit_cycloid import run as fit_cycloid
 from stridelab.simulation.human.walker import HumanWalker

@@ -12,25 +12,16 @@ from typing import Any
 
 import pytest
 
+from stridelab.schemas.comparison import BenchMember, ComBenchTask, CompareEstimatorsTask
+from stridelab.schemas.cycloid import FitCycloidTask
 from stridelab.schemas.imitation.contract import ImitateInput, ImitateSummary, ImitateTask
 from stridelab.schemas.jobs import SimulateRecordingInput
-from stridelab.schemas.measures import GaitReportInput
-from stridelab.schemas.population import PersonFields
+from stridelab.schemas.measures import GaitMeasuresTask, GaitReportInput, GaitReportTask, MeasuresMember
+from stridelab.schemas.population import PersonFields, PopulationMember, StudyPopulationTask
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingTask, PushBasinInput, PushBasinTask
-from stridelab.schemas.recording_tasks import SimulateRecordingTask
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceTask
 from stridelab.schemas.sweeps import SweepInput, SweepTask
-from stridelab.schemas.tasks import (
-    BenchMember,
-    ComBenchTask,
-    CompareEstimatorsTask,
-    FitCycloidTask,
-    GaitMeasuresTask,
-    GaitReportTask,
-    MeasuresMember,
-    PopulationMember,
-    StudyPopulationTask,
-)
+from stridelab.schemas.tasks import SimulateRecordingTask
 from stridelab.service.kinds.registry import COMPUTING, KINDS
 from stridelab.service.kinds.robots import upload
 from stridelab.service.processes.pool import IsolatedPool

@@ -9,10 +9,10 @@ import pytest
 
 from stridelab.errors import NotEstimable, UnreadableFile
 from stridelab.recordings.reader import read_recording
+from stridelab.schemas.cycloid import FitCycloidTask
 from stridelab.schemas.jobs import EstimateComSummary
-from stridelab.schemas.recording_tasks import ParseUploadTask, RecordingSource
 from stridelab.schemas.recordings import SubjectFields
-from stridelab.schemas.tasks import FitCycloidTask
+from stridelab.schemas.tasks import ParseUploadTask, RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.fit_cycloid import run as fit_cycloid
 from stridelab.service.kinds.parse_upload import run as parse

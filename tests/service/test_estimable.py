@@ -16,8 +16,8 @@ from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording, Subject
 from stridelab.schemas.methods import METHODS
-from stridelab.schemas.recording_tasks import RecordingSource
 from stridelab.schemas.recordings import EstimateOffer, PlateSwitch, RecordingFacts, SubjectFields
+from stridelab.schemas.tasks import RecordingSource
 from stridelab.service import estimable
 from stridelab.service.estimable import estimate_offers
 from stridelab.service.kinds.estimate_com import run as estimate_com

@@ -12,8 +12,8 @@ from stridelab.client import Client
 from stridelab.machine.models_folder import models_dir
 from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.jobs import EstimateComInput, Job, JobEvent, JobResult, Progress
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
 from stridelab.schemas.recordings import Recording, RecordingPatch, SubjectFields
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 
 
 @dataclass(frozen=True)

@@ -21,18 +21,20 @@ from stridelab.pipelines.progress import ItemMap, Json
 from stridelab.schemas.comparison import (
     Axes,
     BenchColumn,
+    BenchMember,
     BenchScore,
     ComBenchInput,
     ComBenchSummary,
+    ComBenchTask,
     CompareEstimatorsSummary,
+    CompareEstimatorsTask,
     MethodAssessment,
 )
 from stridelab.schemas.jobs import EstimateComInput, JobResult
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.population import LeftOut
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
 from stridelab.schemas.recordings import PlateSwitch
-from stridelab.schemas.tasks import BenchMember, ComBenchTask, CompareEstimatorsTask
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.local_runs import validate_options, write_result
 from stridelab.service.subject_table import MatchedFile
 

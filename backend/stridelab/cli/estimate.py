@@ -15,8 +15,8 @@ from stridelab.schemas.jobs import (
     SimulateRecordingInput,
     SimulateRecordingSummary,
 )
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
 from stridelab.schemas.sessions import SessionValues
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
 from stridelab.service.local_runs import require_file, validate_options
 
 TRUTH = "known-truth.parquet"

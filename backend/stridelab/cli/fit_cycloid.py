@@ -18,9 +18,8 @@ from stridelab.cli.options import (
     with_groups,
 )
 from stridelab.cli.results import out, show_files, show_quality, show_remarks
-from stridelab.schemas.cycloid import FitCycloidSummary, FittedStep, Rival, StepScatter
+from stridelab.schemas.cycloid import FitCycloidSummary, FitCycloidTask, FittedStep, Rival, StepScatter
 from stridelab.schemas.jobs import JobResult
-from stridelab.schemas.tasks import FitCycloidTask
 
 _WHEEL: Final = ("R mm", "r mm", "z0 m", "rad/s", "2piR/L", "mm", "worst", "s=-1", "clock")
 _TIMES: Final = ("m/s", "L m", "both down", "by (3.3.3)", "best path", "best in time")

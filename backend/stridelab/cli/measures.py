@@ -12,9 +12,15 @@ from stridelab.cli.options import BestMethod, Delivery, StatedPerson, Static, wi
 from stridelab.cli.results import Bar, deliver_result, out, run_in_scratch, show_files, show_quality, show_remarks
 from stridelab.errors import UnreadableFile
 from stridelab.schemas.jobs import JobResult
-from stridelab.schemas.measures import GaitMeasuresInput, GaitReportInput, GaitReportSummary, MeasureValue
+from stridelab.schemas.measures import (
+    GaitMeasuresInput,
+    GaitMeasuresTask,
+    GaitReportInput,
+    GaitReportSummary,
+    GaitReportTask,
+    MeasureValue,
+)
 from stridelab.schemas.recordings import RecordingPatch, SubjectFields
-from stridelab.schemas.tasks import GaitMeasuresTask, GaitReportTask
 from stridelab.service.local_recordings import ReportWalks, people_in, report_task, share_by_day, stage_walks
 from stridelab.service.local_runs import RESULT_FILE, collect_recordings, validate_options, write_result
 

@@ -14,8 +14,8 @@ from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.marker_sets import SourceMarkerSet
 from stridelab.schemas.methods import NODE_RATE_HZ, Formulation, Method
-from stridelab.schemas.recording_tasks import RecordingSource
 from stridelab.schemas.recordings import PlateSwitch, Sex, SubjectFields
+from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.local_runs import validate_options
 
 Lab = Literal["walkway", "two_plates"]

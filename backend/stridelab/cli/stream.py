@@ -46,7 +46,7 @@ from stridelab.service.local_runs import require_file, validate_options
 
 if TYPE_CHECKING:
     from stridelab.pipelines.com_inputs import ComInputs
-    from stridelab.schemas.recording_tasks import EstimateComTask
+    from stridelab.schemas.tasks import EstimateComTask
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
@@ -167,7 +167,7 @@ def stream_samples(request: EstimateRequest, replay: Replay, *, as_json: bool, s
 def _read_inputs(request: EstimateRequest, *, needs_force: bool) -> "tuple[EstimateComTask, ComInputs]":
     """The task of ``estimate-com`` on the recording, and its inputs."""
     from stridelab.pipelines.com_inputs import prepare_com_inputs
-    from stridelab.schemas.recording_tasks import EstimateComTask
+    from stridelab.schemas.tasks import EstimateComTask
 
     input_ = request.to_input(request.file.name, EstimateComInput)
     with (

@@ -19,18 +19,18 @@ from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings.files.batch_zip import BatchLimits, is_batch, unpack_batch
 from stridelab.recordings.files.recording_files import recordings_in
 from stridelab.schemas.base import Contract
-from stridelab.schemas.cycloid import FitCycloidInput
+from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidTask
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.population import (
     MAX_RECORDINGS,
     CorrelationResult,
     StudyPopulationInput,
     StudyPopulationSummary,
+    StudyPopulationTask,
     SubjectOfRecording,
 )
-from stridelab.schemas.recording_tasks import RecordingSource
 from stridelab.schemas.recordings import RecordingPatch, SubjectFields
-from stridelab.schemas.tasks import FitCycloidTask, StudyPopulationTask
+from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.local_runs import require_file, validate_options, write_result
 from stridelab.service.subject_table import MatchedFile, TableRow, match_files, read_subject_table
 

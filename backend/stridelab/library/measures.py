@@ -17,10 +17,16 @@ from stridelab.pipelines.gait_report.pdf import render_pdf
 from stridelab.pipelines.gait_report.report import GaitReport as ComposedReport
 from stridelab.pipelines.gait_report.report import gait_report as _compose_report
 from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary, GaitReportInput, GaitReportSummary
-from stridelab.schemas.recording_tasks import EstimateComTask
+from stridelab.schemas.measures import (
+    GaitMeasuresInput,
+    GaitMeasuresSummary,
+    GaitMeasuresTask,
+    GaitReportInput,
+    GaitReportSummary,
+    MeasuresMember,
+)
 from stridelab.schemas.recordings import SubjectFields
-from stridelab.schemas.tasks import GaitMeasuresTask, MeasuresMember
+from stridelab.schemas.tasks import EstimateComTask
 
 
 @dataclass(frozen=True)

@@ -31,11 +31,10 @@ from stridelab.pipelines.estimate_com import estimate_com as _estimate_com
 from stridelab.pipelines.fit_cycloid import CycloidResult, fit_cycloid_of_recording
 from stridelab.pipelines.trial import read_source as _read
 from stridelab.recordings.recording import Recording
-from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary
+from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary, FitCycloidTask
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
 from stridelab.schemas.recordings import SubjectFields
-from stridelab.schemas.tasks import FitCycloidTask
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

@@ -39,13 +39,20 @@ from stridelab.pipelines.estimate_com import (
 )
 from stridelab.pipelines.progress import ItemMap, Json, ProgressCallback
 from stridelab.schemas import base
-from stridelab.schemas.comparison import BenchColumn, BenchScore, ComBenchSummary, MassAgreement, MethodRefusal
+from stridelab.schemas.comparison import (
+    BenchColumn,
+    BenchMember,
+    BenchScore,
+    ComBenchSummary,
+    ComBenchTask,
+    MassAgreement,
+    MethodRefusal,
+)
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.population import LeftOut
 from stridelab.schemas.quality import Quality, TrialQuality
-from stridelab.schemas.recording_tasks import EstimateComTask
-from stridelab.schemas.tasks import BenchMember, ComBenchTask
+from stridelab.schemas.tasks import EstimateComTask
 
 REFERENCES: Final = ("shimba1984", "zatsiorsky1998", "efron2004", "efron1987")
 _FORCE_MASSES: Final = ("standing", "impulse", "whole_steps", "static", "session")

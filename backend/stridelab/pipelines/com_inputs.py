@@ -36,9 +36,9 @@ from stridelab.recordings.marker_sets import WAYS_TO_NAME_MARKERS, MarkerSetMatc
 from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.recording import Remark, Subject, Window, WrenchTrack
 from stridelab.schemas.methods import METHODS
-from stridelab.schemas.recording_tasks import EstimateComTask
 from stridelab.schemas.recordings import SubjectFields, TreadmillBelts
 from stridelab.schemas.sessions import SessionValues
+from stridelab.schemas.tasks import EstimateComTask
 
 
 @dataclass(frozen=True)

@@ -22,13 +22,13 @@ from stridelab.schemas.comparison import (
     Axes,
     CompareEstimatorsInput,
     CompareEstimatorsSummary,
+    CompareEstimatorsTask,
     ErrorAgainstTruth,
     FlightAgreement,
     MethodAssessment,
     MomentumRateAgreement,
 )
 from stridelab.schemas.methods import METHODS
-from stridelab.schemas.tasks import CompareEstimatorsTask
 from stridelab.simulation.truth_table import known_motion
 
 THESIS_ESTIMATORS: Final = ("complementary", "kalman")

@@ -27,7 +27,7 @@ from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
 from stridelab.schemas import quality as contract
 from stridelab.schemas.jobs import ComparedMass, EstimateComInput, EstimateComSummary, SmootherOptions
-from stridelab.schemas.recording_tasks import EstimateComTask
+from stridelab.schemas.tasks import EstimateComTask
 
 BEST_METHOD: Final = Smoother.name
 """Method used for ``method: null``: the most accurate estimator of this version."""

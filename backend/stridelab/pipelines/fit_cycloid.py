@@ -21,8 +21,7 @@ from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import examine_trial, read_static
 from stridelab.recordings.foot_contact import find_feet, ground_of_feet_m_s
 from stridelab.recordings.recording import Remark, Window
-from stridelab.schemas.cycloid import FitCycloidSummary
-from stridelab.schemas.tasks import FitCycloidTask
+from stridelab.schemas.cycloid import FitCycloidSummary, FitCycloidTask
 from stridelab.walking.gait_events import find_contacts
 from stridelab.walking.preconditions import require_steps, require_walk
 from stridelab.walking.step_fit import StepFit, fit_steps

@@ -35,11 +35,10 @@ from stridelab.recordings.foot_contact import find_marked_feet
 from stridelab.recordings.recording import Recording, Remark, Side
 from stridelab.schemas import base
 from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.measures import GaitMeasuresSummary, MeasureValue, NotMeasured
+from stridelab.schemas.measures import GaitMeasuresSummary, GaitMeasuresTask, MeasuresMember, MeasureValue, NotMeasured
 from stridelab.schemas.population import LeftOut
 from stridelab.schemas.quality import TrialQuality
-from stridelab.schemas.recording_tasks import EstimateComTask
-from stridelab.schemas.tasks import GaitMeasuresTask, MeasuresMember
+from stridelab.schemas.tasks import EstimateComTask
 from stridelab.walking.gait_events import Contact, find_contacts
 from stridelab.walking.preconditions import require_walk
 from stridelab.walking.steps import GaitStep, find_one_sided_steps, find_steps

@@ -23,9 +23,9 @@ from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import PlateSwitches, Recording, Remark, Subject, Window
 from stridelab.recordings.static_pose import SAME_BODY_M, body_difference, stands_still
 from stridelab.recordings.technical_clusters import technical_landmarks
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields, TrialClock
 from stridelab.schemas.sessions import SessionValues
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,11 @@ from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Interval, Remark
 from stridelab.schemas.jobs import EstimateComInput, RecordingSummary
+from stridelab.schemas.measures import MeasuresMember
 from stridelab.schemas.methods import Method
 from stridelab.schemas.population import MAX_RECORDINGS, LeftOut, SubjectOfRecording, refuse_repeated_recordings
 from stridelab.schemas.quality import Quality, TrialQuality
+from stridelab.schemas.tasks import EstimateComTask
 
 
 class CompareEstimatorsInput(EstimateComInput):
@@ -150,3 +152,23 @@ class ComBenchSummary(Contract):
     quality: Quality
     trials: list[TrialQuality]
     warnings: list[Remark]
+
+
+class CompareEstimatorsTask(EstimateComTask):
+    """Task of ``compare-estimators``; ``truth`` is the file with the true motion, if it is known."""
+
+    input: CompareEstimatorsInput
+    truth: str | None = Field(default=None, description="file name inside the task's folder")
+
+
+class BenchMember(MeasuresMember):
+    """One recording of ``com-bench``; ``subject`` is a pseudonym, null if it is not stated."""
+
+    subject: str | None = None
+
+
+class ComBenchTask(Contract):
+    """Task of ``com-bench``."""
+
+    members: list[BenchMember]
+    seed: int = 0

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from stridelab.schemas.base import Contract, Interval
 from stridelab.schemas.jobs import EstimateComInput, RecordingSummary
+from stridelab.schemas.tasks import EstimateComTask
 
 FootSide = Literal["left", "right"]
 
@@ -138,3 +139,9 @@ class FitCycloidSummary(RecordingSummary):
     overlapping: list[OverlappingFit]
     step_to_step_sd: StepScatter | None = Field(description="null if there are too few steps")
     steps_left_out: int = Field(description="complete steps that were not fitted because force or markers are missing")
+
+
+class FitCycloidTask(EstimateComTask):
+    """Task of ``fit-cycloid``."""
+
+    input: FitCycloidInput

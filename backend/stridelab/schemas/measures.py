@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import date
 from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
@@ -11,6 +12,7 @@ from stridelab.schemas.methods import Method
 from stridelab.schemas.population import MAX_RECORDINGS, LeftOut, refuse_repeated_recordings
 from stridelab.schemas.quality import Quality, TrialQuality
 from stridelab.schemas.sessions import SessionId
+from stridelab.schemas.tasks import EstimateComTask
 
 Bounds = tuple[float, float]
 BodySide = Literal["left", "right"]
@@ -255,3 +257,34 @@ def measure_scale(name: str, unit: str) -> MeasureScale:
 def measure_title(name: str) -> str:
     """Title of a measure; of one without an entry in ``MEASURE_TITLES``, its name in words."""
     return MEASURE_TITLES.get(name, name.replace("_", " ").capitalize())
+
+
+class MeasuresMember(Contract):
+    """One recording of ``gait-measures``: its task and the sub-folder that holds its files."""
+
+    recording_id: str
+    folder: str
+    task: EstimateComTask
+
+
+class GaitMeasuresTask(Contract):
+    """Task of ``gait-measures``."""
+
+    members: list[MeasuresMember]
+
+
+class ReferencePerson(Contract):
+    """All recordings of one person of the reference group of ``gait-report``."""
+
+    members: list[MeasuresMember]
+
+
+class GaitReportTask(GaitMeasuresTask):
+    """Task of ``gait-report``; ``members`` are the recordings of the person, ``before`` the earlier ones."""
+
+    input: GaitReportInput
+    before: list[MeasuresMember] = Field(default_factory=list)
+    reference: list[ReferencePerson] = Field(default_factory=list)
+    created_on: date = Field(description="the only date in the report beside those of the recordings")
+    lab_name: str = ""
+    logo: str | None = Field(default=None, description="file name inside the task's folder")

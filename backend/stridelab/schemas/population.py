@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Remark
+from stridelab.schemas.cycloid import FitCycloidTask
 from stridelab.schemas.methods import Method
 from stridelab.schemas.quality import Quality, TrialQuality
 from stridelab.schemas.recordings import AgeYears, HeightM, MassKg, Recording, Sex
@@ -237,3 +238,20 @@ class StudyPopulationSummary(Contract):
         default_factory=list, description="quality of each recording; contradicted ones are in `left_out`"
     )
     warnings: list[Remark]
+
+
+class PopulationMember(Contract):
+    """One recording of a population: its task, and the fields of the subject table."""
+
+    recording_id: str
+    folder: str = Field(description="folder inside the task's folder that holds its files")
+    task: FitCycloidTask
+    person: PersonFields = PersonFields()
+
+
+class StudyPopulationTask(Contract):
+    """Task of ``study-population``."""
+
+    members: list[PopulationMember]
+    pooled: bool = False
+    seed: int = 0

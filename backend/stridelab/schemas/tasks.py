@@ -1,93 +1,36 @@
-"""Tasks on recordings that a worker passes to a child process: JSON, with all files in the folder of the task.
+"""Tasks on one recording that a worker passes to a child process: JSON, with all files in the folder of the task.
 
-The tasks of the robot jobs stand beside their inputs.
+The tasks of the other jobs stand beside their inputs.
 """
-
-from datetime import date
 
 from pydantic import Field
 
 from stridelab.schemas.base import Contract
-from stridelab.schemas.comparison import CompareEstimatorsInput
-from stridelab.schemas.cycloid import FitCycloidInput
+from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.marker_sets import SourceMarkerSet
-from stridelab.schemas.measures import GaitReportInput
-from stridelab.schemas.population import PersonFields
-from stridelab.schemas.recording_tasks import EstimateComTask
+from stridelab.schemas.recordings import PlateSwitch, SubjectFields
+from stridelab.schemas.sessions import SessionValues
 
 
-class CompareEstimatorsTask(EstimateComTask):
-    """Task of ``compare-estimators``; ``truth`` is the file with the true motion, if it is known."""
+class RecordingSource(Contract):
+    """File of a recording and its user settings; ``filename`` is the uploaded name, used in messages only."""
 
-    input: CompareEstimatorsInput
-    truth: str | None = Field(default=None, description="file name inside the task's folder")
-
-
-class FitCycloidTask(EstimateComTask):
-    """Task of ``fit-cycloid``."""
-
-    input: FitCycloidInput
-
-
-class PopulationMember(Contract):
-    """One recording of a population: its task, and the fields of the subject table."""
-
-    recording_id: str
-    folder: str = Field(description="folder inside the task's folder that holds its files")
-    task: FitCycloidTask
-    person: PersonFields = PersonFields()
+    file: str = Field(description="file name inside the task's folder")
+    filename: str
+    subject: SubjectFields = SubjectFields()
+    marker_map: dict[str, str] = Field(default_factory=dict)
+    plates: dict[int, PlateSwitch] = Field(default_factory=dict)
+    static_labels: list[str] = Field(
+        default_factory=list, description="labels of its static trial, to which the marker map may refer"
+    )
+    marker_sets: list[SourceMarkerSet] = Field(default_factory=list, description="sets of users, preferred ones first")
+    shipped_sets: bool = Field(default=True, description="false: only `marker_sets` are considered")
 
 
-class StudyPopulationTask(Contract):
-    """Task of ``study-population``."""
+class ParseUploadTask(Contract):
+    """Task of ``parse_upload``."""
 
-    members: list[PopulationMember]
-    pooled: bool = False
-    seed: int = 0
-
-
-class MeasuresMember(Contract):
-    """One recording of ``gait-measures``: its task and the sub-folder that holds its files."""
-
-    recording_id: str
-    folder: str
-    task: EstimateComTask
-
-
-class BenchMember(MeasuresMember):
-    """One recording of ``com-bench``; ``subject`` is a pseudonym, null if it is not stated."""
-
-    subject: str | None = None
-
-
-class ComBenchTask(Contract):
-    """Task of ``com-bench``."""
-
-    members: list[BenchMember]
-    seed: int = 0
-
-
-class GaitMeasuresTask(Contract):
-    """Task of ``gait-measures``."""
-
-    members: list[MeasuresMember]
-
-
-class ReferencePerson(Contract):
-    """All recordings of one person of the reference group of ``gait-report``."""
-
-    members: list[MeasuresMember]
-
-
-class GaitReportTask(GaitMeasuresTask):
-    """Task of ``gait-report``; ``members`` are the recordings of the person, ``before`` the earlier ones."""
-
-    input: GaitReportInput
-    before: list[MeasuresMember] = Field(default_factory=list)
-    reference: list[ReferencePerson] = Field(default_factory=list)
-    created_on: date = Field(description="the only date in the report beside those of the recordings")
-    lab_name: str = ""
-    logo: str | None = Field(default=None, description="file name inside the task's folder")
+    recording: RecordingSource
 
 
 class BatchFile(Contract):
@@ -107,3 +50,18 @@ class ParseBatchTask(Contract):
     total_bytes: int
     timeout_s: float
     memory_mb: int
+
+
+class EstimateComTask(Contract):
+    """Task of ``estimate-com``."""
+
+    recording: RecordingSource
+    static: RecordingSource | None = None
+    session: SessionValues | None = Field(default=None, description="values of the recording's session")
+    input: EstimateComInput
+
+
+class SimulateRecordingTask(Contract):
+    """Task of ``simulate-recording``."""
+
+    input: SimulateRecordingInput

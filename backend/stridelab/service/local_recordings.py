@@ -16,10 +16,9 @@ from typing import Any
 from stridelab.errors import StridelabError
 from stridelab.pipelines.session_values import TrialFacts, share_session
 from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.measures import GaitReportInput
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
+from stridelab.schemas.measures import GaitReportInput, GaitReportTask, MeasuresMember, ReferencePerson
 from stridelab.schemas.recordings import SubjectFields
-from stridelab.schemas.tasks import GaitReportTask, MeasuresMember, ReferencePerson
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.local_runs import collect_recordings, validate_options
 
 

@@ -30,12 +30,14 @@ from stridelab.schemas.measures import (
     MEASURE_TITLES,
     GaitReportInput,
     GaitReportSummary,
+    GaitReportTask,
+    MeasuresMember,
+    ReferencePerson,
     ReferenceValue,
     measure_title,
 )
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
-from stridelab.schemas.tasks import GaitReportTask, MeasuresMember, ReferencePerson
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
 from support.command_line import SAMPLE, RecordedProgress, quiet
 from support.fakes import results

@@ -12,10 +12,9 @@ from stridelab.pipelines.gait_report.report import gait_report
 from stridelab.pipelines.trial import examine_trial
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.recording import Subject
-from stridelab.schemas.measures import GaitReportInput
-from stridelab.schemas.recording_tasks import RecordingSource
+from stridelab.schemas.measures import GaitReportInput, GaitReportTask
 from stridelab.schemas.recordings import SubjectFields
-from stridelab.schemas.tasks import GaitReportTask
+from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.kinds.gait_report.kind import stage, stage_logo
 from stridelab.service.kinds.parse_upload import recording_facts
 from stridelab.service.local_recordings import ReportWalks, report_task

@@ -12,7 +12,7 @@ from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.recording_tasks import EstimateComTask
+from stridelab.schemas.tasks import EstimateComTask
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.staging import stage_estimate_com
 from support.command_line import SAMPLE, quiet

@@ -11,8 +11,8 @@ import pytest
 from sqlalchemy import select, update
 
 from stridelab.schemas.jobs import EstimateComInput
-from stridelab.schemas.recording_tasks import EstimateComTask
 from stridelab.schemas.recordings import TrialClock
+from stridelab.schemas.tasks import EstimateComTask
 from stridelab.service.kinds import staging
 from stridelab.service.recording_sessions import session_id_of
 from stridelab.service.storage.tables import recording

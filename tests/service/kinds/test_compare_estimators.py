@@ -7,9 +7,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from stridelab.errors import InvalidInput, UnreadableFile
-from stridelab.schemas.comparison import CompareEstimatorsInput, CompareEstimatorsSummary
+from stridelab.schemas.comparison import CompareEstimatorsInput, CompareEstimatorsSummary, CompareEstimatorsTask
 from stridelab.schemas.methods import METHODS
-from stridelab.schemas.tasks import CompareEstimatorsTask
 from stridelab.service.kinds.compare_estimators import run as compare_estimators
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.provenance import known_references

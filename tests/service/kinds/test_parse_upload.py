@@ -8,8 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from stridelab.errors import InvalidInput, UnreadableFile
-from stridelab.schemas.recording_tasks import ParseUploadTask, RecordingSource
 from stridelab.schemas.recordings import PlateSwitch, RecordingFacts
+from stridelab.schemas.tasks import ParseUploadTask, RecordingSource
 from stridelab.service.kinds import parse_upload
 from stridelab.service.processes.child import with_json
 from support.command_line import SAMPLE, RecordedProgress, quiet

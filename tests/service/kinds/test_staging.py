@@ -10,15 +10,14 @@ from sqlalchemy import insert, select
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.errors import NotFound
-from stridelab.schemas.comparison import CompareEstimatorsInput
-from stridelab.schemas.cycloid import FitCycloidInput
+from stridelab.schemas.comparison import CompareEstimatorsInput, CompareEstimatorsTask
+from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidTask
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.plans import PlanContactsInput, PlanContactsTask, PlanMotionInput, PlanMotionTask
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingTask
-from stridelab.schemas.recording_tasks import EstimateComTask, SimulateRecordingTask
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
 from stridelab.schemas.robots import LearnReachabilityInput, LearnReachabilityTask
-from stridelab.schemas.tasks import CompareEstimatorsTask, FitCycloidTask
+from stridelab.schemas.tasks import EstimateComTask, SimulateRecordingTask
 from stridelab.service.filenames import SIMULATED_FACTS_FILE
 from stridelab.service.kinds import staging
 from stridelab.service.kinds.registry import KINDS

@@ -17,9 +17,8 @@ from stridelab.pipelines.gait_report.logo import Logo, read_logo
 from stridelab.pipelines.gait_report.texts import report_content
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.base import Remark
-from stridelab.schemas.measures import GaitReportSummary
+from stridelab.schemas.measures import GaitMeasuresTask, GaitReportSummary, GaitReportTask, MeasuresMember
 from stridelab.schemas.population import LeftOut
-from stridelab.schemas.tasks import GaitMeasuresTask, GaitReportTask, MeasuresMember
 
 
 @dataclass(frozen=True)

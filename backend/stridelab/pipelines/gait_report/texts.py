@@ -37,6 +37,7 @@ from stridelab.schemas.measures import (
     MEASURE_TITLES,
     ChangeValue,
     GaitReportSummary,
+    GaitReportTask,
     MeasureScale,
     MeasureValue,
     ReferenceValue,
@@ -44,7 +45,6 @@ from stridelab.schemas.measures import (
     measure_title,
 )
 from stridelab.schemas.population import LeftOut
-from stridelab.schemas.tasks import GaitReportTask
 
 TILES: Final[Mapping[str, str]] = {
     "walking_speed": "Speed",

@@ -24,10 +24,9 @@ from stridelab.pipelines.population.summary import correlation_results, mixed_re
 from stridelab.pipelines.progress import ItemMap, Json, ProgressCallback
 from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
-from stridelab.schemas.cycloid import FittedStep
-from stridelab.schemas.population import LeftOut, PersonFields, StudyPopulationSummary
+from stridelab.schemas.cycloid import FitCycloidTask, FittedStep
+from stridelab.schemas.population import LeftOut, PersonFields, StudyPopulationSummary, StudyPopulationTask
 from stridelab.schemas.quality import Quality, TrialQuality
-from stridelab.schemas.tasks import FitCycloidTask, StudyPopulationTask
 from stridelab.walking.population.population import StepRow, study
 
 UNUSABLE_FLAGS: Final = frozenset({"path-not-converged", "not-curtate", "r-too-large"})

@@ -8,8 +8,8 @@ from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.plans import CertificateSummary, PlanMotionSummary, ReplaySummary
 from stridelab.schemas.quality import Quality
-from stridelab.schemas.recording_tasks import EstimateComTask
 from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.tasks import EstimateComTask
 
 
 class ImitateInput(EstimateComInput):

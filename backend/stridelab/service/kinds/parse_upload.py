@@ -20,8 +20,8 @@ from stridelab.recordings.recording import Plate, Recording, Window
 from stridelab.recordings.static_pose import stands_still
 from stridelab.schemas.base import Remark
 from stridelab.schemas.marker_sets import MarkerSetProposal, ProposedLabel
-from stridelab.schemas.recording_tasks import ParseUploadTask
 from stridelab.schemas.recordings import PlateInfo, RecordingFacts
+from stridelab.schemas.tasks import ParseUploadTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import write_table
 

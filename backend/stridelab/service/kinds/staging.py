@@ -12,16 +12,16 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.schemas.base import Contract
-from stridelab.schemas.cycloid import FitCycloidInput
+from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidTask
 from stridelab.schemas.jobs import EstimateComInput
+from stridelab.schemas.measures import MeasuresMember
 from stridelab.schemas.methods import Method
 from stridelab.schemas.plans import PlanMotionTask
 from stridelab.schemas.receding import PlanRecedingTask, PushBasinTask
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
 from stridelab.schemas.recordings import SubjectFields
 from stridelab.schemas.scenarios import Scenario, ScenarioSource
 from stridelab.schemas.sweeps import SweepTask
-from stridelab.schemas.tasks import FitCycloidTask, MeasuresMember
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.kinds.base import Blobs, Json, Stage
 from stridelab.service.kinds.session_staging import session_of
 from stridelab.service.storage.tables import recording, scenario, subject

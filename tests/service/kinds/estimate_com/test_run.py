@@ -15,8 +15,8 @@ from stridelab.pipelines.estimate_com import build_smoother
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.reader import read_recording
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, SmootherOptions, StatedErrors
-from stridelab.schemas.recording_tasks import RecordingSource
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
+from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.kinds.estimate_com import run as estimate_com
 from stridelab.service.kinds.provenance import known_references
 from stridelab.service.kinds.result_tables import read_metadata

@@ -11,11 +11,10 @@ from pydantic import ValidationError
 
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.pipelines.fit_cycloid import fit_cycloid_of_recording
-from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary
+from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary, FitCycloidTask
 from stridelab.schemas.jobs import SimulateRecordingInput
-from stridelab.schemas.recording_tasks import RecordingSource, SimulateRecordingTask
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
-from stridelab.schemas.tasks import FitCycloidTask
+from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
 from stridelab.service.kinds.fit_cycloid import run as fit_cycloid
 from stridelab.service.kinds.provenance import known_references
 from stridelab.service.kinds.result_tables import read_metadata

@@ -18,8 +18,8 @@ from stridelab.pipelines.trial import examine_trial
 from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.schemas.jobs import SimulateRecordingInput, SimulateRecordingSummary, SimulationNoise
-from stridelab.schemas.recording_tasks import RecordingSource, SimulateRecordingTask
 from stridelab.schemas.recordings import RecordingFacts
+from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
 from stridelab.service.filenames import SIMULATED_FACTS_FILE
 from stridelab.service.kinds.provenance import known_references
 from stridelab.service.kinds.simulate_recording import run as simulate_recording

@@ -10,12 +10,17 @@ from pydantic import ValidationError
 
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.pipelines.population.subjects import RecordingSubject, merge_subjects
-from stridelab.schemas.cycloid import FitCycloidInput
+from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidTask
 from stridelab.schemas.jobs import SimulateRecordingInput
-from stridelab.schemas.population import PersonFields, StudyPopulationInput, StudyPopulationSummary
-from stridelab.schemas.recording_tasks import RecordingSource, SimulateRecordingTask
+from stridelab.schemas.population import (
+    PersonFields,
+    PopulationMember,
+    StudyPopulationInput,
+    StudyPopulationSummary,
+    StudyPopulationTask,
+)
 from stridelab.schemas.recordings import SubjectFields
-from stridelab.schemas.tasks import FitCycloidTask, PopulationMember, StudyPopulationTask
+from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
 from stridelab.service.kinds.study_population import run as study_population
 from support.command_line import quiet

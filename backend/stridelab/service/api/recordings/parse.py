@@ -10,9 +10,9 @@ import structlog
 
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.schemas.marker_sets import MarkerSetProposal
-from stridelab.schemas.recording_tasks import ParseUploadTask, RecordingSource
 from stridelab.schemas.recordings import PlateSwitch, RecordingFacts
 from stridelab.schemas.streams import Triple
+from stridelab.schemas.tasks import ParseUploadTask, RecordingSource
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.filenames import PARSER_CRASHED, child_output_file
 from stridelab.service.kinds.registry import PARSE_UPLOAD, PROPOSE_MARKERS, READ_POSE

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.schemas.comparison import ComBenchInput, ComBenchSummary
-from stridelab.schemas.tasks import BenchMember, ComBenchTask
+from stridelab.schemas.comparison import BenchMember, ComBenchInput, ComBenchSummary, ComBenchTask
 from stridelab.service.kinds.base import Blobs, JobKind, Json
 from stridelab.service.kinds.staging import require_recordings, stage_members
 from stridelab.service.samples.recording import SAMPLE_ID

@@ -13,7 +13,7 @@ from stridelab.estimation.evaluation.unseen_scores import SCORES
 from stridelab.machine.parallel import map_isolated
 from stridelab.pipelines.bench_estimators import REFERENCES, ComBenchResult, bench_estimators
 from stridelab.pipelines.progress import ItemMap, ProgressCallback
-from stridelab.schemas.tasks import ComBenchTask
+from stridelab.schemas.comparison import ComBenchTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import write_table
 from stridelab.service.processes.sandbox import confine_piece

@@ -5,8 +5,7 @@ from pathlib import Path
 from sqlalchemy import select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.schemas.comparison import CompareEstimatorsInput, CompareEstimatorsSummary
-from stridelab.schemas.tasks import CompareEstimatorsTask
+from stridelab.schemas.comparison import CompareEstimatorsInput, CompareEstimatorsSummary, CompareEstimatorsTask
 from stridelab.service.kinds.base import Blobs, JobKind, Json
 from stridelab.service.kinds.simulate_recording.kind import TRUTH_FILE
 from stridelab.service.kinds.staging import stage_estimate_com

@@ -16,8 +16,7 @@ from stridelab.estimation.evaluation.comparison import Comparison, ComparisonDat
 from stridelab.pipelines.compare_estimators import compare_estimators
 from stridelab.pipelines.estimate_com import build_estimator
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.schemas.comparison import CompareEstimatorsInput
-from stridelab.schemas.tasks import CompareEstimatorsTask
+from stridelab.schemas.comparison import CompareEstimatorsInput, CompareEstimatorsTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import track_columns, write_table
 

@@ -26,7 +26,7 @@ from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.reader import is_c3d
 from stridelab.recordings.recording import WrenchTrack
 from stridelab.schemas.jobs import EstimateComSummary
-from stridelab.schemas.recording_tasks import EstimateComTask, RecordingSource
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import C3D, write_atomically, write_table
 

@@ -8,7 +8,7 @@ from stridelab.conventions import Points, Vector3
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.pipelines.fit_cycloid import CycloidResult
 from stridelab.schemas.cycloid import FitCycloidSummary
-from stridelab.schemas.recording_tasks import RecordingSource
+from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.kinds.base import ArtifactFile
 from stridelab.service.kinds.result_tables import write_table
 from stridelab.walking.step_fit import StepFit

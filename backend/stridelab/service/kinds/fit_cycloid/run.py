@@ -4,7 +4,7 @@ from pathlib import Path
 
 from stridelab.pipelines.fit_cycloid import fit_cycloid_of_recording
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.schemas.tasks import FitCycloidTask
+from stridelab.schemas.cycloid import FitCycloidTask
 from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.fit_cycloid.files import write_cycloid
 

@@ -14,7 +14,7 @@ from stridelab.measures.margin_of_stability import sideways_margin_m
 from stridelab.measures.measure import Measure
 from stridelab.pipelines.gait_measures import SIDES, GaitMeasuresResult, MeasuredRecording, gait_measures
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.schemas.tasks import GaitMeasuresTask
+from stridelab.schemas.measures import GaitMeasuresTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import track_columns, write_table
 

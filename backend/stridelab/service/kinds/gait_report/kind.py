@@ -7,9 +7,8 @@ from typing import Final
 
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.schemas.measures import GaitReportInput, GaitReportSummary
+from stridelab.schemas.measures import GaitReportInput, GaitReportSummary, GaitReportTask, ReferencePerson
 from stridelab.schemas.recordings import RecordingFacts
-from stridelab.schemas.tasks import GaitReportTask, ReferencePerson
 from stridelab.service.kinds.base import Blobs, JobKind, Json
 from stridelab.service.kinds.staging import recording_row, require_recordings, stage_members
 from stridelab.service.recording_sessions import subject_key

@@ -7,7 +7,7 @@ from stridelab.pipelines.gait_report.html import render_html
 from stridelab.pipelines.gait_report.pdf import render_pdf
 from stridelab.pipelines.gait_report.report import GaitReport, gait_report
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.schemas.tasks import GaitReportTask
+from stridelab.schemas.measures import GaitReportTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.gait_measures.run import write_measures
 

@@ -14,8 +14,7 @@ from stridelab.machine.parallel import map_isolated
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.recordings.files.batch_zip import BatchLimits, is_batch, unpack_batch
 from stridelab.schemas.population import MAX_RECORDINGS
-from stridelab.schemas.recording_tasks import ParseUploadTask, RecordingSource
-from stridelab.schemas.tasks import ParseBatchTask
+from stridelab.schemas.tasks import ParseBatchTask, ParseUploadTask, RecordingSource
 from stridelab.service.kinds import parse_upload
 from stridelab.service.kinds.base import Json, Outcome
 from stridelab.service.kinds.read_batch.parsed_upload import ParsedUpload

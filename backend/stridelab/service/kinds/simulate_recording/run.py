@@ -13,7 +13,7 @@ from stridelab.pipelines.trial import examine_trial
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.schemas import base
 from stridelab.schemas.jobs import SimulateRecordingSummary
-from stridelab.schemas.recording_tasks import RecordingSource, SimulateRecordingTask
+from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
 from stridelab.service.filenames import SIMULATED_FACTS_FILE, SIMULATED_RECORDING_FILE, SIMULATED_TRACKS_FILE
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.parse_upload import recording_facts, write_tracks

@@ -5,9 +5,15 @@ from typing import Final
 
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.schemas.cycloid import FitCycloidInput
-from stridelab.schemas.population import PersonFields, StudyPopulationInput, StudyPopulationSummary, SubjectOfRecording
-from stridelab.schemas.tasks import FitCycloidTask, PopulationMember, StudyPopulationTask
+from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidTask
+from stridelab.schemas.population import (
+    PersonFields,
+    PopulationMember,
+    StudyPopulationInput,
+    StudyPopulationSummary,
+    StudyPopulationTask,
+    SubjectOfRecording,
+)
 from stridelab.service.kinds.base import Blobs, JobKind, Json
 from stridelab.service.kinds.staging import require_recordings, stage_fit_cycloid
 from stridelab.service.samples.recording import SAMPLE_ID

@@ -11,7 +11,7 @@ from typing import Final
 from stridelab.machine.parallel import map_isolated
 from stridelab.pipelines.population.study import study_population
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.schemas.tasks import StudyPopulationTask
+from stridelab.schemas.population import StudyPopulationTask
 from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.study_population.files import write_population
 from stridelab.service.processes.sandbox import confine_piece
