@@ -32,9 +32,12 @@ class SelfCollision:
     hulls: pin.GeometryData
 
     @staticmethod
-    def for_robot(robot: Robot) -> "SelfCollision":
-        """Create a checker for ``robot``."""
-        return SelfCollision(robot, robot.model.createData(), robot.collision.createData())
+    def for_robot(robot: Robot, margin_m: float = 0.0) -> "SelfCollision":
+        """Create a checker for ``robot``; pairs collide that are closer than ``margin_m``."""
+        hulls = robot.collision.createData()
+        for request in hulls.collisionRequests:
+            request.security_margin = margin_m
+        return SelfCollision(robot, robot.model.createData(), hulls)
 
     def any_collision(self, q: Float[np.ndarray, "nq"]) -> bool:
         """Whether any pair collides; stops at the first."""

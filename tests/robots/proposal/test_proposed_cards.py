@@ -71,6 +71,19 @@ def test_hands_are_at_the_ends_of_the_arms(usual: Proposal) -> None:
     assert effector_of("left_hand", left).T_frame_contact.rotation[:, 2] == pytest.approx((0.0, 0.0, 1.0))
 
 
+def test_arms_are_clear_of_the_body_at_rest(tmp_path: Path) -> None:
+    """A body as wide as the arms hang: at the first place that is tried they are 1 cm from it."""
+    root = ET.fromstring(Humanoid().urdf())
+    pelvis = root.find("link[@name='pelvis']")
+    assert pelvis is not None
+    plate = ET.SubElement(ET.SubElement(ET.SubElement(pelvis, "collision"), "geometry"), "box")
+    plate.set("size", "0.05 0.4 0.6")
+    robot = proposal_of_text(ET.tostring(root, encoding="unicode"), tmp_path).robot
+    assert len(SelfCollision.for_robot(robot).colliding_links(robot.q_reference)) == 0
+    nearest = SelfCollision.for_robot(robot, margin_m=0.02).colliding_links(robot.q_reference)
+    assert not any("shoulder" in link or "elbow" in link for pair in nearest for link in pair)
+
+
 def test_every_joint_of_the_description_is_in_its_group(usual: Proposal) -> None:
     groups = usual.robot.group
     assert {groups[f"left_{joint}"] for joint in ("hip_yaw", "knee", "ankle_roll")} == {"leg"}
