@@ -24,7 +24,13 @@ from stridelab.reproduction import result_cache
 from stridelab.reproduction.chapter2 import fig_2_5
 from stridelab.reproduction.claims import WORDS, Claim, Reproduction, above, at_least, at_most, below, target, within
 from stridelab.reproduction.registry import ITEMS
-from stridelab.reproduction.report.formatting import count_outcomes, table_cells
+from stridelab.reproduction.report.formatting import (
+    NO_INTERVAL,
+    basis_text,
+    count_outcomes,
+    table_cells,
+    uncertainty_text,
+)
 from stridelab.reproduction.report.html import render_html
 from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import PEOPLE, Recipe, Section, collect_sections, recipes_of
@@ -131,6 +137,30 @@ def test_items_in_processes_are_those_of_one_process_in_their_order(tmp_path: Pa
     assert [path.name for path in sorted((tmp_path / "two").iterdir())] == sorted(
         path.name for path in (tmp_path / "one").iterdir()
     )
+
+
+def test_every_verdict_of_the_book_has_an_interval_or_says_why_not() -> None:
+    """An interval of the number or of a share of cases; nothing drawn; or a reason that a reader can check."""
+    rows = re.findall(
+        r"\| (?:simulated|replayed|people|external),.* \|$", BOOK.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert len(rows) > 300
+    reasons = [text for key, text in NO_INTERVAL.items() if key != "deterministic"]
+    silent_rows = [
+        row for row in rows
+        if "95 % from " not in row and "deterministic, n = " not in row and not any(text in row for text in reasons)
+    ]  # fmt: skip
+    assert silent_rows == []
+    assert sum("one case, no interval" in row for row in rows) <= 1, "many draws, people or steps have one"
+
+
+def test_a_claim_on_every_case_has_the_interval_of_the_share() -> None:
+    claim = replace(COMPUTED.claims[0], interval=None, n=11, cases_inside=11)
+    assert uncertainty_text(claim) == "11 of 11 in the range, 95 % from 0.715 to 1 of all"
+    assert basis_text(claim).endswith(uncertainty_text(claim))
+    certain = replace(claim, cases_inside=None, no_interval="deterministic", solver=None, n=1)
+    assert basis_text(certain) == "simulated, deterministic, n = 1"
+    assert basis_text(replace(certain, no_interval="machine_time")).endswith("; time of one machine, no interval")
 
 
 def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
@@ -329,7 +359,7 @@ def assert_follows(holds: str, ours: str, verdict: str, evidence: str) -> None:
     if value < low - slack or value > high + slack:
         assert verdict.strip("*") not in ("met", "our aim: reached"), (holds, ours, verdict)
         assert verdict != "better" or bounds[0] == ">", (holds, ours, verdict)
-    interval = re.search(r"95 % from (\S+(?: \S+)?) to ([^;|]+)", evidence)
+    interval = re.search(r"; 95 % from (\S+(?: \S+)?) to ([^;|]+)", evidence)
     if verdict == "undecided":
         assert interval is not None, (holds, ours)
         ours_low, ours_high = (printed_number(end.strip()) for end in interval.groups())
@@ -371,7 +401,9 @@ def test_the_book_misses_no_item() -> None:
             assert thesis.startswith("aim ") == verdict.startswith("our aim") == (place == "ours"), row
             assert holds.endswith(("(thesis)", "(its words)", "(our aim)")), row
             assert_follows(holds, ours, verdict, evidence)
-            assert re.fullmatch(r"(simulated|replayed|people|external), n = [1-9]\d*(; .*)?", evidence), row
+            assert re.fullmatch(
+                r"(simulated|replayed|people|external)(, deterministic)?, n = [1-9]\d*(; .*)?", evidence
+            ), row
         assert f"Computed again by `stridelab reproduce {name}" in part, name
         assert re.search(r"(Draws nothing|One random sample|random draws, seeds)", part), name
 
