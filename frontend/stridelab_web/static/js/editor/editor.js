@@ -26,7 +26,7 @@ const DIRECTIONS = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], Arr
 
 const root = document.querySelector("[data-editor]");
 const part = (name) => root.querySelector(`[data-${name}]`);
-const [status, undo, redo, certificate] = ["said", "undo", "redo", "plan-certificate"].map(part);
+const [status, undo, redo] = ["said", "undo", "redo"].map(part);
 const id = root.dataset.scenario,
   isReadOnly = root.dataset.own !== "true"; // the first edit is stored as a copy, which is opened
 const store = new ScenarioStore(id, isReadOnly);
@@ -124,26 +124,11 @@ async function openJson() {
 // Calls `use` with the playback of the plan, in the order of the calls.
 function withPlayback(use) {
   run(
-    import("./plan_playback.js").then(({ PlanPlayback }) => {
-      playback ??= new PlanPlayback({
-        isAvailable: () => preview.started.then(() => preview.isAvailable),
-        show: showInstant,
-        report: (text) => setStatus(text, false),
-        reportCertificate: (text, passed) => {
-          certificate.textContent = text;
-          certificate.className = `outcome${passed === null ? "" : ` outcome-${passed ? "passed" : "failed"}`}`;
-          certificate.hidden = !text;
-        },
-      });
+    import("./plan_playback.js").then(({ playbackInEditor }) => {
+      playback ??= playbackInEditor(root, preview, sceneView, validation, (text) => setStatus(text, false));
       use(playback);
     }),
   );
-}
-
-function showInstant(instant) {
-  if (!sceneView.isReady || validation.phases.length === 0) return;
-  root.dataset.playing = !instant ? "false" : instant.ghost ? "replay" : instant.poses ? "body" : "path";
-  validation.showInstant(instant);
 }
 
 // Writes the expanded contact or the chosen phase into the address, so that a reload restores it.
