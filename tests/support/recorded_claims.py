@@ -105,6 +105,6 @@ def _differ(one: Any, other: Any) -> bool:
 
 def _printed_differ(one: str, other: str) -> bool:
     """Whether two printed numbers differ by more than the last digit of either, beyond ``RELATIVE``."""
-    digit = max(10.0 ** Decimal(text).as_tuple().exponent for text in (one, other))
+    digit = max(10.0 ** int(Decimal(text).as_tuple().exponent) for text in (one, other))
     a, b = float(one), float(other)
     return abs(a - b) > 1.01 * digit and _differ(a, b)

@@ -71,8 +71,8 @@ def test_the_density_is_judged_over_the_contact_alone() -> None:
 
     def path(measure: Measure, case: str, share: list[float], log_density: list[float]) -> fig_4_9.ComPath:
         com_m = np.array([[0.1, 0.0, 0.8]] * 3 + [[np.nan] * 3])
-        columns = (np.array([*values, np.nan]) for values in (share, log_density))
-        return fig_4_9.ComPath(measure, case, np.arange(4.0), com_m, *columns, "native")
+        shares, densities = (np.array([*values, np.nan]) for values in (share, log_density))
+        return fig_4_9.ComPath(measure, case, np.arange(4.0), com_m, shares, densities, "native")
 
     paths = [
         path("uniform", "with", [0.5, 0.2, 0.9], [2.0, 3.0, 4.0]),
