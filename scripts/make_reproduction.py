@@ -89,6 +89,13 @@ the thesis does not make. The last column says what our number is computed from:
 recordings), *replayed* (motions carried out in a physics simulation), *people* (recordings of people) or *external*
 (numbers published by others); n is the number of cases behind it (draws, steps, people, contact sets, plans).
 
+Where cases are drawn, an interval of 95 % stands beside the number: by 2000 bootstrap samples of the draws, people,
+steps or contact sets, the binomial one (Clopper and Pearson) for a share, that of Fisher for a correlation. A claim on
+every case (*always*, *for all the subjects*) stands on the most extreme one, which has no such interval: a sample can
+refute it and not prove it, so its verdict is that of the sample, beside the number of cases in the range and the
+interval of their share. Where there is neither, the row says why: *deterministic* (nothing is drawn), *sampling error
+is in the claim* (a probability, a bound in standard errors), one case, one sample of fixed size, a time of one machine.
+
 The recordings of adults are a part (11 of 50 people) of the data of Schreiber and Moissenet 2019
 (doi 10.1038/s41597-019-0124-4), published at doi 10.6084/m9.figshare.7734767; put the folders of the people below
 FOLDER/gait/rehazenter-adult-walking. Fukuchi et al. 2018 (doi 10.7717/peerj.4640) has 42 more, not used here. The

@@ -33,6 +33,8 @@ def with_unit(value: float, unit: str) -> str:
     return f"{text} {unit}" if unit not in ("", "1") else text
 
 
+_FAILED_CHECK: Final = re.compile(r"certificate: (\w+) (-?[\d.]+(?:e[+-]?\d+)?)(?: (.+))?")
+_REPLAYED: Final = re.compile("^replay: ")
 CAPABILITY_TITLES: Final = {
     "stair": "One stair, both feet",
     "pace": "Level walk",
@@ -51,19 +53,39 @@ def capability_title(name: str) -> str:
 
 def capability_value(capability: Capability) -> str:
     """The value of a capability, with *at least* where more may pass."""
-    value = capability.value
-    if value is None:
+    if capability.value is None:
         return "–"
-    shown = {"rad": (math.degrees(value), "°"), "m": (100 * value, " cm")}
-    number, unit = shown.get(capability.unit, (value, f" {capability.unit}"))
     more = "at least " if capability.ended_by in ("range", "time") else ""
-    return f"{more}{number:.3g}{unit}"
+    return f"{more}{_of_capability(capability, capability.value)}"
 
 
 def capability_limit(capability: Capability) -> str:
-    """Why a capability is not larger."""
+    """Why a capability is not larger: what becomes of the smallest value that fails."""
     ends = {"range": "More was not tried.", "time": "The time ended; more may be possible."}
-    return ends.get(capability.ended_by) or capability.reason
+    if (text := ends.get(capability.ended_by)) is not None:
+        return text
+    failed = min((one for one in capability.attempts if not one.passed), key=lambda one: one.value, default=None)
+    if failed is None:
+        return capability.reason
+    return f"At {_of_capability(capability, failed.value)}: {trial_reason(failed.reason)}"
+
+
+def _of_capability(capability: Capability, value: float) -> str:
+    """A value of a capability in the units of the page."""
+    shown = {"rad": (math.degrees(value), "°"), "m": (100 * value, " cm")}
+    number, unit = shown.get(capability.unit, (value, f" {capability.unit}"))
+    return f"{number:.3g}{unit}"
+
+
+def trial_reason(reason: str) -> str:
+    """Why a motion does not pass, with the checks of its certificate named as on the page of a plan."""
+    parts = reason.split("; ")
+    checks = [match for part in parts if (match := _FAILED_CHECK.fullmatch(part))]
+    others = [_REPLAYED.sub("in physics: ", part) for part in parts if not _FAILED_CHECK.fullmatch(part)]
+    if checks:
+        failed = (f"{check_name(match[1])}: {with_unit(float(match[2]), match[3] or '1')}" for match in checks)
+        others.insert(0, f"not certified ({', '.join(failed)})")
+    return "; ".join(others)
 
 
 def utc_text(value: datetime) -> str:
@@ -271,6 +293,7 @@ FILTERS = {
     "capability_title": capability_title,
     "capability_value": capability_value,
     "capability_limit": capability_limit,
+    "trial_reason": trial_reason,
     "plain": plain_number,
     "measured": with_unit,
     "moment": utc_text,

@@ -13,7 +13,8 @@ A second one starts later: the sorter of Gaussian splats compiles itself with ``
 which the policy of the frame refuses with an error on the console; no scene here has splats, so it is never needed.
 
 The image of the city and the four copies of the sorter are left out of the text: 160 of its 2500 kB, and, because they
-hardly compress, 45 of 650 kB that cross the network.
+hardly compress, 45 of 650 kB that cross the network. So is the simplifier of meshes, a WebAssembly module as text that
+coarsens copies of a mesh far from the camera, of which no scene here has any: 40 kB, 13 across the network.
 """
 
 import gzip
@@ -50,6 +51,9 @@ SPLAT_SORTER: Final = re.compile(
 UNUSED_DATA: Final = re.compile(rb"data:(image/jpeg|application/wasm);base64,[A-Za-z0-9+/=]{10000,}")
 """The image of the city, and the sorter in the application and in the text of its worker, each twice."""
 NO_DATA: Final = b"data:,"
+SIMPLIFIER: Final = re.compile(rb"\(function\(\)\{var e=`b9H[^`]{20000,}`.*?\}\}\)\(\)", re.DOTALL)
+NO_SIMPLIFIER: Final = b"({supported:!1})"
+"""What the module itself says in a browser without WebAssembly."""
 LATER: Final = (b"={then:(done,failed)=>", b".then(done,failed)}")
 """Before and after the same as an object that begins when it is awaited."""
 _SCRIPT = re.compile(
@@ -83,13 +87,18 @@ def unpack_page(html: bytes) -> ViserClient:
     end = int(script["styles"])
     parts = {
         "text/css": whole[:end],
-        "text/javascript": remove_data(defer_splats(remove_environment(whole[end : end + int(script["code"])]))),
+        "text/javascript": reduce_code(whole[end : end + int(script["code"])]),
         "application/wasm": gzip.decompress(decode_base88(script["decoder"].replace(b"\\\\", b"\\"))),
     }
     names = {media_type: _file_name(content) + SUFFIXES[media_type] for media_type, content in parts.items()}
     page = html[: script.start()] + _resource_links(*(FOLDER + name for name in names.values())) + html[script.end() :]
     files = {names[media_type]: content for media_type, content in parts.items()}
     return ViserClient(page, files, {name: media_type for media_type, name in names.items()})
+
+
+def reduce_code(code: bytes) -> bytes:
+    """The application without what no scene here has. Raises as ``remove_environment``."""
+    return remove_simplifier(remove_data(defer_splats(remove_environment(code))))
 
 
 def remove_environment(code: bytes) -> bytes:
@@ -114,6 +123,14 @@ def remove_data(code: bytes) -> bytes:
     if kinds != ["application/wasm"] * 4 + ["image/jpeg"]:
         raise ValueError("the client of this viser version has an unknown form: its unused data cannot be found")
     return UNUSED_DATA.sub(NO_DATA, code)
+
+
+def remove_simplifier(code: bytes) -> bytes:
+    """The application without its simplifier of meshes. Raises as ``remove_environment``."""
+    reduced, n = SIMPLIFIER.subn(NO_SIMPLIFIER, code)
+    if n != 1:
+        raise ValueError("the client of this viser version has an unknown form: its simplifier cannot be found")
+    return reduced
 
 
 def decode_base88(text: bytes) -> bytes:

@@ -45,7 +45,7 @@ def test_the_client_of_viser_is_unpacked() -> None:
     assert client.page.count(b"<script") == 1, "and no script is written into the page itself"
 
 
-def test_the_application_is_the_installed_one_but_for_four_kinds_of_places() -> None:
+def test_the_application_is_the_installed_one_but_for_five_kinds_of_places() -> None:
     html = files("viser").joinpath("client", "build", "index.html").read_bytes()
     script = re.search(rb'data-p="([^"]*)" data-ss="(\d+)" data-cs="(\d+)"', html)
     assert script is not None
@@ -55,11 +55,18 @@ def test_the_application_is_the_installed_one_but_for_four_kinds_of_places() -> 
     code = next(content for name, content in result.files.items() if name.endswith(".js"))
     before, after = viser_client.LATER
     assert (code.count(viser_client.NO_ENVIRONMENT), code.count(before), code.count(after)) == (1, 2, 2)
-    back = code.replace(viser_client.NO_ENVIRONMENT, viser_client.DEFAULT_ENVIRONMENT)
+    (simplifier,) = viser_client.SIMPLIFIER.findall(original)
+    assert simplifier.count(b"(function(){") == 1, "one module and nothing after it"
+    assert simplifier.count(b"{") == simplifier.count(b"}")
+    assert b"meshopt_simplify" in simplifier
+    assert b"meshopt_simplify" not in code
+    assert code.count(viser_client.NO_SIMPLIFIER) == 1
+    back = code.replace(viser_client.NO_SIMPLIFIER, simplifier)
+    back = back.replace(viser_client.NO_ENVIRONMENT, viser_client.DEFAULT_ENVIRONMENT)
     back = back.replace(before, b"=").replace(after, b"")
     assert viser_client.NO_DATA.join(viser_client.UNUSED_DATA.split(original)[::2]) == back
-    assert viser_client.remove_data(viser_client.defer_splats(viser_client.remove_environment(original))) == code
-    assert len(code) < len(original) - 150_000
+    assert viser_client.reduce_code(original) == code
+    assert len(code) < len(original) - 190_000
 
 
 @pytest.mark.parametrize("code", [b"{fog:null}", b"{environmentMap:null},{environmentMap:null}"])
@@ -70,6 +77,8 @@ def test_an_application_of_another_form_is_refused(code: bytes) -> None:
         viser_client.defer_splats(code)
     with pytest.raises(ValueError, match="an unknown form"):
         viser_client.remove_data(code)
+    with pytest.raises(ValueError, match="an unknown form"):
+        viser_client.remove_simplifier(code)
 
 
 def test_policy_of_the_frame_allows_files_of_this_service_alone() -> None:

@@ -20,6 +20,7 @@ from stridelab_web.formatting import (
     landmark_words,
     part_words,
     time_element,
+    trial_reason,
     utc_text,
 )
 from stridelab_web.pages.results.comparison_plots import STYLES
@@ -48,6 +49,22 @@ def test_capabilities_read_as_on_a_card(
     given = {"name": name, "value": value, "unit": unit, "resolution": 0.01, "ended_by": ended_by}
     capability = Capability.model_validate({**given, "reason": "0.38 rad: shoes"})
     assert (capability_title(name), capability_value(capability), capability_limit(capability)) == texts
+
+
+def test_a_failed_value_says_why_in_the_words_of_a_plan_page() -> None:
+    """Checks are named as in the table of a certificate, angles in degrees; the smallest value that fails decides."""
+    reason = "certificate: com_error_max 0.0092 m; certificate: self_collisions 6; replay: The robot falls at 3.10 s."
+    shown = "not certified (CoM error, largest: 9.2 mm, Self collisions: 6); in physics: The robot falls at 3.10 s."
+    assert trial_reason(reason) == shown
+    assert trial_reason("No path was found.") == "No path was found."
+    assert trial_reason("certificate: torque_ratio_max 1.02; shoes") == (
+        "not certified (Torque ratio, largest: 1.02); shoes"
+    )
+    attempts = [(0.6, reason), (0.384, "certificate: effort 2e-05 N s"), (0.349, "")]
+    tried = [{"value": value, "passed": not why, "reason": why} for value, why in attempts]
+    given = {"name": "turn", "value": 0.349, "unit": "rad", "resolution": 0.035, "ended_by": "fails"}
+    capability = Capability.model_validate({**given, "reason": "0.384 rad: raw", "attempts": tried})
+    assert capability_limit(capability) == "At 22°: not certified (Effort: 2e-05 N s)"
 
 
 def test_every_estimator_has_a_name_and_a_line_of_its_own() -> None:

@@ -1,6 +1,5 @@
 """All items in one go: what is stored and until when, what a failure leaves, and the two forms it is written in."""
 
-import re
 from collections.abc import Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -10,11 +9,6 @@ import numpy as np
 import pytest
 
 from experiments.reproduction_page import (
-    BLOCKS,
-    COLUMNS,
-    coverage_block,
-    height_block,
-    insert_block,
     render_markdown,
     replace_sections,
 )
@@ -22,9 +16,14 @@ from stridelab.conventions import Progress
 from stridelab.errors import NotEstimable, NotFound
 from stridelab.reproduction import result_cache
 from stridelab.reproduction.chapter2 import fig_2_5
-from stridelab.reproduction.claims import WORDS, Claim, Reproduction, above, at_least, at_most, below, target, within
+from stridelab.reproduction.claims import Claim, Reproduction, target
 from stridelab.reproduction.registry import ITEMS
-from stridelab.reproduction.report.formatting import count_outcomes, table_cells
+from stridelab.reproduction.report.formatting import (
+    basis_text,
+    count_outcomes,
+    table_cells,
+    uncertainty_text,
+)
 from stridelab.reproduction.report.html import render_html
 from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import PEOPLE, Recipe, Section, collect_sections, recipes_of
@@ -131,6 +130,15 @@ def test_items_in_processes_are_those_of_one_process_in_their_order(tmp_path: Pa
     assert [path.name for path in sorted((tmp_path / "two").iterdir())] == sorted(
         path.name for path in (tmp_path / "one").iterdir()
     )
+
+
+def test_a_claim_on_every_case_has_the_interval_of_the_share() -> None:
+    claim = replace(COMPUTED.claims[0], interval=None, n=11, cases_inside=11)
+    assert uncertainty_text(claim) == "11 of 11 in the range, 95 % from 0.715 to 1 of all"
+    assert basis_text(claim).endswith(uncertainty_text(claim))
+    certain = replace(claim, cases_inside=None, no_interval="deterministic", solver=None, n=1)
+    assert basis_text(certain) == "simulated, deterministic, n = 1"
+    assert basis_text(replace(certain, no_interval="machine_time")).endswith("; time of one machine, no interval")
 
 
 def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
@@ -305,94 +313,3 @@ def test_recordings_of_people_are_an_item_where_they_are(tmp_path: Path) -> None
     assert [each.seeds for each in recipes_of(["fig-2.7", "fig-4.5", "fig-2.5"], 3, None, 7)] == [
         range(7, 10), range(7, 8), range(1),
     ]  # fmt: skip
-
-
-UNITS = {"mm": 1e-3, "ms": 1e-3}
-
-
-def printed_number(text: str) -> float:
-    """A number of the page in the unit of its claim, to the three digits that are printed."""
-    number, _, unit = text.partition(" ")
-    return float(number) * UNITS.get(unit, 1.0)
-
-
-def assert_follows(holds: str, ours: str, verdict: str, evidence: str) -> None:
-    """The verdict is the one that follows from the printed number, range and interval, as far as three digits tell."""
-    value, bounds = printed_number(ours), holds.rpartition(" (")[0]
-    ends = [printed_number(end) for end in re.split(" to ", bounds.lstrip("≤≥<> "))]
-    low, high = (ends[0], ends[-1]) if bounds[0] not in "≤≥<>" else (
-        (-np.inf, ends[0]) if bounds[0] in "≤<" else (ends[0], np.inf)
-    )  # fmt: skip
-    slack = 6e-3 * max(abs(value), abs(ends[0]))
-    if low + slack < value < high - slack:
-        assert verdict.strip("*") in ("met", "better", "undecided", "our aim: reached"), (holds, ours, verdict)
-    if value < low - slack or value > high + slack:
-        assert verdict.strip("*") not in ("met", "our aim: reached"), (holds, ours, verdict)
-        assert verdict != "better" or bounds[0] == ">", (holds, ours, verdict)
-    interval = re.search(r"95 % from (\S+(?: \S+)?) to ([^;|]+)", evidence)
-    if verdict == "undecided":
-        assert interval is not None, (holds, ours)
-        ours_low, ours_high = (printed_number(end.strip()) for end in interval.groups())
-        assert ours_low < low < ours_high or ours_low < high < ours_high, (holds, evidence)
-
-
-def test_a_verdict_that_the_interval_does_not_settle_is_undecided() -> None:
-    holds = within(-1.0, 2.0, "thesis")
-    assert holds.verdict(0.0, (-0.5, 1.0)) == "met"
-    assert holds.verdict(0.0, (-1.5, 1.0)) == holds.verdict(3.0, (1.0, 4.0)) == "undecided"
-    assert holds.verdict(0.5, (-2.0, 3.0)) == "undecided", "an interval around the range settles nothing"
-    assert holds.verdict(3.0, (2.5, 4.0)) == holds.verdict(-3.0, (-4.0, -1.5)) == "not_met"
-    assert at_most(1.0, "words", otherwise="thesis_in_error").verdict(2.0, (1.5, 3.0)) == "thesis_in_error"
-    assert at_most(1.0, "words").verdict(0.5, (float("nan"), 0.7)) == "undecided"
-    assert at_most(1.0, "words").verdict(float("nan")) == "not_met"
-
-
-def test_a_claim_is_settled_by_its_bounds_and_what_is_better_is_beyond_another() -> None:
-    fast = at_most(10.0, "thesis", better_than=5.0)
-    assert [fast.verdict(value) for value in (11.0, 10.0, 5.0, 4.9)] == ["not_met", "met", "met", "beaten"]
-    high = at_least(20.0, "thesis", better_than=30.0)
-    assert [high.verdict(value) for value in (19.0, 20.0, 31.0)] == ["not_met", "met", "beaten"]
-    assert (above(0.5, "words").verdict(0.5), below(0.5, "words").verdict(0.5)) == ("not_met", "not_met")
-    assert within(7.0, 7.0, "thesis").verdict(7.0) == "met"
-
-
-def test_the_book_misses_no_item() -> None:
-    """Every item has a section in docs/reproduction.md with a verdict on every claim."""
-    parts = BOOK.read_text(encoding="utf-8").split("\n## ")[1:]
-    sections = {part.partition(":")[0]: part for part in parts}
-    assert set(sections) == {*ITEMS, *PEOPLE}
-    for name, part in sections.items():
-        claims = part.partition(f"|{' --- |' * len(COLUMNS)}\n")[2].partition("\n\n")[0].splitlines()
-        assert claims, name
-        for row in claims:
-            assert row.count(" | ") == 6, row
-            _, place, thesis, holds, ours, verdict, evidence = row.removesuffix(" |").split(" | ")
-            assert verdict.strip("*") in WORDS.values(), row
-            assert thesis.startswith("aim ") == verdict.startswith("our aim") == (place == "ours"), row
-            assert holds.endswith(("(thesis)", "(its words)", "(our aim)")), row
-            assert_follows(holds, ours, verdict, evidence)
-            assert re.fullmatch(r"(simulated|replayed|people|external), n = [1-9]\d*(; .*)?", evidence), row
-        assert f"Computed again by `stridelab reproduce {name}" in part, name
-        assert re.search(r"(Draws nothing|One random sample|random draws, seeds)", part), name
-
-
-@pytest.mark.parametrize("name", BLOCKS)
-def test_tables_of_other_pages_are_those_of_the_book(name: str) -> None:
-    """One source: a number that is renewed in the book is renewed on the page, or this fails."""
-    table, block_of = BLOCKS[name]
-    text = (BOOK.parent / name).read_text(encoding="utf-8")
-    assert insert_block(text, table, block_of(BOOK.read_text(encoding="utf-8"))) == text
-
-
-def test_a_table_is_copied_cell_by_cell() -> None:
-    cells = "0.1 | 0.2 | 0.3 | 1 | 2 | 3 | 4 | 5 | 6"
-    kinds_of = ("thesis", "white", "table-40", "plate-bias", "mask", "first-order")
-    rows = "".join(f"| {gait} | {kind} | {cells} |\n" for gait in ("robot", "human") for kind in kinds_of)
-    page = f"# Head\n\n## coverage: Title\n\n| claim | x |\n| --- | --- |\n| a | b |\n\n| gait | s |\n| --- |\n{rows}"
-    assert "| white noise | 1 / 2, 1 / 2 | 4 / 5, 4 / 5 | 0.1 / 0.2, 0.1 / 0.2 |" in coverage_block(page)
-    with pytest.raises(KeyError):
-        height_block(page)
-    text = "before <!-- t of reproduction.md -->old<!-- end of t --> after"
-    assert insert_block(text, "t", "new") == "before <!-- t of reproduction.md -->\n\nnew\n\n<!-- end of t --> after"
-    with pytest.raises(KeyError):
-        insert_block("without comments", "t", "new")

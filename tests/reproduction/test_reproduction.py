@@ -26,7 +26,7 @@ from stridelab.reproduction.report.svg_plots import PALETTE, Bars, Curve, Panel,
 from stridelab.reproduction.studies.estimator_study import simulate_trial
 from stridelab.schemas.reproduction import ITEMS_WITH_DRAWS, ITEMS_WITH_SAMPLE, Evidence, Outcome, ReproductionItem
 from stridelab.schemas.reproduction import Verdict as ContractVerdict
-from support.recorded_claims import assert_as_recorded
+from support.recorded_claims import assert_as_recorded, assert_tables_as_recorded
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -88,6 +88,14 @@ def test_every_item_has_claims_tables_and_a_drawing(found: Mapping[str, Reproduc
     assert all(claim.evidence is not None and (claim.n or 0) >= 1 for claim in result.claims)
     assert all(claim.aim == str(claim.thesis).startswith("aim ") for claim in result.claims)
     for claim in result.claims:
+        assert claim.has_uncertainty, f"{claim.key}: neither an interval nor a reason"
+        assert (claim.interval is None) or claim.no_interval is None, claim.key
+        if claim.interval is not None:
+            assert claim.interval[0] <= claim.ours <= claim.interval[1], claim.key
+        if claim.cases_inside is not None:
+            inside = kinds.Criterion(claim.threshold, claim.holds_from, claim.holds_to, claim.strict).contains
+            assert (claim.cases_inside == claim.n) == inside(claim.ours), f"{claim.key}: the extreme decides on all"
+    for claim in result.claims:
         assert claim.holds_from is not None or claim.holds_to is not None, claim.key
         assert bool(claim.where) != claim.aim, claim.key
         if claim.aim:
@@ -113,6 +121,7 @@ def test_every_item_has_claims_tables_and_a_drawing(found: Mapping[str, Reproduc
 def test_what_verdicts_stand_on_is_as_recorded(found: Mapping[str, Reproduction], name: str) -> None:
     """Numbers, bounds, cases and comparators of one draw; those of table 4.1 are times, which no record holds."""
     assert_as_recorded(name, found[name].claims)
+    assert_tables_as_recorded(name, found[name].tables)
 
 
 def ours(found: Mapping[str, Reproduction], item: str, key: str) -> Claim:
@@ -212,6 +221,8 @@ def test_a_masked_second_holds_a_full_single_support_and_only_it_has_force() -> 
     assert t[seen].min() == pytest.approx(0.5)
     assert t[seen].max() == pytest.approx(1.5)
     assert (trial.wrench.force_n[~seen] == 0).all()
+    assert (trial.wrench.moment_nm[~seen] == 0).all()
+    assert (np.abs(trial.wrench.force_n[seen, 2]) > 100.0).all()
 
 
 def test_a_late_force_is_taken_for_a_bias_of_the_table(found: Mapping[str, Reproduction]) -> None:

@@ -27,6 +27,7 @@ def test_the_steps_are_those_of_the_plan():
     for fit in steps.fits:
         travelled = np.polyfit(fit.time_s, fit.path_m[:, 0], 1)[0]
         assert travelled == pytest.approx(SPEED_M_S, abs=0.1)
+        assert fit.step.length_m == pytest.approx(fit.step.period_s * travelled, rel=0.1)
         z = fit.path_m[:, 1]
         assert fit.time_s[np.argmin(z)] == pytest.approx(np.mean(fit.step.double_support_s), abs=0.03)
 

@@ -7,8 +7,9 @@ from stridelab.contacts.wrench_cones.support_region import area_m2
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
 from stridelab.reproduction.chapter4 import fig_4_6, fig_4_7
 from stridelab.reproduction.registry import ITEMS, reproduce_item
-from stridelab.reproduction.studies.cone_validation import check_cones, check_summary, thesis_cone
+from stridelab.reproduction.studies.cone_validation import ConeCheck, Timed, check_cones, check_summary, thesis_cone
 from stridelab.reproduction.studies.random_contact_sets import stair_sets
+from support.recorded_claims import assert_as_recorded
 
 
 @pytest.fixture(scope="module")
@@ -71,3 +72,31 @@ def test_figure_4_7_is_an_item_with_claims_that_are_checked() -> None:
     assert verdicts["largest_inside"] == verdicts["largest_area"] == "beaten"
     assert result.drawing.startswith("<svg")
     assert "fig-4.6" in ITEMS
+
+
+def invented_check(alpha: float, kept: float, **measured: float) -> ConeCheck:
+    given = {"violation": 0.0, "least_margin": 0.0, "change": 0.0} | measured
+    return ConeCheck(3, 6, 20, volume_ratio=kept, thesis_volume_ratio=0.1, alpha_max=alpha, time_s=0.01, **given)
+
+
+def test_claims_on_random_sets_count_every_set() -> None:
+    """Five sets: alpha = 0.2 leaves one, 0.3 three; one facet, one point and one change are wrong."""
+    checks = [
+        invented_check(0.19, 0.20, violation=1e-3),
+        invented_check(0.25, 0.30, least_margin=-1e-6),
+        invented_check(0.28, 0.25, change=2e-6),
+        invented_check(0.31, 0.40, least_margin=-1e-12),
+        invented_check(0.40, 0.26),
+    ]
+    timed = Timed(0.01)
+    stances = [("2 contacts", 0.30), ("3 contacts", 0.296)]
+    rows = [fig_4_6.Row(name, alpha, 0.1, 0.2, 0.3, 0.4, 0.1, 0.2, timed, timed) for name, alpha in stances]
+    claims = {claim.key: claim for claim in fig_4_6.figure_claims(rows, checks)}
+    assert (claims["alpha_fifth"].ours, claims["alpha_fifth"].cases_inside, claims["alpha_fifth"].n) == (0.2, 4, 5)
+    assert (claims["alpha_third"].ours, claims["alpha_third"].cases_inside) == (0.6, 2)
+    assert (claims["violations"].ours, claims["violations"].cases_inside) == (2.0, 3)
+    assert (claims["change"].ours, claims["change"].cases_inside) == (2e-6, 4)
+    assert claims["kept"].ours == pytest.approx(2.6), "median of the ratios to the thesis' cone"
+    assert claims["kept"].interval == pytest.approx((2.0, 4.0))
+    assert claims["alpha_third_stairs"].verdict == "met", "0.296 is 0.30 to two digits"
+    assert_as_recorded("figure 4.6 of invented sets", claims.values())

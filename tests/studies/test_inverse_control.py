@@ -23,10 +23,10 @@ from stridelab.reproduction.studies.inverse_control import (
     GRID,
     TermWeights,
     best_candidate,
+    error_ratio,
     errors_of_people,
     held_out_errors,
     prediction_error,
-    rms_ratio,
     weighted,
     without_term,
 )
@@ -119,8 +119,9 @@ def test_people_who_minimise_one_term_alone_are_not_taken_for_others() -> None:
     for term, missed in (("momentum_rate", True), ("likelihood", False), ("force", False)):
         columns = without_term(CANDIDATES, term)
         assert {getattr(CANDIDATES[j], term) for j in columns} <= {0.0, FAINT}
-        ratio, (low, high) = rms_ratio(held_out_errors(errors[:, columns])[1] + 1e-6, held_out, "distance")
-        assert low <= ratio <= high
+        ratio, interval = error_ratio(held_out_errors(errors[:, columns])[1] + 1e-6, held_out, "distance")
+        assert interval is not None
+        assert interval[0] <= ratio <= interval[1]
         assert (ratio > 1.5) == missed
 
 

@@ -1,4 +1,5 @@
-"""What verdicts stand on, as recorded: our number, the thesis', the range and whose it is, n, interval and comparator.
+"""What verdicts stand on, as recorded: our number, the thesis', the range and whose it is, n, interval and comparator,
+and the numbers of its remark; of the tables, the mean size of every column.
 
 A changed truth, comparator, threshold or sample is noticed here even where it leaves the verdict as it was. After a
 change that is meant, ``STRIDELAB_RECORD_CLAIMS=1 pytest tests/reproduction tests/studies`` records anew; the difference
@@ -8,15 +9,19 @@ of the file then shows what has moved.
 import json
 import math
 import os
+import re
 from collections.abc import Iterable, Mapping
+from decimal import Decimal
 from pathlib import Path
 from typing import Any, Final
 
-from stridelab.reproduction.claims import Claim
+import numpy as np
+
+from stridelab.reproduction.claims import Claim, Column
 
 RECORDS: Final = Path(__file__).parents[1] / "reproduction" / "recorded_claims.json"
 FIELDS: Final = ("verdict", "thesis", "holds_from", "holds_to", "strict", "threshold", "aim", "evidence", "n", "where",
-                 "interval", "comparator", "solver")  # fmt: skip
+                 "interval", "comparator", "solver", "cases_inside", "no_interval")  # fmt: skip
 MEASURED_TIMES: Final = ("time", "u_c_faster", "per_second", "iteration_", "u_c_gain", "u_f_", "horizon_hz",
                          "kernel_ns", "wrench_25_s", "forces_17_s")  # fmt: skip
 """Beginnings of the keys of claims on processor times, whose numbers and verdicts are those of a machine."""
@@ -25,11 +30,17 @@ ROUNDING: Final = 1e-7
 RELATIVE: Final = 2e-3
 """Room for other processors and libraries; one machine repeats every digit."""
 DIGITS: Final = 9
+MACHINE_COLUMN: Final = re.compile(r"seconds|_ms$|ms_per|iterations|solver$|_l_[xyz]_nms$|margin_n$|violation$")
+"""Columns of times, of how a solver got there, and of what is zero but for its tolerance."""
+NUMBER: Final = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def assert_as_recorded(name: str, claims: Iterable[Claim], *, timed: bool = False) -> None:
     """Every claim of an item has the fields of its record; times of a machine only if ``timed`` (they are invented)."""
-    now = {claim.key: _record_of(name, claim, timed=timed) for claim in claims}
+    _compare_or_record(name, {claim.key: _record_of(name, claim, timed=timed) for claim in claims})
+
+
+def _compare_or_record(name: str, now: Mapping[str, Mapping[str, Any]]) -> None:
     records = json.loads(RECORDS.read_text(encoding="utf-8")) if RECORDS.exists() else {}
     if os.environ.get("STRIDELAB_RECORD_CLAIMS"):
         records = dict(sorted((records | {name: now}).items()))
@@ -46,6 +57,25 @@ def assert_as_recorded(name: str, claims: Iterable[Claim], *, timed: bool = Fals
     assert not changed, "\n".join(changed)
 
 
+def assert_tables_as_recorded(name: str, tables: Mapping[str, Mapping[str, Column]]) -> None:
+    """The mean size of every column of an item's tables is as recorded, but for times and iterations."""
+    sizes = {
+        f"{table}.{column}": _mean_size(values)
+        for table, columns in tables.items()
+        for column, values in columns.items()
+        if not MACHINE_COLUMN.search(column)
+    }
+    _compare_or_record(f"{name}, tables", {"mean sizes": sizes})
+
+
+def _mean_size(values: Column) -> float | str:
+    """Mean of the absolute finite values; of texts, their number and that of different ones."""
+    if values.dtype.kind not in "fiub":
+        return f"{len(values)} texts, {len(set(values.tolist()))} different"
+    finite = np.abs(values.astype(float))[np.isfinite(values.astype(float))]
+    return _rounded(float(finite.mean())) if len(finite) else "no number"
+
+
 def _lines_of(records: Mapping[str, Mapping[str, Any]]) -> str:
     return ",\n".join(f"  {json.dumps(key)}: {json.dumps(record)}" for key, record in records.items())
 
@@ -56,7 +86,7 @@ def _record_of(name: str, claim: Claim, *, timed: bool) -> dict[str, Any]:
         fields["interval"] = [_rounded(end) for end in fields["interval"]]
     if name in ("table-4.1", "numbers-4") and not timed and claim.key.startswith(MEASURED_TIMES):
         return {field: value for field, value in fields.items() if field != "verdict"}
-    return {"ours": _rounded(claim.ours)} | fields
+    return {"ours": _rounded(claim.ours)} | fields | {"remark": NUMBER.findall(claim.note)}
 
 
 def _rounded(value: float) -> float:
@@ -66,6 +96,15 @@ def _rounded(value: float) -> float:
 def _differ(one: Any, other: Any) -> bool:
     if isinstance(one, list) and isinstance(other, list):
         return len(one) != len(other) or any(map(_differ, one, other))
+    if isinstance(one, str) and isinstance(other, str) and NUMBER.fullmatch(one) and NUMBER.fullmatch(other):
+        return _printed_differ(one, other)
     if not isinstance(one, float) or not isinstance(other, (int, float)):
         return bool(one != other)
     return max(abs(one), abs(other)) >= ROUNDING and not math.isclose(one, other, rel_tol=RELATIVE)
+
+
+def _printed_differ(one: str, other: str) -> bool:
+    """Whether two printed numbers differ by more than the last digit of either, beyond ``RELATIVE``."""
+    digit = max(10.0 ** int(Decimal(text).as_tuple().exponent) for text in (one, other))
+    a, b = float(one), float(other)
+    return abs(a - b) > 1.01 * digit and _differ(a, b)

@@ -34,6 +34,10 @@ order, equality up to rounding or to sampling error); or an aim of this project.
 Sampling = Literal["nothing", "one", "many"]
 """What an item draws at random: nothing, one sample of fixed size, or a number of draws that can be chosen."""
 
+NoInterval = Literal["deterministic", "in_claim", "one_case", "one_sample", "machine_time"]
+"""Why a number has no 95 % interval: nothing is drawn; the claim itself is on sampling error (a probability, a bound in
+standard errors); there is one case; one sample of fixed size, of which a statistic has none; a time of one machine."""
+
 Column = np.ndarray
 """One column of a table: numbers or strings, one per row."""
 
@@ -49,8 +53,9 @@ class Claim:
     ``threshold``; a value on the other side overturns the verdict. ``aim`` marks claims that the thesis does not make:
     on them "beaten" and "not_met" are no verdicts on the thesis.
     ``n`` is the number of cases (draws, steps, people, contact sets) behind our number, ``interval`` its 95 % interval,
-    ``comparator`` what it is compared with. Only before ``Reproduction.with_basis``, ``evidence``, ``n`` and ``where``
-    may lack.
+    ``comparator`` what it is compared with. A claim on every case, whose number is the most extreme one, has
+    ``cases_inside`` instead of an interval: how many of the n cases are in the range themselves. ``no_interval`` says
+    why neither exists. Only before ``Reproduction.with_basis``, ``evidence``, ``n``, ``where`` and all three may lack.
     """
 
     key: str
@@ -71,6 +76,13 @@ class Claim:
     holds_to: float | None = None
     strict: bool = False
     threshold: Threshold = "ours"
+    cases_inside: int | None = None
+    no_interval: NoInterval | None = None
+
+    @property
+    def has_uncertainty(self) -> bool:
+        """Whether the claim has an interval, counted cases or the reason for neither."""
+        return not (self.interval is None and self.cases_inside is None and self.no_interval is None)
 
     @property
     def outcome(self) -> Outcome:
@@ -100,8 +112,10 @@ class Reproduction:
         judged = [claim for claim in self.claims if not claim.aim] or self.claims
         return min((claim.verdict for claim in judged), key=VERDICTS.index)
 
-    def with_basis(self, evidence: Evidence, n: int, where: str = "") -> "Reproduction":
-        """The same with ``evidence``, ``n`` and ``where`` on all claims that do not state their own."""
+    def with_basis(
+        self, evidence: Evidence, n: int, where: str = "", no_interval: NoInterval | None = None
+    ) -> "Reproduction":
+        """The same with the arguments on all claims that do not state their own."""
         cases = n if self.n is None else self.n
         claims = (
             replace(
@@ -109,6 +123,7 @@ class Reproduction:
                 evidence=each.evidence or evidence,
                 n=cases if each.n is None else each.n,
                 where=each.where or ("" if each.aim else where),
+                no_interval=each.no_interval if each.has_uncertainty else no_interval,
             )
             for each in self.claims
         )
@@ -145,7 +160,8 @@ class Item:
 
     def __call__(self, seeds: range, tell: Progress) -> Reproduction:
         """Compute the item; all claims of the result have their evidence, number of cases and place."""
-        result = self.run(seeds, tell).with_basis(self.evidence, len(seeds), self.where)
+        certain: NoInterval | None = "deterministic" if self.draws == "nothing" else None
+        result = self.run(seeds, tell).with_basis(self.evidence, len(seeds), self.where, certain)
         tell(1.0, "done")
         return result
 
@@ -192,6 +208,19 @@ class Basis(TypedDict, total=False):
     interval: tuple[float, float] | None
     comparator: str | None
     where: str
+    cases_inside: int | None
+    no_interval: NoInterval | None
+
+
+class Certain(TypedDict):
+    """Fields of ``Basis`` of a number for which nothing is drawn."""
+
+    n: int
+    no_interval: NoInterval
+
+
+DETERMINISTIC: Final[Certain] = {"n": 1, "no_interval": "deterministic"}
+"""Basis of a number that is computed once, from nothing that is drawn."""
 
 
 @dataclass(frozen=True)
@@ -281,6 +310,8 @@ class Measured:
     def says(self, says: str, note: str = "", **basis: Unpack[Basis]) -> Claim:
         """The claim that the thesis makes in these words, with a remark on our number and what it is computed from."""
         holds = self.criterion
+        if "interval" in basis and basis["interval"] is None:
+            basis.setdefault("no_interval", "one_case")
         return Claim(
             self.key,
             says,

@@ -47,6 +47,7 @@ holds in a part of our interval only; of a claim with ``aim``,
 ``beaten`` and ``not_met`` say whether an aim of this project is reached, and nothing on the thesis."""
 Evidence = Literal["simulated", "replayed", "people", "external"]
 Threshold = Literal["thesis", "words", "ours"]
+NoInterval = Literal["deterministic", "in_claim", "one_case", "one_sample", "machine_time"]
 Outcome = Literal["not_met", "thesis_in_error", "undecided", "met", "beaten", "aim_missed", "aim_reached"]
 ITEMS_WITH_DRAWS: Final = frozenset(
     [
@@ -140,6 +141,20 @@ class ClaimResult(Contract):
         description="whose the bounds are: printed in the thesis, implied by its words without a number, or ours",
     )
     overturned_by: str = Field(default="", description="what would overturn the verdict")
+    cases_inside: int | None = Field(
+        default=None,
+        description="of a claim on every case, whose number is the most extreme one: how many of the n cases are in "
+        "the range themselves",
+    )
+    no_interval: NoInterval | None = Field(
+        default=None,
+        description="why there is neither interval nor cases_inside: nothing is drawn, the claim is on sampling error, "
+        "one case, one sample of fixed size, or a time of one machine",
+    )
+    uncertainty: str = Field(
+        default="",
+        description="interval of ours, or of the share of all cases in the range, or why there is none, as text",
+    )
 
     @property
     def outcome(self) -> Outcome:

@@ -1,9 +1,11 @@
 """Claims on many draws, from invented draws: one simulated draw cannot tell a mean from a maximum."""
 
 from collections.abc import Iterator
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum
 from stridelab.estimation.evaluation.truth_errors import TruthError
@@ -13,12 +15,15 @@ from stridelab.reproduction.chapter2 import (
     fig_2_8,
     table_coverage,
     table_errors,
+    table_flight,
     table_lag,
     table_partial_force,
 )
 from stridelab.reproduction.chapter2.table_partial_force import PartialForceErrors
-from stridelab.reproduction.common.estimator_errors import Draw, horizontal_ratio, resampled_interval
+from stridelab.reproduction.common.estimator_errors import Draw, horizontal_ratio
 from stridelab.reproduction.common.estimators import GEOMETRY, KALMAN, NAMES, SMOOTHER, THESIS
+from stridelab.reproduction.common.intervals import interval_of, resampled_interval, rms_ratio, share_interval
+from stridelab.reproduction.studies.estimator_study import StudyTrial
 from support.recorded_claims import assert_as_recorded
 
 N = 5
@@ -55,6 +60,24 @@ def test_an_interval_of_draws_is_that_of_their_scatter() -> None:
     assert np.mean(interval) == pytest.approx(values.mean(), abs=0.02)
     assert resampled_interval(lambda _: 0.0, 1) is None
     assert resampled_interval(lambda _: 0.0, 2) == (0.0, 0.0)
+
+
+def test_an_interval_of_a_share_is_that_of_the_binomial_test() -> None:
+    """Without a counted case the upper end is 1 - 0.025^(1/n); elsewhere as scipy's exact test has it."""
+    for count, n in ((0, 50), (1, 11), (27, 38), (11, 11)):
+        assert share_interval(count, n) == pytest.approx(tuple(binomtest(count, n).proportion_ci(method="exact")))
+    assert share_interval(0, 11)[1] == pytest.approx(1.0 - 0.025 ** (1.0 / 11.0))
+
+
+def test_all_intervals_are_of_one_bootstrap() -> None:
+    """A mean, a ratio and a statistic of the chosen cases draw the same samples."""
+    values = np.random.default_rng(4).normal(2.0, 0.3, 11)
+    by_hand = resampled_interval(lambda chosen: float(np.mean([values[k] for k in chosen])), len(values))
+    assert interval_of(values) == pytest.approx(by_hand)
+    _, interval = rms_ratio(values**2, np.ones(11))
+    assert interval == pytest.approx(interval_of(values, lambda drawn: float(np.sqrt((drawn**2).mean()))))
+    assert interval_of(values, np.median) != interval_of(values)
+    assert interval_of([3.0]) is None
 
 
 def test_ratios_are_those_of_root_mean_squares_over_all_draws() -> None:
@@ -122,7 +145,7 @@ def test_coverage_is_the_mean_share_and_the_width_that_of_root_mean_squares() ->
     widths, misses = (np.sqrt(np.mean([getattr(e, of)[2] ** 2 for e in errors])) for of in ("sd_m", "rms_m"))
     assert summary["ratio_z"] == pytest.approx(widths / misses)
     assert summary["rms_z_m"] == pytest.approx(misses)
-    claims = table_coverage._coverage_claims("human", table_coverage.SCENARIOS[2], dict(summary))
+    claims = table_coverage._coverage_claims("human", table_coverage.SCENARIOS[2], errors)
     assert_as_recorded("coverage of invented draws", claims)
 
 
@@ -138,3 +161,55 @@ def test_errors_with_a_second_of_force_are_pooled_over_samples() -> None:
     assert claims["human_horizontal_m"].ours == pytest.approx(np.sqrt((inside**2).mean()))
     assert (inside <= claims["human_95_m"].ours).mean() == pytest.approx(0.95, abs=0.01)
     assert_as_recorded("partial force of invented draws", claims.values())
+
+
+def test_flight_is_judged_by_the_root_mean_square_of_its_draws() -> None:
+    shares = [0.01, -0.02, 0.03, -0.015]
+    claim = table_flight._smoother_claim("thesis", shares)
+    assert claim.ours == pytest.approx(np.sqrt(np.mean(np.square(shares))))
+    assert (claim.verdict, claim.outcome) == ("not_met", "aim_missed")
+    assert "3.00 %" in claim.note, "the worst draw has the larger size, whatever its sign"
+    assert_as_recorded("flight of invented draws", [claim])
+
+
+def test_reports_of_a_bias_are_counted_with_and_without_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eight draws: a bias is reported in six of them, and in one where there is none."""
+    trials = {seed: Mock(spec=StudyTrial, seed=seed, mass_kg=90.0) for seed in range(8)}
+    directions: list[np.ndarray] = []
+
+    def with_bias(trial: StudyTrial, direction: np.ndarray) -> StudyTrial:
+        directions.append(direction)
+        return Mock(spec=StudyTrial, seed=trial.seed, mass_kg=1000.0)
+
+    monkeypatch.setattr(table_coverage, "simulate_trial", lambda _gait, _noise, seed: trials[seed])
+    monkeypatch.setattr(table_coverage, "with_force_bias", with_bias)
+    monkeypatch.setattr(
+        table_coverage, "_reports_bias", lambda trial: trial.seed < 6 if trial.mass_kg == 1000.0 else trial.seed == 3
+    )
+    claims = {claim.key: claim for claim in table_coverage._bias_detection_claims("human", range(8))}
+    flagged, false = claims["human_flagged"], claims["human_false_alarms"]
+    assert (flagged.ours, false.ours) == (6 / 8, 1 / 8)
+    assert (flagged.interval, false.interval) == (share_interval(6, 8), share_interval(1, 8))
+    assert (flagged.holds_from, false.holds_to) == (0.95, 0.05)
+    assert (flagged.outcome, false.outcome) == ("aim_missed", "aim_missed")
+    assert np.linalg.norm(directions, axis=1) == pytest.approx(np.ones(8))
+    assert len(np.unique(np.round(directions, 6), axis=0)) == 8, "another direction in every draw"
+    assert np.abs(np.array(directions)[:, 2]).max() == 0.0
+
+
+def test_windows_that_are_too_short_are_counted_by_their_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    reasons = {0: "window-too-short", 1: "no-single-support", 2: None, 3: "window-too-short"}
+    drawn: list[tuple[float, float]] = []
+
+    def excerpt(_gait: str, _noise: str, seed: int, attempt: int, force_s: tuple[float, float]) -> int:
+        assert attempt == 0
+        drawn.append(force_s)
+        return seed
+
+    monkeypatch.setattr(table_partial_force, "_random_excerpt", excerpt)
+    monkeypatch.setattr(table_partial_force, "_rejection_code", lambda seed: reasons[seed])
+    claim = table_partial_force._short_window_claim("robot", range(4))
+    assert claim.ours == 0.5
+    assert claim.interval == share_interval(2, 4)
+    assert claim.outcome == "aim_missed"
+    assert {round(end - start, 6) for start, end in drawn} == {0.35}

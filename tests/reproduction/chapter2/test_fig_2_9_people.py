@@ -1,6 +1,7 @@
 """Figure 2.9 on runners: what is an offset, what makes it that of a body, and which mass and files a run has."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from zipfile import ZipFile
 
 import numpy as np
@@ -72,6 +73,64 @@ def test_an_offset_that_grows_with_the_speed_is_not_that_of_a_table() -> None:
     assert claims["change_left_m"].verdict == "met"
     drifting = claims_of([fused_run(k, s, at, 2.0 * SAME_M) for k, at in enumerate(OFFSETS_M) for s in SPEEDS])
     assert drifting["drift_m"].verdict == "not_met"
+
+
+def hopping_runner(bias_m: np.ndarray, ahead: np.ndarray) -> SimpleNamespace:
+    """Hops in place for 9 s with a third of each 0.36 s in the air; the table is wrong by ``bias_m``, L' is zero."""
+    t = np.arange(0.0, 9.0, 1.0 / RATE_HZ)
+    phase = (t / 0.36) % 1.0
+    up_n = np.where(phase < 2.0 / 3.0, 1.5 * 70.0 * GRAVITY_M_S2, 0.0)
+    up_n *= 70.0 * GRAVITY_M_S2 / up_n[: 36 * (len(t) // 36)].mean()
+    lift = up_n / 70.0 - GRAVITY_M_S2
+    height = np.cumsum(np.cumsum(lift)) / RATE_HZ**2
+    height -= np.polyval(np.polyfit(t, height, 1), t) - 0.95
+    com_m = np.column_stack([0.0 * t, 0.0 * t, height])
+    force_n = np.column_stack([0.0 * t, 0.0 * t, up_n])
+    track = WrenchTrack(t, force_n, np.cross(com_m, force_n), np.ones(len(t), dtype=bool), (Window(0.0, float(t[-1])),))
+    recording = SimpleNamespace(marker_rate_hz=RATE_HZ, walking_direction=ahead)
+    return SimpleNamespace(
+        recording=recording, mass_kg=70.0, geometric=SimpleNamespace(com_m=com_m + bias_m), total_wrench=lambda _: track
+    )
+
+
+def test_the_filter_takes_away_what_the_table_is_wrong_by_but_for_the_time_in_flight(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Whatever way the runner faces; a third of the bias stays, and all of that of the height."""
+    bias_m = np.array([0.03, -0.02, 0.01])
+    for ahead, expected in (([1.0, 0.0, 0.0], [0.03, -0.02]), ([0.0, 1.0, 0.0], [-0.02, -0.03])):
+        runner = hopping_runner(bias_m, np.array(ahead))
+        monkeypatch.setattr(recorded_walks.RecordedWalk, "from_file", lambda _path, runner=runner: runner)
+        run = fig_2_9_people.fuse_run(Path("hamner/person7/Run_4.trc"))
+        assert (run.person, run.speed_m_s, run.mass_kg) == ("person7", 4, 70.0)
+        assert run.aloft == pytest.approx(1.0 / 3.0, abs=0.02)
+        assert run.left_over[:2] == pytest.approx([run.aloft] * 2, abs=0.02)
+        assert run.left_over[2] > 0.95
+        assert run.mean_m[:2] == pytest.approx([-(1.0 - run.aloft) * size for size in expected], abs=0.001)
+        assert abs(run.mean_m[2]) < 0.001
+        assert np.abs(run.drift_m).max() < 0.001
+        settled = run.time_s[run.settled_samples]
+        assert (settled[0], settled[-1]) == pytest.approx((1.5, 9.0 - 1.5), abs=0.02)
+
+
+def test_runs_that_cannot_be_used_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for person in ("one", "two"):
+        for speed in SPEEDS:
+            path = tmp_path / "running" / person / f"Run_{speed}.trc"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.touch()
+
+    def fuse(path: Path) -> FusedRun:
+        if path.parent.name == "two" and path.stem == "Run_3":
+            raise NotFound("recordings-missing", "The file is cut.")
+        return fused_run(("one", "two").index(path.parent.name), int(path.stem[-1]), OFFSETS_M[0])
+
+    monkeypatch.setattr(fig_2_9_people, "fuse_run", fuse)
+    result = fig_2_9_people.run(tmp_path, lambda _fraction, _message: None)
+    assert result.note.endswith("Left out: two/Run_3.trc (The file is cut).")
+    assert "2 runners" in result.note
+    assert "7 runs, 1 refused" in result.note
+    assert result.tables["offsets"]["speed_m_s"].tolist() == [2, 4, 5], "a speed of one person has no deviation"
 
 
 def run_on_plates(flights: int, mass_kg: float) -> WrenchTrack:

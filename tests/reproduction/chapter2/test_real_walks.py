@@ -10,7 +10,9 @@ from stridelab.errors import NotFound
 from stridelab.recordings.reader import read_recording
 from stridelab.reproduction.chapter2 import table_real_walks
 from stridelab.reproduction.claims import Reproduction
-from support.recorded_claims import assert_as_recorded
+from stridelab.reproduction.common.intervals import rms_ratio
+from support.recorded_claims import assert_as_recorded, assert_tables_as_recorded
+from support.recordings.walks import cut_recording
 
 ADULTS, CHILDREN = ("2014001", "2014015"), ("HC002D", "HC030A")
 
@@ -22,11 +24,13 @@ def found(gait: Path, tmp_path_factory: pytest.TempPathFactory) -> Reproduction:
         (few / study).mkdir()
         for person in persons:
             (few / study / person).symlink_to((gait / study / person).resolve())
+    cut_recording(gait, few, table_real_walks.GROUPS["children"])
     return table_real_walks.run(few, lambda _fraction, _message: None)
 
 
 def test_what_verdicts_on_four_people_stand_on_is_as_recorded(found: Reproduction) -> None:
     assert_as_recorded(table_real_walks.NAME, found.claims)
+    assert_tables_as_recorded(table_real_walks.NAME, found.tables)
 
 
 def by(columns: Mapping[str, np.ndarray], key: str, value: str) -> dict[str, float]:
@@ -43,6 +47,7 @@ def test_every_estimator_is_in_every_group_and_means_compare_the_same_walks(foun
         assert len(held) == 1
         assert held <= {0, 1, 2}
     assert "2014015_C" in found.note  # where the smoother has no held-back force
+    assert "Left out: cut/Straight" in found.note
 
 
 def test_the_geometry_is_not_offset_from_itself_and_is_the_baseline_of_every_distance(found: Reproduction) -> None:
@@ -58,12 +63,13 @@ def test_the_geometry_is_not_offset_from_itself_and_is_the_baseline_of_every_dis
 
 
 def test_a_ratio_of_paired_people_is_certain_where_all_agree_and_not_where_one_decides() -> None:
-    ratio, (low, high) = table_real_walks.paired_ratio([1.0, 4.0, 9.0], [4.0, 16.0, 36.0])
-    assert ratio == low == high == pytest.approx(0.5)
-    ratio, (low, high) = table_real_walks.paired_ratio([1.0, 1.0, 100.0], [4.0, 4.0, 4.0])
-    assert low == pytest.approx(0.5)
-    assert high == pytest.approx(5.0)
+    ratio, interval = rms_ratio([1.0, 4.0, 9.0], [4.0, 16.0, 36.0])
+    assert interval == (ratio, ratio)
+    assert ratio == pytest.approx(0.5)
+    ratio, interval = rms_ratio([1.0, 1.0, 100.0], [4.0, 4.0, 4.0])
+    assert interval == pytest.approx((0.5, 5.0))
     assert ratio == pytest.approx(np.sqrt(102 / 12))
+    assert rms_ratio([-1.0, -1.0], [1.0, 1.0]) == (0.0, (0.0, 0.0)), "a penalty may exceed the distance"
 
 
 @pytest.mark.parametrize("person", CHILDREN)

@@ -1,14 +1,19 @@
 """The hierarchical model of R and r: exponents that made the data are estimated, laboratories and people are units."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from stridelab.conventions import GRAVITY_M_S2
-from stridelab.errors import NotEstimable, NotFound
+from stridelab.errors import NotEstimable, NotFound, UnreadableFile
 from stridelab.reproduction.chapter3 import height_people
 from stridelab.reproduction.chapter3.height_people import LEG_SHARE, WalkMeans, fit_hierarchy
+from stridelab.reproduction.chapter3.people_walks import FittedWalk
+from stridelab.reproduction.common.recorded_walks import left_out_text
 from support.recorded_claims import assert_as_recorded
 
 TAU, SIGMA = 0.03, 0.02
@@ -82,6 +87,61 @@ def test_what_verdicts_on_invented_people_stand_on_is_as_recorded() -> None:
         assert_as_recorded(f"height-people, {letter} of invented people", height_people._claims(hierarchy, walks, 24))
 
 
+def fitted_walk(turn_deg: float = 0.0, *, steps: int = 2, height_m: float | None = 1.7) -> Any:
+    """Two steps at 1.2 m/s that begin ahead and end ``turn_deg`` to the left, with double support."""
+    t = np.arange(0.0, 2.0, 0.01)
+    heading = np.radians(turn_deg) * (t >= 1.0)
+    velocity = 1.2 * np.column_stack([np.cos(heading), np.sin(heading), 0.0 * t])
+    wheels = [SimpleNamespace(R_m=0.10, r_m=0.02), SimpleNamespace(R_m=0.14, r_m=0.03)][:steps]
+    fits = tuple(
+        SimpleNamespace(
+            path=SimpleNamespace(wheel=wheel),
+            step=SimpleNamespace(start_s=float(k), end_s=k + 1.0, strike_s=k + 0.8, next_lift_off_s=k + 0.9),
+        )
+        for k, wheel in enumerate(wheels)
+    )
+    estimate = SimpleNamespace(time_s=t, velocity_m_s=velocity)
+    walk = Mock(spec=FittedWalk)
+    walk.fits, walk.height_m, walk.estimate, walk.ahead = fits, height_m, estimate, np.array([1.0, 0.0, 0.0])
+    walk.person = "a"
+    return walk
+
+
+def test_a_walk_is_the_mean_of_its_steps() -> None:
+    walk = height_people.walk_means(fitted_walk(), "lab")
+    assert (walk.laboratory, walk.person, walk.height_m) == ("lab", "a", 1.7)
+    assert walk.speed_m_s == pytest.approx(1.2)
+    assert walk.values_m == pytest.approx({"R": 0.12, "r": 0.025})
+    leg_m = 0.53 * 1.7
+    assert walk.froude_number == pytest.approx(1.2**2 / (9.81 * leg_m), rel=1e-3)
+    turned = height_people.walk_means(fitted_walk(14.0), "lab")
+    assert turned.speed_m_s == pytest.approx(0.6 * (1.0 + np.cos(np.radians(14.0)))), "along the whole walk"
+
+
+def test_what_is_no_straight_walk_of_a_known_person_is_refused() -> None:
+    run = fitted_walk()
+    run.fits[1].step.strike_s = run.fits[1].step.next_lift_off_s
+    cases = {"not-straight": fitted_walk(-16.0), "no-whole-step": fitted_walk(steps=0),
+             "no-stature": fitted_walk(height_m=None), "no-double-support": run}  # fmt: skip
+    for code, walk in cases.items():
+        with pytest.raises(NotEstimable) as error:
+            height_people.walk_means(walk, "lab")
+        assert error.value.code == code
+
+
+def test_unreadable_recordings_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "lab" / "p1").mkdir(parents=True)
+    (tmp_path / "lab" / "p1" / "walk.c3d").touch()
+
+    def refuse(_path: Path, _folder: Path) -> None:
+        raise UnreadableFile("truncated-file", "The file is truncated.")
+
+    monkeypatch.setattr(height_people.RecordedWalk, "from_file", refuse)
+    _, counted, unreadable = height_people.collect_walks(tmp_path, lambda _share, _text: None)
+    assert counted == {"truncated-file": 1}
+    assert left_out_text(unreadable) == " Left out: p1/walk.c3d (The file is truncated)."
+
+
 def test_recordings_without_a_walk_are_counted_by_their_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("a/p1/walk1.c3d", "a/p1/walk2.c3d", "a/p1/Static01.c3d", "b/p2/walk1.c3d"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -93,8 +153,6 @@ def test_recordings_without_a_walk_are_counted_by_their_reason(tmp_path: Path, m
         raise NotEstimable("not-straight" if path.name == "walk1.c3d" else "no-stature", "It turns.")
 
     monkeypatch.setattr(height_people.RecordedWalk, "from_file", refuse)
-    assert height_people.collect_walks(tmp_path, lambda _share, _text: None) == (
-        [],
-        {"not-straight": 2, "no-stature": 1},
-    )
+    counted = {"not-straight": 2, "no-stature": 1}
+    assert height_people.collect_walks(tmp_path, lambda _share, _text: None) == ([], counted, [])
     assert tried == ["p1/walk1.c3d", "p1/walk2.c3d", "p2/walk1.c3d"], "who stands does not walk"

@@ -16,17 +16,17 @@ from stridelab.reproduction.chapter3.people_walks import (
     RecordedWalk,
     fit_walk,
     fitted_walks,
-    people_interval,
     pooled_spread,
 )
 from stridelab.reproduction.claims import Claim
+from stridelab.reproduction.common.intervals import interval_of
 from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.reproduction.result_cache import digest_of
 from stridelab.reproduction.runner import recipes_of
 from stridelab.walking.population.correlations import two_sided_p
 from stridelab.walking.population.population import PARAMETERS, Pair, Person, StepRow, study
-from support.recorded_claims import assert_as_recorded
-from support.recordings.walks import link_adults
+from support.recorded_claims import assert_as_recorded, assert_tables_as_recorded
+from support.recordings.walks import cut_recording, link_adults
 
 BOOK = Path(__file__).parents[3] / "docs" / "reproduction.md"
 ADULTS = ("2014001", "2014015", "2014019", "2014022")
@@ -39,7 +39,10 @@ def silent(_fraction: float, _message: str) -> None:
 
 @pytest.fixture(scope="module")
 def folder(gait: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return link_adults(gait, ADULTS, tmp_path_factory.mktemp("gait"))
+    """Four adults, and a fifth one whose recording is cut."""
+    folder = link_adults(gait, ADULTS, tmp_path_factory.mktemp("gait"))
+    cut_recording(gait, folder, people_walks.SPEEDS["fast"])
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +53,10 @@ def claims(folder: Path) -> dict[tuple[str, str], Claim]:
         assert result.tables["people"]["people"].tolist() == [4, 4]
         assert result.tables["people"]["steps"].tolist() == [8, 8], "two steps each, also that beside the plates"
         assert "10.6084/m9.figshare.7734767" in result.note, "where the recordings are published"
+        assert re.search(r"Left out: cut/2014001_C5_\w+\.c3d \(.*ends in the middle of its frames\)", result.note), (
+            "not the whole item fails"
+        )
+        assert_tables_as_recorded(item.name, result.tables)
         by_item |= {(item.name, claim.key): claim for claim in result.claims}
     return by_item
 
@@ -126,13 +133,13 @@ def test_pairs_of_steps_are_pooled_with_the_interval_of_a_variance() -> None:
 
 def test_an_interval_is_over_people() -> None:
     values = np.random.default_rng(3).normal(5.0, 2.0, 40)
-    interval = people_interval(values)
+    interval = interval_of(values)
     assert interval is not None
     low, high = interval
     assert (low + high) / 2.0 == pytest.approx(values.mean(), abs=0.1)
     assert high - low == pytest.approx(2.0 * 1.96 * values.std() / np.sqrt(40.0), rel=0.1)
-    assert people_interval([1.0, 1.0, 1.0]) == (1.0, 1.0)
-    assert people_interval([1.0]) is None, "one person says nothing about others"
+    assert interval_of([1.0, 1.0, 1.0]) == (1.0, 1.0)
+    assert interval_of([1.0]) is None, "one person says nothing about others"
 
 
 def test_the_convex_part_is_where_the_height_accelerates_upwards(walk: FittedWalk) -> None:
@@ -188,7 +195,9 @@ def test_a_simulated_population_gives_no_verdict_on_people() -> None:
 
 def test_walks_of_a_folder_are_fitted_once(folder: Path) -> None:
     assert fitted_walks(folder) is fitted_walks(folder)
-    assert set(fitted_walks(folder)) == set(people_walks.SPEEDS)
+    walks, left_out = fitted_walks(folder)
+    assert set(walks) == set(people_walks.SPEEDS)
+    assert [each.file.partition("/")[0] for each in left_out] == ["cut"]
 
 
 def test_other_recordings_are_computed_anew(tmp_path: Path) -> None:
@@ -201,6 +210,12 @@ def test_other_recordings_are_computed_anew(tmp_path: Path) -> None:
     again = recipes_of(["fig-3.6-people", "fig-2.5"], None, tmp_path)
     assert digests[0] != digests[1] == again[0].source_digest
     assert again[1].source_digest == digest_of(again[1].module), "what draws only is computed from no recordings"
+
+
+def test_recordings_that_all_are_cut_are_refused_by_name(gait: Path, tmp_path: Path) -> None:
+    cut = cut_recording(gait, tmp_path, people_walks.SPEEDS["comfortable"])
+    with pytest.raises(NotFound, match=rf"Left out: cut/{cut.name} \(.*ends in the middle"):
+        PEOPLE_ITEMS[0].run(tmp_path, silent)
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:

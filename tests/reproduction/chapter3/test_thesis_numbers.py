@@ -79,8 +79,8 @@ def test_the_printed_coefficients_have_the_p_of_students_t() -> None:
 
 def test_the_factor_of_an_inner_ellipsoid_is_that_of_johns_theorem() -> None:
     """Sharp for a simplex (1 / d) and for a cross (1 / sqrt(d)); no cloud has less."""
-    assert numbers_4.smallest_alpha(symmetric=False) == pytest.approx(1.0 / 5.0, abs=1e-6)
-    assert numbers_4.smallest_alpha(symmetric=True) == pytest.approx(1.0 / np.sqrt(5.0), abs=1e-6)
+    assert min(numbers_4.shrinking_factors(symmetric=False)) == pytest.approx(1.0 / 5.0, abs=1e-6)
+    assert min(numbers_4.shrinking_factors(symmetric=True)) == pytest.approx(1.0 / np.sqrt(5.0), abs=1e-6)
 
 
 def test_facets_hold_their_rays_and_grow_with_the_contacts() -> None:

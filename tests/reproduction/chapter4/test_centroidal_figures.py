@@ -12,6 +12,7 @@ from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.reachability.card import Measure
 from stridelab.reproduction.chapter4 import fig_4_8, fig_4_9, numbers, table_4_1
 from stridelab.reproduction.studies.thesis_experiments import EXPERIMENTS, WALKERS, experiment_problem
 from support.recorded_claims import assert_as_recorded
@@ -63,6 +64,34 @@ def test_the_cells_of_a_projected_density_add_up_to_one() -> None:
     flat = fig_4_9.project_mixture(mixture, (0, 2))
     x, y, density = fig_4_9.density_on_grid(flat, mixture.means_m[:, [0, 2]])
     assert density.sum() * (x[1] - x[0]) * (y[1] - y[0]) / (2.0 * np.pi) == pytest.approx(1.0, abs=0.02)
+
+
+def test_the_density_is_judged_over_the_contact_alone() -> None:
+    """Invented paths of four nodes, the last in the air: the gain is a mean, the rare share a share of contact."""
+
+    def path(measure: Measure, case: str, share: list[float], log_density: list[float]) -> fig_4_9.ComPath:
+        com_m = np.array([[0.1, 0.0, 0.8]] * 3 + [[np.nan] * 3])
+        shares, densities = (np.array([*values, np.nan]) for values in (share, log_density))
+        return fig_4_9.ComPath(measure, case, np.arange(4.0), com_m, shares, densities, "native")
+
+    paths = [
+        path("uniform", "with", [0.5, 0.2, 0.9], [2.0, 3.0, 4.0]),
+        path("uniform", "without", [0.01, 0.04, 0.9], [1.0, 1.0, 4.0]),
+        path("conditioned", "with", [0.3, 0.02, 0.03], [1.0, 1.0, 1.0]),
+        path("conditioned", "without", [0.3, 0.3, 0.06], [1.5, 1.0, 1.0]),
+    ]
+    claims = {claim.key: claim for claim in fig_4_9.figure_claims(paths)}
+    assert claims["nearer_uniform"].ours == pytest.approx(3.0 - 2.0)
+    assert claims["nearer_conditioned"].ours == pytest.approx(-1.0 / 6.0)
+    assert (claims["nearer_uniform"].verdict, claims["nearer_conditioned"].verdict) == ("met", "not_met")
+    assert claims["infeasible_uniform"].ours == pytest.approx(2.0 / 3.0), "0.05 is rare, the air is no contact"
+    assert claims["infeasible_uniform"].verdict == "met"
+    assert claims["infeasible_conditioned"].ours == 0.0
+    assert claims["infeasible_conditioned"].holds_from == pytest.approx(2.0 / 3.0), "not less than with the density"
+    assert claims["usual"].ours == 0.02
+    table = fig_4_9.path_table(paths)
+    assert table["least_share"].tolist() == [0.2, 0.01, 0.02, 0.06]
+    assert_as_recorded("figure 4.9 of invented paths", claims.values())
 
 
 def test_the_table_has_the_thesis_numbers_beside_ours() -> None:

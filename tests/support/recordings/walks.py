@@ -274,3 +274,13 @@ def link_adults(gait: Path, people: Sequence[str], folder: Path) -> Path:
     for person in people:
         (folder / adults / person).symlink_to((gait / adults / person).resolve())
     return folder
+
+
+def cut_recording(gait: Path, folder: Path, pattern: str, person: str = "cut") -> Path:
+    """Copy the first half of a recording that matches ``pattern`` to ``folder`` as that of another person."""
+    whole = sorted(gait.glob(pattern))[0]
+    cut = folder / whole.parent.parent.name / person / whole.name
+    cut.parent.mkdir(parents=True, exist_ok=True)
+    content = whole.read_bytes()
+    cut.write_bytes(content[: len(content) // 2])
+    return cut

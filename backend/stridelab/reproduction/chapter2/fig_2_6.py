@@ -11,7 +11,7 @@ from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary.forward_backward import filter_inputs
 from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum, crossing_hz, error_spectrum
 from stridelab.reproduction.claims import Claim, Measured, Reproduction, at_least, at_most, reproduces, within
-from stridelab.reproduction.common.estimator_errors import resampled_interval
+from stridelab.reproduction.common.intervals import resampled_interval
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.reproduction.studies.estimator_study import simulate_trial
 from stridelab.simulation.robot.walker import RATE_HZ

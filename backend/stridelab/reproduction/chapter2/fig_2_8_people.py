@@ -18,8 +18,9 @@ from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.latency import estimate_latency
 from stridelab.reproduction.chapter2.fig_2_8 import com_and_force_panels
 from stridelab.reproduction.claims import Claim, Measured, Reproduction, at_least, at_most, target
-from stridelab.reproduction.common.estimator_errors import as_columns, resampled_interval, rms
-from stridelab.reproduction.common.recorded_walks import RecordedWalk, recordings_in
+from stridelab.reproduction.common.estimator_errors import as_columns, rms
+from stridelab.reproduction.common.intervals import resampled_interval
+from stridelab.reproduction.common.recorded_walks import LeftOut, RecordedWalk, left_out_text, read_some
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 
 NAME: Final = "fig-2.8-people"
@@ -49,11 +50,16 @@ class Fused:
 
 
 def run(gait: Path, tell: Progress) -> Reproduction:
-    """All adults below the folder ``gait``. Raises ``NotFound`` (``recordings-missing``) if there are none."""
+    """All adults below the folder ``gait`` whose recordings can be used.
+
+    Raises ``NotFound`` (``recordings-missing``) if there are none at a speed.
+    """
     walks: dict[str, list[Fused]] = {}
+    left_out: list[LeftOut] = []
     for k, pattern in enumerate((COMFORTABLE, FAST)):
         tell(k / 2, "comfortable" if pattern == COMFORTABLE else "fast")
-        walks[pattern] = [fuse_walk(RecordedWalk.from_file(path)) for path in recordings_in(gait, pattern)]
+        walks[pattern], unused = read_some(gait, pattern, lambda path: fuse_walk(RecordedWalk.from_file(path)))
+        left_out += unused
     slow, fast = ({one.walk.person: one for one in walks[pattern]} for pattern in (COMFORTABLE, FAST))
     pairs = [(slow[person], fast[person]) for person in sorted(slow.keys() & fast.keys())]
     shown = min(slow.values(), key=lambda one: abs((one.walk.recording.subject.height_m or 0.0) - THESIS_HEIGHT_M))
@@ -63,7 +69,7 @@ def run(gait: Path, tell: Progress) -> Reproduction:
         note=f"{len(slow)} adults at a comfortable and {len(fast)} at a fast speed, the thesis' filter, segment table "
         "of Dumas. The latency of the force is first left uncorrected, since the thesis does not mention it, and then "
         "corrected by its estimate. The drawing shows the subject whose height is closest to that of the thesis' "
-        "subject.",
+        f"subject.{left_out_text(left_out)}",
         tables={
             "walks": as_columns(
                 [_walk_row(pace, one) for pace, of in (("comfortable", slow), ("fast", fast)) for one in of.values()]

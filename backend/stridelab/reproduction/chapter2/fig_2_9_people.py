@@ -12,14 +12,14 @@ import numpy as np
 
 from stridelab.conventions import Mask, Points, Progress, Series, Vector3
 from stridelab.dynamics.wrench import AXIS_THRESHOLD_N, Wrench
-from stridelab.errors import NotFound, StridelabError
+from stridelab.errors import NotFound
 from stridelab.estimation.complementary.forward_backward import filter_inputs, forward_backward
 from stridelab.estimation.complementary.transfer_functions import THESIS_HIGH_HZ, THESIS_LOW_HZ, complementary_filters
 from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, at_most, target, within
 from stridelab.reproduction.common.estimator_errors import as_columns
-from stridelab.reproduction.common.recorded_walks import RecordedWalk, recordings_in
+from stridelab.reproduction.common.intervals import interval_of
+from stridelab.reproduction.common.recorded_walks import RecordedWalk, left_out_text, read_each, recordings_in
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
-from stridelab.walking.population.correlations import bootstrap_indices
 
 NAME: Final = "fig-2.9-people"
 TITLE: Final = "Running, with flight phases, real recordings"
@@ -74,13 +74,13 @@ class FusedRun:
 
 def run(gait: Path, tell: Progress) -> Reproduction:
     """All runners below ``gait/running``. Raises ``NotFound`` (``recordings-missing``) if there are none."""
-    paths, runs, refused = recordings_in(gait, RUNS), list[FusedRun](), 0
-    for k, path in enumerate(paths):
-        tell(k / len(paths), path.parent.name)
-        try:
-            runs.append(fuse_run(path))
-        except StridelabError:
-            refused += 1
+    paths = recordings_in(gait, RUNS)
+
+    def fuse_and_tell(path: Path) -> FusedRun:
+        tell(paths.index(path) / len(paths), path.parent.name)
+        return fuse_run(path)
+
+    runs, left_out = read_each(paths, fuse_and_tell)
     by_speed = {speed: [one for one in runs if one.speed_m_s == speed] for speed in SPEEDS}
     if not by_speed[LIKE_THESIS]:
         raise NotFound("recordings-missing", f"There is no run at {LIKE_THESIS} m/s with measured forces.")
@@ -90,9 +90,9 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     return Reproduction(
         claims=(*_size_claims(by_speed[LIKE_THESIS]), *_constancy_claims(by_speed), *_rule_claims(runs)),
         note=f"{len(people)} runners on a treadmill with two plates at 2, 3, 4 and 5 m/s (Hamner and Delp 2013), "
-        f"{len(runs)} runs, {refused} refused; the thesis' filter, segment table of Dumas, mass from the plates. The "
-        f"thesis' subject ran at 4.4 m/s; its rows are those at {LIKE_THESIS} m/s. Intervals are bootstrapped over "
-        "people.",
+        f"{len(runs)} runs, {len(left_out)} refused; the thesis' filter, segment table of Dumas, mass from the plates. "
+        f"The thesis' subject ran at 4.4 m/s; its rows are those at {LIKE_THESIS} m/s. Intervals are bootstrapped over "
+        f"people.{left_out_text(left_out)}",
         tables={"offsets": _offset_table(by_speed), "runs": as_columns([_run_row(one) for one in runs])},
         drawing=render_svg(
             Panel(
@@ -150,13 +150,6 @@ def _mean(runs: Sequence[FusedRun], value: Callable[[FusedRun], float]) -> float
     return float(np.mean([value(one) for one in runs]))
 
 
-def _interval(values: Sequence[float]) -> tuple[float, float]:
-    """95 % interval of the mean of one value per person."""
-    given = np.array(values)
-    low, high = np.percentile(given[bootstrap_indices(len(given), seed=0)].mean(axis=1), (2.5, 97.5)).tolist()
-    return low, high
-
-
 def _size_claims(runs: Sequence[FusedRun]) -> list[Claim]:
     """How far the estimate lies from the geometry."""
     claims = []
@@ -167,7 +160,7 @@ def _size_claims(runs: Sequence[FusedRun]) -> list[Claim]:
                 f"there is a difference of few centimeters for each dimension ({axis})",
                 "Mean over people of the size of the mean offset.",
                 n=len(runs),
-                interval=_interval(sizes),
+                interval=interval_of(sizes),
             )
         )
     return claims
@@ -187,7 +180,7 @@ def _constancy_claims(by_speed: dict[int, list[FusedRun]]) -> list[Claim]:
             f"({_mean(runs, lambda one: float(one.settled_samples.mean() * np.ptp(one.time_s))):.1f} s on average), "
             "largest axis.",
             n=len(runs),
-            interval=_interval(drifts),
+            interval=interval_of(drifts),
         )
     ]
     for k, (axis, key) in enumerate(zip(AXES, ("along", "left", "up"), strict=True)):
@@ -199,7 +192,7 @@ def _constancy_claims(by_speed: dict[int, list[FusedRun]]) -> list[Claim]:
                 f"at {SPEEDS[0]} and {SPEEDS[-1]} m/s",
                 f"Mean size of the change; between people the standard deviation is {1e3 * spread:.1f} mm.",
                 n=len(people),
-                interval=_interval(changes),
+                interval=interval_of(changes),
             )
         )
     return claims
@@ -219,19 +212,19 @@ def _rule_claims(runs: Sequence[FusedRun]) -> list[Claim]:
         Measured("bias_left", "corrects", float(np.mean(flat)), "1", at_most(0.5, "ours")).says(
             "the filter corrects a bias of the table (share that remains, worse horizontal axis)",
             note,
-            interval=_interval(flat),
+            interval=interval_of(flat),
         ),
         Measured(
             "vertical_left", "corrects", float(np.mean(up)), "1", at_most(0.5, "ours", otherwise="thesis_in_error")
         ).says(
             "the filter corrects a bias of the table for each dimension (share that remains vertically)",
             "The position along the mean force is not observable (2.3.1).",
-            interval=_interval(up),
+            interval=interval_of(up),
         ),
         target("bias_left_predicted", float(np.mean(apart)), "1", at_most=0.03).says(
             "the share that remains horizontally is the share of time in flight (difference)",
             "In flight c_p is set to the geometry with its bias.",
-            interval=_interval(apart),
+            interval=interval_of(apart),
         ),
     ]
 

@@ -18,6 +18,7 @@ from stridelab.reproduction.chapter2.table_partial_force import partial_force_er
 from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target
 from stridelab.reproduction.common.estimator_errors import GAITS, as_columns, errors_of_draw
 from stridelab.reproduction.common.estimators import SMOOTHER, true_noise_priors
+from stridelab.reproduction.common.intervals import interval_of, share_interval
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
 from stridelab.simulation.noise import PRESETS
@@ -93,7 +94,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
             errors = [scenario.errors(gait, seed) for seed in seeds]
             rows.append({"gait": gait, "scenario": scenario.name, **_coverage_summary(errors)})
             if scenario.has_claims:
-                claims += _coverage_claims(gait, scenario, rows[-1])
+                claims += _coverage_claims(gait, scenario, errors)
         tell((k * (len(SCENARIOS) + 1) + len(SCENARIOS)) / steps, f"{gait} gait, undeclared bias")
         claims += _bias_detection_claims(gait, seeds)
     return Reproduction(
@@ -136,13 +137,16 @@ def _coverage_summary(errors: Sequence[TruthError]) -> dict[str, float]:
     return row
 
 
-def _coverage_claims(gait: str, scenario: Scenario, row: dict[str, object]) -> list[Claim]:
-    claims = []
-    for axis, (low, high) in zip("xyz", (HORIZONTAL_BAND, HORIZONTAL_BAND, VERTICAL_BAND), strict=True):
-        share, ratio = float(str(row[f"coverage_{axis}"])), float(str(row[f"ratio_{axis}"]))
+def _coverage_claims(gait: str, scenario: Scenario, errors: Sequence[TruthError]) -> list[Claim]:
+    """Mean share of the samples inside the band per axis; the draws, not the samples, are the cases."""
+    claims, summary = [], _coverage_summary(errors)
+    for k, (low, high) in enumerate((HORIZONTAL_BAND, HORIZONTAL_BAND, VERTICAL_BAND)):
+        axis = "xyz"[k]
+        share, ratio = summary[f"coverage_{axis}"], summary[f"ratio_{axis}"]
         claims.append(
             target(f"{gait}_{scenario.name}_{axis}", share, "1", at_least=low, at_most=high).says(
-                f"{gait} gait, {scenario.says}: share inside the band along {axis} (sd over RMSE {ratio:.2f})"
+                f"{gait} gait, {scenario.says}: share inside the band along {axis} (sd over RMSE {ratio:.2f})",
+                interval=interval_of([float(error.coverage[k]) for error in errors]),
             )
         )
     return claims
@@ -150,18 +154,18 @@ def _coverage_claims(gait: str, scenario: Scenario, row: dict[str, object]) -> l
 
 def _bias_detection_claims(gait: GaitName, seeds: range) -> list[Claim]:
     """Share of draws in which a plate bias is reported: with a bias of 5 N, and without bias."""
-    flagged = float(
-        np.mean(
-            [_reports_bias(with_force_bias(simulate_trial(gait, THESIS_NOISE, s), _random_direction(s))) for s in seeds]
-        )
-    )
-    false_alarms = float(np.mean([_reports_bias(simulate_trial(gait, THESIS_NOISE, s)) for s in seeds]))
+    trials = [(seed, simulate_trial(gait, THESIS_NOISE, seed)) for seed in seeds]
+    flagged = sum(_reports_bias(with_force_bias(trial, _random_direction(seed))) for seed, trial in trials)
+    false_alarms = sum(_reports_bias(trial) for _, trial in trials)
     return [
-        target(f"{gait}_flagged", flagged, "1", at_least=0.95).says(
+        target(f"{gait}_flagged", flagged / len(trials), "1", at_least=0.95).says(
             f"{gait} gait: share of draws in which an undeclared bias of {BIAS_N:g} N is detected",
             f"Horizontal, in a random direction, at the plate; the prior is {DEFAULT.plate_force_n:g} N.",
+            interval=share_interval(flagged, len(trials)),
         ),
-        target(f"{gait}_false_alarms", false_alarms, "1", at_most=0.05).says(f"{gait} gait: false alarms without bias"),
+        target(f"{gait}_false_alarms", false_alarms / len(trials), "1", at_most=0.05).says(
+            f"{gait} gait: false alarms without bias", interval=share_interval(false_alarms, len(trials))
+        ),
     ]
 
 

@@ -11,11 +11,11 @@ from stridelab.reproduction.common.estimator_errors import (
     compute_draws,
     error_table,
     horizontal_ratio,
-    resampled_interval,
     rms,
     select_columns,
 )
 from stridelab.reproduction.common.estimators import AUTO, GEOMETRY, KALMAN, NAMES, RTS, SMOOTHER, THESIS
+from stridelab.reproduction.common.intervals import resampled_interval
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 
 NOISES: Final = ("thesis", "white")

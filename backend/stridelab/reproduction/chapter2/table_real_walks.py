@@ -32,7 +32,15 @@ from stridelab.recordings.reader import read_recording
 from stridelab.reproduction.claims import Claim, Reproduction, target
 from stridelab.reproduction.common.estimator_errors import as_columns, rms
 from stridelab.reproduction.common.estimators import AUTO, GEOMETRY, KALMAN, RTS, SMOOTHER, THESIS, TUNED
-from stridelab.reproduction.common.recorded_walks import STATICS, RecordedWalk, geometric_com_of, recordings_in
+from stridelab.reproduction.common.intervals import interval_of, rms_ratio
+from stridelab.reproduction.common.recorded_walks import (
+    STATICS,
+    LeftOut,
+    RecordedWalk,
+    geometric_com_of,
+    left_out_text,
+    read_some,
+)
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 
 NAME: Final = "real-walks"
@@ -62,7 +70,6 @@ LATENCY_S: Final = {
 """Ranges of the median latency from independent evidence: growth of the offset with speed, likelihood of the smoother,
 correlations."""
 MAX_CHANGE_M: Final = 0.0025
-RESAMPLES: Final = 2000
 
 
 @dataclass(frozen=True)
@@ -88,11 +95,16 @@ class AssessedWalk:
 
 
 def run(gait: Path, tell: Progress) -> Reproduction:
-    """All walks below the folder ``gait``. Raises ``NotFound`` (``recordings-missing``) if there are none."""
+    """All walks below the folder ``gait`` that can be used.
+
+    Raises ``NotFound`` (``recordings-missing``) if a group has none.
+    """
     walks: dict[str, list[AssessedWalk]] = {}
+    left_out: list[LeftOut] = []
     for k, (group, pattern) in enumerate(GROUPS.items()):
         tell(k / (len(GROUPS) + 1), group)
-        walks[group] = [_assess_walk(path) for path in recordings_in(gait, pattern)]
+        walks[group], unused = read_some(gait, pattern, _assess_walk)
+        left_out += unused
     tell(len(GROUPS) / (len(GROUPS) + 1), "standing")
     truth = {w.person: _table_error_m(gait / "biomechzoo-sample-study" / w.person) for w in walks["children"]}
     rows = [
@@ -119,7 +131,7 @@ def run(gait: Path, tell: Progress) -> Reproduction:
         "estimators have it. Offset: estimate minus geometry. Standing: difference between the table's bias "
         "estimated while walking and that of the same subject standing (miss), and distance of the standing "
         "subject's CoM from the mean centre of pressure (still). Intervals: bootstrap over people. These recordings "
-        f"contain no flight phases; they are in the item flight. {_refusals(walks)}",
+        f"contain no flight phases; they are in the item flight. {_refusals(walks)}{left_out_text(left_out)}",
         tables={"agreement": as_columns(rows), "standing": as_columns(standing)},
         drawing=render_svg(
             *(
@@ -231,17 +243,6 @@ def _path_by_person(name: str, walks: Sequence[AssessedWalk]) -> dict[str, PerAx
     return {person: np.mean(squares, axis=0) for person, squares in of_person.items()}
 
 
-def paired_ratio(
-    ours: Sequence[float], baseline: Sequence[float], resamples: int = RESAMPLES
-) -> tuple[float, tuple[float, float]]:
-    """RMS of ours over that of the baseline, of mean squares of the same people, and its 95 % bootstrap interval."""
-    pairs = np.array([ours, baseline])
-    drawn = np.random.default_rng(0).integers(0, pairs.shape[1], (resamples, pairs.shape[1]))
-    means = np.maximum(pairs[:, drawn].mean(axis=2), 0.0)
-    low, high = np.quantile(np.sqrt(means[0] / means[1]), (0.025, 0.975)).tolist()
-    return float(np.sqrt(max(pairs[0].mean(), 0.0) / pairs[1].mean())), (low, high)
-
-
 def rms_of(squares: Sequence[float]) -> float:
     """Root of the mean of squares that a penalty may make negative."""
     return float(np.sqrt(max(float(np.mean(squares)), 0.0)))
@@ -285,7 +286,7 @@ def _walk_claims(
         path = {name: _path_by_person(name, of_group) for name in (SMOOTHER, GEOMETRY)}
         for axis, words in ((WALK, "along the walk"), (SIDE, "lateral")):
             ours, base = ([float(m2[axis]) for m2 in path[name].values()] for name in (SMOOTHER, GEOMETRY))
-            ratio, interval = paired_ratio(ours, base)
+            ratio, interval = rms_ratio(ours, base)
             claims.append(
                 target(f"{group} path {'xy'[axis]}", ratio, "1", at_most=1.0).says(
                     f"{group}: distance from the force path, {words}, over that of the geometry alone",
@@ -298,7 +299,7 @@ def _walk_claims(
     missed = {name: _standing_misses(name, walks["children"], truth) for name in (SMOOTHER, GEOMETRY)}
     for axis, words in ((WALK, "along the walk"), (SIDE, "lateral")):
         ours, base = ((missed[name][:, axis] ** 2).tolist() for name in (SMOOTHER, GEOMETRY))
-        ratio, interval = paired_ratio(ours, base)
+        ratio, interval = rms_ratio(ours, base)
         claims.append(
             target(f"standing_{'xy'[axis]}", ratio, "1", at_most=1.0).says(
                 f"the table's bias found while walking minus the subject's standing, {words}, over the bias itself",
@@ -323,14 +324,16 @@ def _walk_claims(
                 f"{1e3 * mean:+.1f} mm in {len(change)} subjects, standard deviation {1e3 * sd:.1f} mm. "
                 "A force delayed by 18 ms would change it by speed times delay.",
                 n=len(change),
+                interval=interval_of(change, lambda chosen: abs(float(chosen.mean()))),
             )
         )
-    late = {group: float(np.median([w.latency_s for w in of_group])) for group, of_group in walks.items()}
     for group, (low, high) in LATENCY_S.items():
+        late_s = [w.latency_s for w in walks[group]]
         claims.append(
-            target(f"{group} latency", late[group], "s", at_least=low, at_most=high).says(
+            target(f"{group} latency", float(np.median(late_s)), "s", at_least=low, at_most=high).says(
                 f"{group}: median latency of the force",
-                n=len(walks[group]),
+                n=len(late_s),
+                interval=interval_of(late_s, np.median),
             )
         )
     return claims

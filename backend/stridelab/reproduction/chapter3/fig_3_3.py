@@ -5,7 +5,18 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Progress
-from stridelab.reproduction.claims import Claim, Measured, Reproduction, above, below, reproduces, target, within
+from stridelab.reproduction.claims import (
+    DETERMINISTIC,
+    Claim,
+    Measured,
+    Reproduction,
+    above,
+    below,
+    reproduces,
+    target,
+    within,
+)
+from stridelab.reproduction.common.intervals import interval_of
 from stridelab.reproduction.common.simulated_steps import NOTE, simulated_steps
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.walking.curtate_cycloid import FULL_TURN_RAD, Plane, Wheel
@@ -62,7 +73,7 @@ def _type_claims(wheels: dict[str, Wheel]) -> tuple[Claim, ...]:
     return tuple(
         Measured(f"{name}_least_speed", expected[name], value, "1", holds[name]).says(
             f"{name} cycloid, r = {TYPES[name]:g} R: minimum forward speed over that of the hub",
-            n=1,
+            **DETERMINISTIC,
         )
         for name, value in least.items()
     )
@@ -76,17 +87,18 @@ def _convexity_claim(wheel: Wheel) -> Claim:
         f"Share of the length, r = {TYPES['curtate']:g} R. The curve is convex where cos theta > r / R, which is less "
         "than half of the length for every r above 0; the cycloid with the opposite sign has the complement "
         "(docs/theory/misprints.md). On people, without a curve: item fig-3.3-people.",
-        n=1,
+        **DETERMINISTIC,
         where="3.2.5",
     )
 
 
 def _fit_target(fits: tuple[StepFit, ...]) -> Claim:
     """The fit follows a path that is no cycloid; no verdict on the thesis."""
-    similar = float(np.mean([f.path.distance_m.mean() / np.ptp(f.path_m[:, 1]) for f in fits]))
-    return target("distance_over_rise", similar, "1", at_most=MAX_RELATIVE_DISTANCE).says(
+    similar = [float(f.path.distance_m.mean() / np.ptp(f.path_m[:, 1])) for f in fits]
+    return target("distance_over_rise", float(np.mean(similar)), "1", at_most=MAX_RELATIVE_DISTANCE).says(
         "simulated walker: mean distance of the wheel over the vertical excursion",
         f"{len(fits)} steps, free angles. The height is a cosine by construction: people are in fig-3.3-people.",
+        interval=interval_of(similar),
     )
 
 

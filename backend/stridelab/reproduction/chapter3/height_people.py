@@ -18,11 +18,11 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import GRAVITY_M_S2, Progress, Series
-from stridelab.errors import NotEstimable, NotFound, StridelabError
+from stridelab.errors import NotEstimable, NotFound, StridelabError, UnreadableFile
 from stridelab.reproduction.chapter3.people_parameter_claims import THESIS_R
 from stridelab.reproduction.chapter3.people_walks import FittedWalk, fit_walk
 from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, above, at_least
-from stridelab.reproduction.common.recorded_walks import STATICS, RecordedWalk
+from stridelab.reproduction.common.recorded_walks import STATICS, LeftOut, RecordedWalk, left_out_text
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.walking.population.mixed_model import MixedModel, fit_mixed_model
 
@@ -95,7 +95,7 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     Raises ``NotFound`` (``recordings-missing``) if no laboratory has three adults with a walk each, or where the model
     cannot be fitted.
     """
-    walks, refused = collect_walks(gait, tell)
+    walks, refused, unreadable = collect_walks(gait, tell)
     people = sorted({(walk.laboratory, walk.person) for walk in walks})
     try:
         hierarchies = [fit_hierarchy(walks, letter) for letter in LETTERS]
@@ -108,7 +108,8 @@ def run(gait: Path, tell: Progress) -> Reproduction:
         note=f"{len(walks)} straight walks of {len(people)} people, {len({lab for lab, _ in people})} laboratories; "
         "the smoother's centre of mass with the latency corrected. log R = a(laboratory) + b log h + c log Fr + "
         "u(person), restricted maximum likelihood; intervals: people drawn with replacement within their laboratory. "
-        f"Predicted coefficients: sixteen people of the thesis' statures, {TRIALS} trials each, {DRAWS} draws.",
+        f"Predicted coefficients: sixteen people of the thesis' statures, {TRIALS} trials each, {DRAWS} draws."
+        f"{left_out_text(unreadable)}",
         tables={
             "effects": _effects_table(hierarchies),
             "laboratories": _laboratory_table(walks),
@@ -119,10 +120,11 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     ).with_basis("people", len(people))
 
 
-def collect_walks(gait: Path, tell: Progress) -> tuple[list[WalkMeans], dict[str, int]]:
-    """Walks of all recordings, and how many recordings were refused for each reason."""
+def collect_walks(gait: Path, tell: Progress) -> tuple[list[WalkMeans], dict[str, int], list[LeftOut]]:
+    """Walks of all recordings, how many recordings were refused for each reason, and those that cannot be read."""
     walks: list[WalkMeans] = []
     refused: dict[str, int] = {}
+    unreadable: list[LeftOut] = []
     paths = [(folder, path) for folder in sorted(gait.glob("*/*/")) for path in sorted(folder.rglob("*.c3d"))]
     trials = [(folder, path) for folder, path in paths if not any(path.match(pattern) for pattern in STATICS)]
     for k, (folder, path) in enumerate(trials):
@@ -131,7 +133,9 @@ def collect_walks(gait: Path, tell: Progress) -> tuple[list[WalkMeans], dict[str
             walks.append(walk_means(fit_walk(RecordedWalk.from_file(path, folder)), folder.parent.name))
         except StridelabError as error:
             refused[error.code] = refused.get(error.code, 0) + 1
-    return walks, refused
+            if isinstance(error, UnreadableFile):
+                unreadable.append(LeftOut(f"{path.parent.name}/{path.name}", error.message))
+    return walks, refused, unreadable
 
 
 def walk_means(fitted: FittedWalk, laboratory: str) -> WalkMeans:
@@ -245,6 +249,7 @@ def _claims(hierarchy: Hierarchy, walks: Sequence[WalkMeans], n: int) -> list[Cl
             f"Two-sided probability of the printed coefficient by the model; 95 % of the coefficients lie from "
             f"{low:.2f} to {high:.2f}, their median is {float(np.median(hierarchy.predicted_r)):.2f}.",
             n=len({(walk.laboratory, walk.person) for walk in walks}),
+            no_interval="in_claim",
             where="figure 3.7",
         ),
     ]

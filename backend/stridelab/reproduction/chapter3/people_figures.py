@@ -29,6 +29,7 @@ from stridelab.reproduction.chapter3.people_path_claims import (
 )
 from stridelab.reproduction.chapter3.people_walks import SOURCE, FittedWalk, Walks, fitted_walks
 from stridelab.reproduction.claims import Claim, Column, PeopleItem, Reproduction
+from stridelab.reproduction.common.recorded_walks import left_out_text
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 
 ClaimsOf = Callable[[Walks], Sequence[Claim]]
@@ -41,7 +42,7 @@ def _people_item(
 
     def run(gait: Path, tell: Progress) -> Reproduction:
         tell(0.1, "fitting the steps of all recordings")
-        walks = fitted_walks(gait)
+        walks, left_out = fitted_walks(gait)
         tell(0.9, "comparing")
         values = {speed: [bars(walk) for walk in of] for speed, of in walks.items()}
         table: dict[str, Column] = {
@@ -57,7 +58,8 @@ def _people_item(
         return Reproduction(
             claims=tuple(claims_of(walks)),
             note=f"{SOURCE}: {people} people, two steps each at a comfortable and at a fast speed; the smoother's "
-            f"centre of mass with the latency corrected and the person's static trial. Table: {name} ({unit.strip()}).",
+            f"centre of mass with the latency corrected and the person's static trial. Table: {name} ({unit.strip()})."
+            f"{left_out_text(left_out)}",
             tables={"people": table},
             drawing=render_svg(
                 *(

@@ -5,8 +5,9 @@ from typing import Final
 import numpy as np
 
 from stridelab.reproduction.chapter3.people_path_claims import mean_claim
-from stridelab.reproduction.chapter3.people_walks import SPEEDS, FittedWalk, Walks, people_interval, pooled_spread
+from stridelab.reproduction.chapter3.people_walks import SPEEDS, FittedWalk, Walks, pooled_spread
 from stridelab.reproduction.claims import Claim, Measured, above, at_most, within
+from stridelab.reproduction.common.intervals import interval_of
 from stridelab.reproduction.common.simulated_people import parameter_values
 from stridelab.walking.population.population import Pair, Person, StepRow, study
 
@@ -106,7 +107,7 @@ def _speed_claim(walks: Walks, name: str, letter: str, bound_m: float) -> Claim:
         f"Change of a person from the comfortable to the fast speed, mean; the bound is the deviation of "
         f"{1e3 * bound_m:g} mm that the thesis calls low. The thesis has one speed per person.",
         n=len(both),
-        interval=people_interval(changes_m),
+        interval=interval_of(changes_m),
         where="abstract of chapter 3",
     )
 
@@ -154,7 +155,7 @@ def double_support_claims(walks: Walks) -> list[Claim]:
                     f"{speed} speed: the {name} of double support is captured with only few milliseconds of errors",
                     f"Predicted minus measured, mean; both crossings exist in {len(known)} of {len(rows)} steps.",
                     n=len(known),
-                    interval=people_interval(errors_s),
+                    interval=interval_of(errors_s),
                 )
             )
         enclosed = (known[:, 2] + known[:, 1] - known[:, 0]) / known[:, 2]
@@ -163,7 +164,7 @@ def double_support_claims(walks: Walks) -> list[Claim]:
                 f"{speed} speed: the crossings approximatively match the start and end of the double support phase",
                 "Time between the crossings over the duration of double support.",
                 n=len(known),
-                interval=people_interval(enclosed),
+                interval=interval_of(enclosed),
                 where="3.3.3",
             )
         )

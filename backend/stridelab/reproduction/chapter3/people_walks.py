@@ -13,17 +13,17 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from stridelab.conventions import GRAVITY_M_S2, Series, Vector3
+from stridelab.conventions import GRAVITY_M_S2, Vector3
 from stridelab.estimation.differentiation import walk_frame
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.marker_sets import identify
-from stridelab.reproduction.common.recorded_walks import RecordedWalk, recordings_in
+from stridelab.reproduction.common.intervals import Interval
+from stridelab.reproduction.common.recorded_walks import LeftOut, RecordedWalk, read_some
 from stridelab.walking.curtate_cycloid import Plane
 from stridelab.walking.double_support import double_support_of_wheel
 from stridelab.walking.path_fit import fit_path
-from stridelab.walking.population.correlations import bootstrap_indices
 from stridelab.walking.step_fit import StepFit, fit_steps, sagittal_path_m
 from stridelab.walking.steps import find_steps
 
@@ -36,7 +36,6 @@ SOURCE: Final = (
 )
 PERCENT: Final = np.linspace(0.0, 1.0, 101)
 EDGE_S: Final = 1e-6
-Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,15 +144,18 @@ Walks = Mapping[str, Sequence[FittedWalk]]
 
 
 @lru_cache(maxsize=1)
-def fitted_walks(gait: Path) -> Walks:
-    """All adults below the folder ``gait`` by speed.
+def fitted_walks(gait: Path) -> tuple[Walks, tuple[LeftOut, ...]]:
+    """All adults below the folder ``gait`` by speed, and the recordings that cannot be used.
 
-    Raises ``NotFound`` (``recordings-missing``) if there are none at one of the speeds.
+    Raises ``NotFound`` (``recordings-missing``) if none can be used at one of the speeds.
     """
-    return {
-        speed: tuple(fit_walk(RecordedWalk.from_file(path)) for path in recordings_in(gait, pattern))
-        for speed, pattern in SPEEDS.items()
-    }
+    walks: dict[str, tuple[FittedWalk, ...]] = {}
+    left_out: list[LeftOut] = []
+    for speed, pattern in SPEEDS.items():
+        fitted, unused = read_some(gait, pattern, lambda path: fit_walk(RecordedWalk.from_file(path)))
+        walks[speed] = tuple(fitted)
+        left_out += unused
+    return walks, tuple(left_out)
 
 
 def fit_walk(walk: RecordedWalk) -> FittedWalk:
@@ -167,16 +169,6 @@ def fit_walk(walk: RecordedWalk) -> FittedWalk:
     ahead = (walk_frame(estimate.velocity_m_s)[0] if stated is None else stated) * [1.0, 1.0, 0.0]
     ahead /= np.linalg.norm(ahead)
     return FittedWalk(walk, estimate, latency_s, ahead, fit_steps(estimate, steps, ahead, walk.windows))
-
-
-def people_interval(values: Sequence[float] | Series, statistic: Callable[..., Series] = np.mean) -> Interval | None:
-    """95 % interval of a statistic of one value per person, by bootstrap over the people; None for a single one."""
-    given = np.asarray(values, dtype=float)
-    if len(given) < 2:
-        return None
-    drawn = statistic(given[bootstrap_indices(len(given), seed=0)], axis=1)
-    low, high = np.percentile(drawn, (2.5, 97.5)).tolist()
-    return low, high
 
 
 def pooled_spread(spreads_m: Sequence[float]) -> tuple[float, Interval]:

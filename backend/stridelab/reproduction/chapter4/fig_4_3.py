@@ -76,6 +76,7 @@ def _effector_claims(robot: str, name: str, card: EffectorCard) -> list[Claim]:
             f"{who}: {size} components are sufficient",
             f"KL above the minimum, which is at {least.components} components; the standard error of the estimate is "
             f"{least.kl_sd_nats:.4f} nats. Our size: {card.components}.",
+            no_interval="in_claim",
         )
     ]
     if robot == "hrp2" and name.endswith("hand"):
@@ -88,6 +89,7 @@ def _effector_claims(robot: str, name: str, card: EffectorCard) -> list[Claim]:
                 f"{who}: the divergence rises beyond {size}",
                 f"KL of {LARGEST_SIZE} components above that of {size}; the standard error of a difference is "
                 f"{sd:.4f} nats.",
+                no_interval="in_claim",
             )
         )
     return claims

@@ -68,15 +68,18 @@ def run(seeds: range, tell: Progress) -> Reproduction:
         Measured("position", "pushes", float(position.min()), "1", above(0.0, "words")).says(
             "the solver is gently pushed away from the constraint by the log-density of the position (nats, smallest "
             "change within a phase of three motions)",
+            no_interval="deterministic",
             where=WHERE,
         ),
         target("velocity", float((velocity / position).max()), "1", at_most=SMALL).says(
             "the log-density of (c', L) changes by less than a tenth of that of c (largest share of three motions)",
             f"At most {velocity.max():.3f} nats.",
+            no_interval="one_sample",
         ),
         target("rate", float((rate / position).max()), "1", at_most=SMALL).says(
             "the log-density of (c'', L') changes by less than a tenth of that of c (largest share of three motions)",
             f"At most {rate.max():.3f} nats.",
+            no_interval="one_sample",
         ),
         Measured("converges", "robustly", float(np.mean(converged)), "1", at_least(1.0, "words")).says(
             "the solver robustly computes a good local minimum when optimizing over a cost penalizing the log-PDF "
@@ -86,6 +89,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
             f"{1e3 * max(row['moved_m'] for row in compared):.1f} mm, and the mean "
             f"log-density of the state rises by at most {max(gained):.4f} nats.",
             n=len(compared),
+            no_interval="one_sample",
             solver=SOLVER,
             comparator="cost without the term",
             where=WHERE,

@@ -16,8 +16,9 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import Weights
 from stridelab.centroidal.solver import solve
 from stridelab.conventions import Progress
-from stridelab.errors import NotFound, StridelabError
+from stridelab.errors import NotFound
 from stridelab.reproduction.claims import Claim, Column, Reproduction, target
+from stridelab.reproduction.common.recorded_walks import LeftOut, left_out_text, read_each
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 from stridelab.reproduction.studies.inverse_control import (
     COMPARATORS,
@@ -27,9 +28,9 @@ from stridelab.reproduction.studies.inverse_control import (
     Errors,
     TermWeights,
     best_candidate,
+    error_ratio,
     errors_of_people,
     held_out_errors,
-    rms_ratio,
     weighted,
     without_term,
 )
@@ -95,12 +96,12 @@ def run(gait: Path, tell: Progress) -> Reproduction:
 
     Raises ``NotFound`` (``recordings-missing``) without two adults whose steps can be planned.
     """
-    adults, refused = _motions(gait, ADULTS)
+    adults, left_out = _motions(gait, ADULTS)
     if len({motion.person for motion in adults}) < 2:
         raise NotFound("recordings-missing", "Weights are judged on other people than those of the fit: two at least.")
     people, grid = errors_of_people(adults, GRID, lambda share, text: tell(0.05 + 0.85 * share, text))
     predictions = Predictions(grid, _by_hand(adults))
-    (children, _), (stairs, _) = _motions(gait, (CHILDREN,)), _motions(gait, (STAIRS,))
+    (children, no_children), (stairs, no_stairs) = _motions(gait, (CHILDREN,)), _motions(gait, (STAIRS,))
     tell(0.95, "children and TALOS")
     rows = _rows(predictions)
     robot = {name: _talos_plan(weights) for name, weights in talos_weights(predictions.chosen).items()}
@@ -112,29 +113,23 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     w = predictions.chosen
     return Reproduction(
         claims=(*_claims(predictions, adults), *_others_claims(predictions.chosen, children, stairs)),
-        note=f"Two consecutive steps of {len(people)} adults at two speeds ({len(adults)} recordings, {refused} "
+        note=f"Two consecutive steps of {len(people)} adults at two speeds ({len(adults)} recordings, {len(left_out)} "
         f"refused), {len(GRID)} candidates, each person predicted with the weights {RULE}. Contacts, durations and the "
         "states at both ends are the person's; the centre of mass in between is compared with the smoother's, the "
         "force with the plates'. On all adults the choice is "
         f"{_shown_weight(w.com_acceleration)} |c''|², {_shown_weight(w.momentum_rate)} |L'/(m h)|², "
         f"{_shown_weight(w.likelihood)} log p, {_shown_weight(w.force)} |f/(m g)|²; without one of them it is the same "
         f"for {predictions.agreeing} of {len(people)}. TALOS' rows are plans of its flat "
-        "walk, simulated.",
+        f"walk, simulated.{left_out_text([*left_out, *no_children, *no_stairs])}",
         tables={"predictions": rows, "talos": _talos_table(robot), "grid": _grid_table(grid)},
         drawing=render_svg(*_panels(predictions, shown, plans)),
         references=("carpentier2017thesis", "mombaur2010", "herr2008"),
     ).with_basis("people", len(people))
 
 
-def _motions(gait: Path, patterns: Sequence[str]) -> tuple[list[RecordedMotion], int]:
-    """Motions of all recordings that match, and how many recordings were refused."""
-    motions, refused = [], 0
-    for path in (path for pattern in patterns for path in sorted(gait.glob(pattern))):
-        try:
-            motions.append(recorded_motion(path))
-        except StridelabError:
-            refused += 1
-    return motions, refused
+def _motions(gait: Path, patterns: Sequence[str]) -> tuple[list[RecordedMotion], list[LeftOut]]:
+    """Motions of all recordings that match, and the recordings without one."""
+    return read_each((path for pattern in patterns for path in sorted(gait.glob(pattern))), recorded_motion)
 
 
 def _by_hand(motions: Sequence[RecordedMotion]) -> Mapping[str, Float[np.ndarray, "people 6"]]:
@@ -146,7 +141,7 @@ def _claims(predictions: Predictions, motions: Sequence[RecordedMotion]) -> list
     """How far the chosen weights predict, against each comparator and without each term."""
     held_out, claims = predictions.held_out, []
     for key, name in (("over_thesis", "the thesis' weights"), ("over_equal", "equal weights")):
-        ratio, interval = rms_ratio(held_out, predictions.by_hand[name], "distance")
+        ratio, interval = error_ratio(held_out, predictions.by_hand[name], "distance")
         claims.append(
             target(key, ratio, "1", at_most=1.0 / NEEDED).says(
                 f"adults: distance of the planned from the measured centre of mass, weights {RULE} over {name}",
@@ -155,8 +150,9 @@ def _claims(predictions: Predictions, motions: Sequence[RecordedMotion]) -> list
             )
         )
     for term, words in TERMS.items():
-        ratio, interval = rms_ratio(predictions.without(term), held_out, "distance")
-        across, (low, high) = rms_ratio(predictions.without(term, "horizontal"), predictions.across, "horizontal")
+        ratio, interval = error_ratio(predictions.without(term), held_out, "distance")
+        across, range_across = error_ratio(predictions.without(term, "horizontal"), predictions.across, "horizontal")
+        low, high = range_across or (across, across)
         claims.append(
             target(f"without_{term}", ratio, "1", at_least=NEEDED).says(
                 f"adults: the same distance without {words}, over that with all terms",
@@ -167,7 +163,7 @@ def _claims(predictions: Predictions, motions: Sequence[RecordedMotion]) -> list
             )
         )
     spread = _height_spread(motions)
-    flat, interval = rms_ratio(held_out, spread, "vertical")
+    flat, interval = error_ratio(held_out, spread, "vertical")
     claims.append(
         target("height", flat, "1", at_most=1.0).says(
             "adults: vertical error of the chosen weights over the standard deviation of the height within the steps",
@@ -176,7 +172,7 @@ def _claims(predictions: Predictions, motions: Sequence[RecordedMotion]) -> list
             comparator="the mean height",
         )
     )
-    ratio, interval = rms_ratio(held_out, predictions.by_hand["the thesis' weights"], "force")
+    ratio, interval = error_ratio(held_out, predictions.by_hand["the thesis' weights"], "force")
     claims.append(
         target("force", ratio, "1", at_most=1.0 / NEEDED).says(
             f"adults: error of the contact force, weights {RULE} over the thesis' weights",
@@ -200,16 +196,15 @@ def _others_claims(
         if not motions:
             continue
         people, errors = errors_of_people(motions, [chosen, THESIS], lambda _share, _text: None)
-        ratio, interval = rms_ratio(errors[:, 0], errors[:, 1], "distance")
-        across, _ = rms_ratio(errors[:, 0], errors[:, 1], "horizontal")
-        up, _ = rms_ratio(errors[:, 0], errors[:, 1], "vertical")
+        ratio, interval = error_ratio(errors[:, 0], errors[:, 1], "distance")
+        across, _ = error_ratio(errors[:, 0], errors[:, 1], "horizontal")
+        up, _ = error_ratio(errors[:, 0], errors[:, 1], "vertical")
         claims.append(
             target(key, ratio, "1", at_most=1.0 / NEEDED).says(
                 f"{who}: the same distance, weights chosen on the adults over the thesis' weights",
-                f"Horizontally {across:.2f}, vertically {up:.2f}."
-                + (" One person has no interval." * (len(people) == 1)),
+                f"Horizontally {across:.2f}, vertically {up:.2f}.",
                 n=len(people),
-                interval=interval if len(people) > 1 else None,
+                interval=interval,
                 comparator="the thesis' weights",
             )
         )

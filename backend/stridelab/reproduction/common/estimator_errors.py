@@ -18,11 +18,9 @@ from stridelab.reproduction.common.estimators import KALMAN, NAMES, THESIS, stud
 from stridelab.reproduction.studies.estimator_study import simulate_trial
 from stridelab.simulation.robot.gait_plan import GaitName
 from stridelab.simulation.robot.walker import RATE_HZ
-from stridelab.walking.population.correlations import bootstrap_indices
 
 GAITS: Final[tuple[GaitName, ...]] = ("robot", "human")
 NOISY_HZ: Final = 5.0
-RESAMPLES: Final = 1000
 
 
 @dataclass(frozen=True)
@@ -73,18 +71,6 @@ def horizontal_ratio(draws: Sequence[Draw], one: str, other: str) -> float:
 def rms(values: Sequence[float]) -> float:
     """Root mean square of numbers."""
     return float(np.sqrt(np.mean(np.square(values))))
-
-
-def resampled_interval(statistic: Callable[[Sequence[int]], float], n: int) -> tuple[float, float] | None:
-    """95 % interval of a statistic of the chosen draws or people, by bootstrap; None for a single one.
-
-    ``statistic`` takes ``n`` numbers below ``n``, in which some occur repeatedly and some are missing.
-    """
-    if n < 2:
-        return None
-    values = [statistic(chosen) for chosen in bootstrap_indices(n, seed=0, count=RESAMPLES).tolist()]
-    low, high = np.percentile(values, (2.5, 97.5)).tolist()
-    return low, high
 
 
 def error_table(draws: Sequence[Draw]) -> dict[str, Column]:

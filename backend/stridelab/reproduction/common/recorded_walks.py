@@ -1,9 +1,10 @@
 """Recorded walks for the items on real recordings: geometric CoM, plate forces, body mass."""
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final
+from typing import Final, TypeVar
 from zipfile import ZipFile
 
 import numpy as np
@@ -12,7 +13,7 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.wrench import AXIS_THRESHOLD_N
-from stridelab.errors import NotFound
+from stridelab.errors import NotFound, StridelabError
 from stridelab.recordings.foot_contact import is_treadmill
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
@@ -23,9 +24,8 @@ from stridelab.recordings.recording import Recording, Window, WrenchTrack
 STATICS: Final = ("*_ST.c3d", "Static*.c3d", "Static/*.c3d", "static.trc")
 FORCES_SUFFIX: Final = "_grf.mot"
 """End of the name of a TRC file's forces, in place of ``.trc``."""
-
-
 MIN_FLIGHTS: Final = 5
+Walk = TypeVar("Walk")
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +73,42 @@ def read_trial(path: Path) -> Recording:
             archive.write(path, path.name)
             archive.write(forces, forces.name)
         return read_recording(both, name=path.name)
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A recording that an item on people leaves out: folder and file, and the message of the error."""
+
+    file: str
+    reason: str
+
+
+def read_each(paths: Iterable[Path], read: Callable[[Path], Walk]) -> tuple[list[Walk], list[LeftOut]]:
+    """Results of ``read`` for all recordings that allow one, and the others, with the message of their error."""
+    walks, left_out = list[Walk](), list[LeftOut]()
+    for path in paths:
+        try:
+            walks.append(read(path))
+        except StridelabError as error:
+            left_out.append(LeftOut(f"{path.parent.name}/{path.name}", error.message))
+    return walks, left_out
+
+
+def read_some(gait: Path, pattern: str, read: Callable[[Path], Walk]) -> tuple[list[Walk], list[LeftOut]]:
+    """``read_each`` of the recordings that match ``pattern``.
+
+    Raises ``NotFound`` (``recordings-missing``) if there are none, or none allows a result.
+    """
+    walks, left_out = read_each(recordings_in(gait, pattern), read)
+    if not walks:
+        raise NotFound("recordings-missing", f"No recording {pattern} can be used.{left_out_text(left_out)}")
+    return walks, left_out
+
+
+def left_out_text(left_out: Sequence[LeftOut]) -> str:
+    """The recordings that were left out and why, as a sentence that follows another one; empty without any."""
+    reasons = (f"{each.file} ({each.reason.rstrip('.')})" for each in left_out)
+    return f" Left out: {', '.join(reasons)}." if left_out else ""
 
 
 def mass_of_runner_kg(wrench: WrenchTrack) -> float | None:

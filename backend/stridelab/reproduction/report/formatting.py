@@ -5,7 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.reproduction.claims import OUTCOMES, Claim, Column, Outcome, format_three_digits
+from stridelab.reproduction.claims import OUTCOMES, Claim, Column, NoInterval, Outcome, format_three_digits
+from stridelab.reproduction.common.intervals import share_interval
 
 UNITS: Final = {"m_s2": ("m/s²", 1.0), "m_s": ("m/s", 1.0), "m": ("mm", 1e3), "s": ("ms", 1e3), "n": ("N", 1.0)}
 """Printed unit and scale by the unit suffix of a column name; longer suffixes come first."""
@@ -49,16 +50,39 @@ def overturned_by(claim: Claim) -> str:
     return f"Overturned by a {what} {'outside' if claim.verdict in ('met', 'beaten') else 'inside'} {bounds}."
 
 
+NO_INTERVAL: Final[dict[NoInterval, str]] = {
+    "deterministic": "deterministic",
+    "in_claim": "sampling error is in the claim",
+    "one_case": "one case, no interval",
+    "one_sample": "one sample, no interval",
+    "machine_time": "time of one machine, no interval",
+}
+
+
+def uncertainty_text(claim: Claim) -> str:
+    """95 % interval of our number; of the share of cases in the range for a claim on every case; or why it has none."""
+    if claim.interval is not None:
+        low, high = (format_quantity(bound, claim.unit) for bound in claim.interval)
+        return f"95 % from {low} to {high}"
+    if claim.cases_inside is not None and claim.n is not None:
+        low, high = map(format_three_digits, share_interval(claim.cases_inside, claim.n))
+        return f"{claim.cases_inside} of {claim.n} in the range, 95 % from {low} to {high} of all"
+    return "" if claim.no_interval is None else NO_INTERVAL[claim.no_interval]
+
+
 def basis_text(claim: Claim) -> str:
-    """What our number is computed from: evidence and number of cases, solver, comparator and 95 % interval, if any."""
-    parts = [f"{claim.evidence}, n = {claim.n}"]
+    """What our number is computed from: evidence, number of cases, solver, comparator, and ``uncertainty_text``.
+
+    "simulated, n = 50; 95 % from 0.2 to 0.3", "simulated, deterministic, n = 1".
+    """
+    certain = claim.no_interval == "deterministic"
+    parts = [f"{claim.evidence}, {'deterministic, ' if certain else ''}n = {claim.n}"]
     if claim.solver is not None:
         parts.append(f"solver {claim.solver}")
     if claim.comparator is not None:
         parts.append(f"against {claim.comparator}")
-    if claim.interval is not None:
-        low, high = (format_quantity(bound, claim.unit) for bound in claim.interval)
-        parts.append(f"95 % from {low} to {high}")
+    if not certain and (text := uncertainty_text(claim)):
+        parts.append(text)
     return "; ".join(parts)
 
 

@@ -17,6 +17,8 @@ REFERENCE_SHIFT_M = np.array([3.0, -40.0, 7.0])
 MILLIMETRES = 1000.0
 FINE_RAYS = 16
 """Rays of the inner pyramids that stand for the circular cones; four rays are not the cone."""
+ROUNDING = 1e-9
+"""Relative margin below which a boundary point counts as outside."""
 
 
 @dataclass(frozen=True)
@@ -24,10 +26,6 @@ class Timed:
     """Processor time of a computation."""
 
     time_s: float
-
-
-FINE_RAYS = 16
-"""Rays of the inner pyramids that stand for the circular cones; four rays are not the cone."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +112,7 @@ def check_summary(checks: list[ConeCheck]) -> Mapping[str, int | float]:
         "sets": len(checks),
         "facets_violated": sum(check.violation > 0.0 for check in checks),
         "largest_violation": max(check.violation for check in checks),
-        "points_outside": sum(check.least_margin < -1e-9 for check in checks),
+        "points_outside": sum(check.least_margin < -ROUNDING for check in checks),
         "least_margin": min(check.least_margin for check in checks),
         "largest_change": max(check.change for check in checks),
         "median_kept": float(np.median([check.volume_ratio for check in checks])),

@@ -24,8 +24,8 @@ from jaxtyping import Float
 from stridelab.centroidal.problem import CentroidalProblem, Weights
 from stridelab.centroidal.solver import solve
 from stridelab.conventions import Progress
+from stridelab.reproduction.common.intervals import Interval, rms_ratio
 from stridelab.reproduction.studies.recorded_motions import RecordedMotion
-from stridelab.walking.population.correlations import bootstrap_indices
 
 FAINT: Final = 1e-3
 """Weight of what is left out: of the accelerations and the forces it makes plans unique."""
@@ -152,11 +152,9 @@ def without_term(candidates: Sequence[TermWeights], term: str) -> list[int]:
     return [k for k, weights in enumerate(candidates) if getattr(weights, term) <= FAINT]
 
 
-def rms_ratio(
+def error_ratio(
     errors: Float[np.ndarray, "people 6"], other: Float[np.ndarray, "people 6"], part: str
-) -> tuple[float, tuple[float, float]]:
-    """RMS error of one prediction over that of another, and its 95 % interval over bootstrap samples of the people."""
+) -> tuple[float, Interval | None]:
+    """RMS error of one prediction over that of another, and its 95 % interval over the people."""
     one, two = (of[:, PARTS[part]].sum(axis=1) for of in (errors, other))
-    drawn = bootstrap_indices(len(errors), seed=0)
-    low, high = np.percentile(np.sqrt(one[drawn].mean(axis=1) / two[drawn].mean(axis=1)), (2.5, 97.5)).tolist()
-    return float(np.sqrt(one.mean() / two.mean())), (low, high)
+    return rms_ratio(one, two)

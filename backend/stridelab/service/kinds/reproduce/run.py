@@ -7,7 +7,7 @@ from typing import Final
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reproduction.claims import sampling_text
 from stridelab.reproduction.registry import ITEMS, command_of, seeds_of
-from stridelab.reproduction.report.formatting import holds_text, overturned_by
+from stridelab.reproduction.report.formatting import holds_text, overturned_by, uncertainty_text
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary, ReproduceTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import write_table, write_text_atomically
@@ -32,7 +32,12 @@ def run(task: ReproduceTask, folder: Path, progress: ProgressCallback) -> Outcom
         thesis={claim.key: claim.thesis for claim in reproduction.claims},
         ours={claim.key: claim.ours for claim in reproduction.claims},
         claims=[
-            ClaimResult(**asdict(claim), holds=holds_text(claim), overturned_by=overturned_by(claim))
+            ClaimResult(
+                **asdict(claim),
+                holds=holds_text(claim),
+                overturned_by=overturned_by(claim),
+                uncertainty=uncertainty_text(claim),
+            )
             for claim in reproduction.claims
         ],
         seeds=len(seeds),

@@ -1,6 +1,6 @@
 // The scenario editor: 3D scene, phase timeline, phase form and contact list. Contacts and phases are changed by dragging,
-// typing or keys; every change is stored in the service through one queue and can be undone.
-import { JsonView } from "./json_view.js";
+// typing or keys; every change is stored in the service through one queue and can be undone. What the first view does not
+// need (the JSON dialog, the terrain, the playback of a plan) is loaded when it is used first.
 import { ValidationView } from "./validation_view.js";
 import { LivePreview } from "./live_preview.js";
 import { PhaseForm } from "./phase_form.js";
@@ -10,9 +10,7 @@ import { ContactList } from "./contact_list.js";
 import { ScenarioStore, moveContact, sameJson } from "./scenario_store.js";
 import { contactOf } from "./phase_edits.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
-import { PlanPlayback } from "./plan_playback.js";
 import { PhaseTimeline } from "./phase_timeline.js";
-import { TerrainList } from "./terrain_list.js";
 import { rotateAboutZ, yawDegrees } from "../viewer/quaternions.js";
 import { showFailure, hideOverlay } from "../viewer/loading_overlay.js";
 
@@ -28,7 +26,7 @@ const DIRECTIONS = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], Arr
 
 const root = document.querySelector("[data-editor]");
 const part = (name) => root.querySelector(`[data-${name}]`);
-const [status, undo, redo, certificate] = ["said", "undo", "redo", "plan-certificate"].map(part);
+const [status, undo, redo] = ["said", "undo", "redo"].map(part);
 const id = root.dataset.scenario,
   isReadOnly = root.dataset.own !== "true"; // the first edit is stored as a copy, which is opened
 const store = new ScenarioStore(id, isReadOnly);
@@ -45,7 +43,10 @@ const form = new PhaseForm(root, {
   onInput: (edit) => propose(edit, { isTyping: true }),
   onLeave: discardTyping,
 });
-const terrainList = new TerrainList(root, { onCommit: commitEdit });
+/** @type {import("./terrain_list.js").TerrainList | undefined} */
+let terrainList;
+const terrain = root.querySelector("details.terrain");
+terrain.addEventListener("toggle", () => run(showTerrain()), { once: true });
 const timeline = new PhaseTimeline(root, {
   onChoosePhase: choosePhase,
   onChooseContact: chooseContact,
@@ -70,29 +71,19 @@ const currentScenario = () => draft?.scenario ?? store.scenario;
 const touchOf = (number) => touches.find((touch) => touch.number === number);
 
 start().catch((error) => showFailure(part("stage"), error));
-const playback = new PlanPlayback({
-  isAvailable: () => preview.started.then(() => preview.isAvailable),
-  show: (instant) => {
-    if (!sceneView.isReady || validation.phases.length === 0) return;
-    root.dataset.playing = !instant ? "false" : instant.ghost ? "replay" : instant.poses ? "body" : "path";
-    validation.showInstant(instant);
-  },
-  report: (text) => setStatus(text, false),
-  reportCertificate: (text, passed) => {
-    certificate.textContent = text;
-    certificate.className = `outcome${passed === null ? "" : ` outcome-${passed ? "passed" : "failed"}`}`;
-    certificate.hidden = !text;
-  },
-});
+/** @type {import("./plan_playback.js").PlanPlayback | undefined} */
+let playback;
 const followPlan = bindPlanButton(root, id, {
   before: flushPending,
-  onRun: () => playback.start(store.scenario),
-  onJob: (jobId) => playback.follow(jobId),
-  onProgress: () => playback.onEvent(),
-  onEnd: () => playback.stop(),
+  onRun: () => withPlayback((loaded) => loaded.start(store.scenario)),
+  onJob: (jobId) => withPlayback((loaded) => loaded.follow(jobId)),
+  onProgress: () => withPlayback((loaded) => loaded.onEvent()),
+  onEnd: () => withPlayback((loaded) => loaded.stop()),
 });
 bindContactsButton(root, id, flushPending);
-new JsonView(root, { read: () => currentScenario() ?? {}, store: storeScenario });
+/** @type {import("./json_view.js").JsonView | undefined} */
+let jsonView;
+part("json-open").addEventListener("click", () => run(openJson()));
 
 async function start() {
   await store.read();
@@ -111,6 +102,33 @@ async function start() {
   root.dataset.ready = "true";
   setInterval(pollScene, POLL_MS);
   followPlan();
+}
+
+// Shows why a part of the page could not be loaded or used.
+function run(promise) {
+  promise.catch((error) => setStatus(error.message, true));
+}
+
+async function showTerrain() {
+  const { TerrainList } = await import("./terrain_list.js");
+  terrainList = new TerrainList(root, { onCommit: commitEdit });
+  if (currentScenario()) terrainList.show(currentScenario());
+}
+
+async function openJson() {
+  const { JsonView } = await import("./json_view.js");
+  jsonView ??= new JsonView(root, { read: () => currentScenario() ?? {}, store: storeScenario });
+  jsonView.open();
+}
+
+// Calls `use` with the playback of the plan, in the order of the calls.
+function withPlayback(use) {
+  run(
+    import("./plan_playback.js").then(({ playbackInEditor }) => {
+      playback ??= playbackInEditor(root, preview, sceneView, validation, (text) => setStatus(text, false));
+      use(playback);
+    }),
+  );
 }
 
 // Writes the expanded contact or the chosen phase into the address, so that a reload restores it.
@@ -133,7 +151,7 @@ function chooseContact(number, inUrl = true) {
 }
 
 function choosePhase(k) {
-  if (validation.instant) playback.stop();
+  if (validation.instant) playback?.stop();
   validation.choosePhase(k);
   rememberInUrl("phase", k);
 }
@@ -150,7 +168,8 @@ function render() {
   }
   timeline.draw(scenario, touches);
   form.show(scenario, validation.phase ?? 0);
-  terrainList.show(scenario);
+  part("scenario-name").textContent = scenario.name;
+  terrainList?.show(scenario);
   validation.setScene(nodes, touches, chosenContact);
   if (sceneView.isReady) nodes.draw();
   validation.validate(scenario);
@@ -160,7 +179,7 @@ function render() {
 
 // Shows the stored scenario with `edit` applied, without storing it.
 function propose(edit, options = {}) {
-  if (validation.instant) playback.stop();
+  if (validation.instant) playback?.stop();
   draft = { scenario: edit(store.scenario), ...options };
   render();
 }

@@ -11,7 +11,6 @@ export class JsonView {
     this.editor = dialog.querySelector("textarea");
     this.errorList = dialog.querySelector("[data-json-faults]");
     this.status = dialog.querySelector("[data-json-said]");
-    root.querySelector("[data-json-open]").addEventListener("click", () => this.open());
     dialog.querySelector("[data-json-close]").addEventListener("click", () => dialog.close());
     dialog.querySelector("[data-json-store]").addEventListener("click", () => this.storeText());
     this.editor.addEventListener("keydown", (event) => {

@@ -9,6 +9,25 @@ const SHARE = 1 / 4; // of the time that drawing may take where it is slow: with
 const QUICK_MS = 50; // two pictures that are drawn within this time are followed by the next one at once
 const PAUSE_MS = 1000; // at the end of the motion, before it is played again
 
+// The playback of the editor's plan in its scene; the page says what is shown, and the certificate as far as it is.
+export function playbackInEditor(root, preview, sceneView, validation, report) {
+  const certificate = root.querySelector("[data-plan-certificate]");
+  return new PlanPlayback({
+    isAvailable: () => preview.started.then(() => preview.isAvailable),
+    show: (instant) => {
+      if (!sceneView.isReady || validation.phases.length === 0) return;
+      root.dataset.playing = !instant ? "false" : instant.ghost ? "replay" : instant.poses ? "body" : "path";
+      validation.showInstant(instant);
+    },
+    report,
+    reportCertificate: (text, passed) => {
+      certificate.textContent = text;
+      certificate.className = `outcome${passed === null ? "" : ` outcome-${passed ? "passed" : "failed"}`}`;
+      certificate.hidden = !text;
+    },
+  });
+}
+
 export class PlanPlayback {
   // `isAvailable()` resolves to whether the service can plan at once; `show(instant)` draws an instant ({ phase, com_m, poses,
   // ghost }, the last two null before they are there), with null the end of the playback; `report(text)` shows a sentence,

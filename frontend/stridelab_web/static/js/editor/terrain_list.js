@@ -13,12 +13,13 @@ export class TerrainList {
   // `onCommit(edit, message)` stores an edit.
   constructor(root, { onCommit }) {
     this.list = root.querySelector("[data-surfaces]");
-    this.title = root.querySelector("[data-scenario-name]");
     this.head = root.querySelector("[data-scenario-fields]");
     this.onCommit = onCommit;
     this.expanded = -1;
     this.shown = "";
+    for (const field of this.head.elements) field.disabled = false;
     for (const button of root.querySelectorAll("[data-add-surface]")) {
+      button.disabled = false;
       const kind = button.dataset.addSurface;
       button.addEventListener("click", () => {
         this.expanded = this.scenario.terrain.length;
@@ -39,7 +40,7 @@ export class TerrainList {
     const key = JSON.stringify([scenario.terrain, scenario.name, scenario.friction, this.expanded]);
     if (key === this.shown) return; // the input that is being typed in stays
     this.shown = key;
-    this.title.textContent = this.head.elements.name.value = scenario.name;
+    this.head.elements.name.value = scenario.name;
     this.head.elements.friction.value = String(scenario.friction);
     this.list.replaceChildren(...scenario.terrain.map((surface, k) => this.createRow(surface, k)));
   }
