@@ -114,6 +114,7 @@ def smoother_signals(walk: Walk, mass_kg: float) -> Signals:
         moment_m=y2,
         acceleration_m_s2=trapezoid,
         seen=walk.seen,
+        turning=walk.seen,
         bridged=bridged,
         phi=phi,
         sway=smooth / weight * walk.seen[:, None],
