@@ -198,7 +198,7 @@ def build_estimator(method: str, request: EstimateComInput) -> ComEstimator:
 
 
 def build_smoother(options: SmootherOptions) -> Smoother:
-    """The smoother with the given priors; the others take their defaults, or what the comparison of the clocks states."""
+    """The smoother with the given priors, the others by default; the clock is the compared one unless it is stated."""
     stated = options.priors.model_dump(exclude_none=True)
     return Smoother(
         priors=SmootherPriors(**stated),

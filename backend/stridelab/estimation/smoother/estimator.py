@@ -54,8 +54,8 @@ class Smoother:
     """Fixed-interval smoother; ``priors`` are the sizes of the input errors, that of the table is in the geometry.
 
     ``learn`` estimates the noise levels from the recording (``noise_levels``). In walking it also estimates the latency
-    within the prior ``clock_s``, unless the clocks have been compared (``remaining_clock_error``). Then ``clock_s`` is the
-    standard deviation that the comparison states, if that is smaller and ``compared_clock`` holds. In walking and
+    within the prior ``clock_s``, unless the clocks have been compared (``remaining_clock_error``); ``compared_clock``
+    then replaces ``clock_s`` by the standard deviation that the comparison states, if that is smaller. In walking and
     running it decides whether the angular momentum of the segments as point masses is used, by the likelihood of the
     recording with and without it; ``segment_momentum`` uses it always. ``beyond_window`` returns the whole gap-free
     stretch of geometry around the window instead of the window alone.
