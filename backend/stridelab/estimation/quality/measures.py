@@ -128,7 +128,7 @@ def acceleration_difference(
     # the large vertical forces of a run allow more than a walk's, and must not hide an axis that contradicts
     contradicts = share > contradicting_share(force_share, unmarked)
     worst = int(np.argmax(np.where(contradicts, 1.0, 0.0) * share.max() + share))
-    of_worst = (float(x[worst]) for x in (share, force_share, unmarked))
+    of_worst = float(share[worst]), float(force_share[worst]), float(unmarked[worst])
     return AccelerationDifference(AXES[worst], *of_worst, tilt, lean)
 
 
