@@ -31,6 +31,7 @@ from stridelab.estimation.smoother.measurements import (
     read_later,
     require_single_support,
     smoother_signals,
+    without_ends,
 )
 from stridelab.estimation.smoother.noise_levels import (
     SmootherPriors,
@@ -42,7 +43,6 @@ from stridelab.estimation.smoother.noise_levels import (
     sizes_of,
     with_segments,
     with_walking_noise,
-    without_ends,
 )
 from stridelab.estimation.smoother.online_filter import OnlineSmoother
 from stridelab.estimation.smoother.state_space import ACCELERATION, Sizes, state_space

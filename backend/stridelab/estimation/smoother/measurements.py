@@ -123,6 +123,19 @@ def smoother_signals(walk: Walk, mass_kg: float) -> Signals:
     )
 
 
+UNEXPLAINED_S, UNEXPLAINED_SHARE = 0.17, 0.1
+"""Time from either end of the tracks in which the rate of the segments' momentum is not known, since its low-pass reads
+beyond them, and the largest part of the samples with force that is left out for it."""
+
+
+def without_ends(signals: Signals, rate_hz: float) -> Signals:
+    """Without the moments next to the ends of the tracks, where the segments do not explain them."""
+    n = round(min(UNEXPLAINED_S * rate_hz, UNEXPLAINED_SHARE * np.count_nonzero(signals.seen)))
+    turning = signals.seen.copy()
+    turning[:n] = turning[len(turning) - n :] = False
+    return replace(signals, turning=turning)
+
+
 def short_gaps(walk: Walk, weight_n: float) -> Mask:
     """Steps, from a sample to the next, in gaps of the force of at most ``BRIDGE_S`` between two samples with force.
 

@@ -257,19 +257,6 @@ also stands for errors of the moments that change within a step, so its resonato
 REST_DAMPING, REST_OVERTONE_SHARE, REST_OVERTONE = 0.5, 1.0, 2.5
 
 
-END_S, END_SHARE = 0.17, 0.1
-"""Time from either end of the tracks in which the rate of the segments' momentum is not known, since its low-pass reads
-beyond them, and the largest part of the samples with force that is left out for it."""
-
-
-def without_ends(signals: Signals, rate_hz: float) -> Signals:
-    """Without the moments next to the ends of the tracks, where the segments do not explain them."""
-    n = round(min(END_S * rate_hz, END_SHARE * np.count_nonzero(signals.seen)))
-    turning = signals.seen.copy()
-    turning[:n] = turning[len(turning) - n :] = False
-    return replace(signals, turning=turning)
-
-
 def with_segments(sizes: Sizes, signals: Signals, segments_m: Points, *, runs: bool) -> tuple[Sizes, Signals]:
     """Model in which the segments explain the angular momentum, up to a factor and a rest.
 
