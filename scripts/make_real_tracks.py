@@ -1,7 +1,8 @@
 """Errors of the estimators on the tracks of real walks with errors of default size, as a table on standard output.
 
-make_real_tracks.py GAIT ROWS [SEEDS]   GAIT: folder of recordings; ROWS: file of finished walks, from which a later
-run continues; SEEDS draws of the errors for each walk and case (default 8)
+make_real_tracks.py GAIT ROWS [SEEDS] [compared]   GAIT: folder of recordings; ROWS: file of finished walks, from which
+a later run continues; SEEDS draws of the errors for each walk and case (default 8); compared: the clocks are compared
+before, as in recordings, for all estimators
 """
 
 import json
@@ -13,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from experiments.real_tracks import ESTIMATORS, Markers, TrackErrors, draw_inputs, exact_walk
+from experiments.real_tracks import ESTIMATORS, Markers, TrackErrors, compare_clocks, draw_inputs, exact_walk
 from stridelab.errors import StridelabError
 from stridelab.reproduction.chapter2.table_real_walks import GROUPS
 from stridelab.reproduction.common.recorded_walks import recordings_in
@@ -30,13 +31,14 @@ CASES: Final = tuple(
 def main() -> None:
     """Score what is missing, and print the table."""
     gait, rows = Path(sys.argv[1]), Path(sys.argv[2])
-    seeds = int(sys.argv[3]) if len(sys.argv) > 3 else 8
+    seeds = next((int(one) for one in sys.argv[3:] if one.isdigit()), 8)
+    compared = "compared" in sys.argv[3:]
     lines = [json.loads(line) for line in rows.read_text().splitlines()] if rows.exists() else []
     finished = {line["walk"] for line in lines}
     with rows.open("a") as out:
         for path in (path for pattern in GROUPS.values() for path in recordings_in(gait, pattern)):
             if path.name not in finished:
-                lines += [{"walk": path.name, **row} for row in _score_walk(path, seeds)]
+                lines += [{"walk": path.name, **row} for row in _score_walk(path, seeds, compared)]
                 out.writelines(json.dumps(line) + "\n" for line in lines if line["walk"] == path.name)
                 out.flush()
     header = ["markers", "force", "errors", "n", *ESTIMATORS, "smoother / thesis, complementary", "band"]
@@ -45,7 +47,7 @@ def main() -> None:
     sys.stdout.write("\n".join(table) + "\n")
 
 
-def _score_walk(path: Path, seeds: int) -> Iterator[dict[str, object]]:
+def _score_walk(path: Path, seeds: int, compared: bool) -> Iterator[dict[str, object]]:
     """Mean squares of the horizontal error and the coverage of the smoother's band; None where one refuses."""
     walk = exact_walk(path)
     for number, case in enumerate(CASES):
@@ -55,6 +57,7 @@ def _score_walk(path: Path, seeds: int) -> Iterator[dict[str, object]]:
             squares_m2: dict[str, float] = {}
             covered = None
             try:
+                wrench = compare_clocks(geometric, wrench, mass_kg) if compared else wrench
                 for name, estimator in ESTIMATORS.items():
                     estimate = estimator.estimate(geometric, wrench, mass_kg)
                     error = (estimate.com_m - walk.com_m[np.searchsorted(walk.time_s, estimate.time_s - 1e-9)])[:, :2]

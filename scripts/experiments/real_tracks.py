@@ -7,7 +7,7 @@ the noise.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
@@ -21,8 +21,10 @@ from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.differentiation import low_pass, walk_frame
 from stridelab.estimation.estimator import ComEstimator
 from stridelab.estimation.kalman.filter import RtsSmoother
+from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.smoother import Smoother, SmootherPriors
+from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Window, WrenchTrack
 from stridelab.reproduction.common.recorded_walks import RecordedWalk
 
@@ -147,3 +149,33 @@ def draw_inputs(walk: ExactWalk, errors: TrackErrors, rng: Generator) -> tuple[G
     )
     mass_kg = walk.mass_kg * (1.0 + float(rng.normal(0.0, sizes.mass_share)))
     return geometric, WrenchTrack(t, read[:, :3], read[:, 3:], complete, windows, 0.0), mass_kg
+
+
+def compare_clocks(geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> WrenchTrack:
+    """The wrench after its clock has been compared, as recordings are prepared.
+
+    Raises ``NotEstimable`` as ``estimate_latency`` does.
+    """
+    t = wrench.time_s
+    both = np.hstack([wrench.force_n, wrench.moment_nm])
+    runs = [(i, j) for i, j in true_runs(np.isfinite(both).all(axis=1) & wrench.complete) if j - i > 3]
+
+    def wrench_at(latency_s: float) -> WrenchTrack:
+        read, complete = np.full_like(both, np.nan), np.zeros(len(t), dtype=bool)
+        for i, j in runs:
+            at = t[i:j] + latency_s
+            inside = (at >= t[i] - 1e-9) & (at <= t[j - 1] + 1e-9)
+            read[i:j][inside] = CubicSpline(t[i:j], both[i:j])(at[inside])
+            complete[i:j] = inside
+        return replace(
+            wrench,
+            force_n=read[:, :3],
+            moment_nm=read[:, 3:],
+            complete=complete,
+            latency_applied_s=latency_s,
+            clocks_compared=True,
+        )
+
+    latency = estimate_latency(geometric, wrench_at, mass_kg)
+    applied_s = latency.latency_s if latency.significant else 0.0
+    return replace(wrench_at(applied_s), clock_sd_s=float(np.hypot(latency.sd_s, latency.latency_s - applied_s)))

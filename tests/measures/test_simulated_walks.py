@@ -69,7 +69,7 @@ def compared() -> dict[str, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def without_noise() -> dict[str, np.ndarray]:
-    return compare_walks("walkway", 2000, 2001, exact=True)
+    return compare_walks("walkway", 2000, 2008, exact=True)
 
 
 def test_without_noise_the_work_of_every_stance_is_that_of_its_contact_force(

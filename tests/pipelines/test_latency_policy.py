@@ -1,5 +1,6 @@
 """What is done about the latency of the force is chosen by rule, and always said."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -37,6 +38,7 @@ def test_a_significant_latency_is_taken_out_and_said(late_s: float) -> None:
     assert choice.trial_estimate is not None
     assert choice.trial_estimate.significant
     assert choice.applied_s == choice.trial_estimate.latency_s == pytest.approx(late_s, abs=0.002)
+    assert choice.remaining_sd_s == choice.trial_estimate.sd_s
     (remark,) = choice.remarks
     assert remark.code == "latency-applied"
     assert ("later" if late_s > 0 else "earlier") in remark.message
@@ -49,6 +51,7 @@ def test_a_latency_like_zero_is_left_alone_with_a_remark(late_s: float) -> None:
     choice = chosen("apply", late_s)
     assert choice.trial_estimate is not None
     assert choice.applied_s == 0.0
+    assert choice.remaining_sd_s == math.hypot(choice.trial_estimate.sd_s, choice.trial_estimate.latency_s)
     assert codes(choice) == ["latency-not-significant"]
 
 

@@ -74,6 +74,18 @@ def test_a_late_force_is_noticed_where_the_clocks_have_not_been_compared(walk: E
     truth = walk.com_m[np.searchsorted(walk.time_s, found.time_s - 1e-9), 0]
     assert np.abs(found.com_m[:, 0] - truth).mean() < 0.7 * np.abs(trusted.com_m[:, 0] - truth).mean()
     assert found.sd_m[:, 0].mean() < 0.85 * trusted.sd_m[:, 0].mean()
+    known = replace(compared, clock_sd_s=0.001)
+    exact, stated, large = (
+        smoother.estimate(geometric, track, mass_kg).sd_m
+        for smoother, track in (
+            (Smoother(), known),
+            (Smoother(compared_clock=False), known),
+            (Smoother(), replace(compared, clock_sd_s=0.02)),
+        )
+    )
+    assert exact[:, 0].mean() < 0.85 * trusted.sd_m[:, 0].mean()
+    assert stated == pytest.approx(trusted.sd_m, rel=1e-9)
+    assert large == pytest.approx(trusted.sd_m, rel=1e-9)
 
 
 def test_the_least_error_falls_with_what_is_known_of_clock_and_table(walk: ExactWalk) -> None:

@@ -1,10 +1,10 @@
 """Margin of stability: distance of the extrapolated CoM from the edge of the base of support (Hof 2005, 2008).
 
 Sideways, in single support on the foot of one side, the margin is the distance from the extrapolated CoM outwards to
-the outermost point of that foot's outline; its minimum over single support is the margin of the step. Ahead, at the
-strike of a foot, it is the distance from the extrapolated CoM to the foremost point of the landing foot's outline.
-Positive margins lie inside the base. The outline follows from the markers of the foot (``foot_outline``); its own
-error (about 1 cm, constant for a person) is not part of the stated standard deviation.
+the outermost point of that foot's outline; its minimum over single support, both ends included, is the margin of the
+step. Ahead, at the strike of a foot, it is the distance from the extrapolated CoM to the foremost point of the landing
+foot's outline. Positive margins lie inside the base. The outline follows from the markers of the foot
+(``foot_outline``); its own error (about 1 cm, constant for a person) is not part of the stated standard deviation.
 """
 
 import math
@@ -48,12 +48,13 @@ def _single_support(motion: WalkMotion, xcom: ExtrapolatedCom, step: GaitStep, n
     side = OTHER_SIDE[step.side]
     if side not in motion.feet:
         return []
-    span = motion.samples(step.lift_off_s, step.strike_s)
-    margin = sideways_margin_m(motion, xcom, side)[span]
-    if len(margin) == 0 or not np.isfinite(margin).all():
+    within = motion.time_s[motion.samples(step.lift_off_s, step.strike_s)]
+    at_s = np.concatenate([[step.lift_off_s], within, [step.strike_s]])
+    margin = np.interp(at_s, motion.time_s, sideways_margin_m(motion, xcom, side))
+    if len(within) == 0 or not np.isfinite(margin).all():
         return []
     k = int(np.argmin(margin))
-    sd = _error_m(xcom, span.start + k, LEFT)
+    sd = _error_m(xcom, motion.nearest(at_s[k]), LEFT)
     return [Measure("margin_of_stability_ml_min", float(margin[k]), sd, "m", side, number)]
 
 

@@ -142,7 +142,7 @@ def prepare_com_inputs(
         return wrench_track(recording, windows, latency_s=latency_s)
 
     latency = choose_latency(request.latency, geometric, wrench_at, mass.mass_kg, session)
-    wrench = replace(wrench_at(latency.applied_s), clocks_compared=True)
+    wrench = replace(wrench_at(latency.applied_s), clocks_compared=True, clock_sd_s=latency.remaining_sd_s)
     return ComInputs(trial, windows, geometric, wrench, mass, latency, standing_kg, session, static_remarks)
 
 

@@ -198,9 +198,14 @@ def build_estimator(method: str, request: EstimateComInput) -> ComEstimator:
 
 
 def build_smoother(options: SmootherOptions) -> Smoother:
-    """The smoother with the given priors; the others take their defaults."""
-    priors = SmootherPriors(**options.priors.model_dump(exclude_none=True))
-    return Smoother(priors=priors, learn=options.learn, segment_momentum=options.segment_momentum)
+    """The smoother with the given priors, the others by default; the clock is the compared one unless it is stated."""
+    stated = options.priors.model_dump(exclude_none=True)
+    return Smoother(
+        priors=SmootherPriors(**stated),
+        learn=options.learn,
+        segment_momentum=options.segment_momentum,
+        compared_clock="clock_s" not in stated,
+    )
 
 
 def _cutoffs_not_used(method: str) -> InvalidInput:

@@ -257,6 +257,17 @@ class LatencyChoice:
         return None if self.trial_estimate is None else self.trial_estimate.sd_s
 
     @property
+    def remaining_sd_s(self) -> float | None:
+        """Root mean square of what remains of the latency after ``applied_s``; None without an estimate.
+
+        That of a session includes by how much its trials differ.
+        """
+        if self.latency_s is None or self.sd_s is None:
+            return None
+        excess_s = 0.0 if self.session is None else self.session.latency_excess_s or 0.0
+        return math.hypot(self.sd_s, excess_s, self.latency_s - self.applied_s)
+
+    @property
     def latency_source(self) -> Literal["session", "trial"]:
         """Whether the latency is the session's or the trial's."""
         return "trial" if self.session is None else "session"

@@ -154,6 +154,7 @@ class WrenchTrack:
     ``complete`` marks the samples inside a window, where the sum over the plates is the whole contact wrench;
     elsewhere the values must not be used. ``latency_applied_s`` > 0 means that the force was read that much later.
     ``clocks_compared`` states that its latency has been estimated from this recording, applied or not.
+    ``clock_sd_s`` is the standard deviation of what then remains; None if it is not known.
     ``withheld`` marks samples whose wrench an estimator must predict instead of using it, although all contact is on
     the plates; their values are placeholders computed from the geometry.
     """
@@ -166,3 +167,4 @@ class WrenchTrack:
     latency_applied_s: float = 0.0
     clocks_compared: bool = False
     withheld: Mask | None = None
+    clock_sd_s: float | None = None

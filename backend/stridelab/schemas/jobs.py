@@ -120,7 +120,8 @@ class StatedErrors(Contract):
         default=None, description="relative error of the body mass; usual: 0.01"
     )
     clock_s: Annotated[float, Field(ge=0.0, le=0.1)] | None = Field(
-        default=None, description="residual latency between force and markers; usual: 0.005 s"
+        default=None,
+        description="residual latency between force and markers; usual: what their comparison states, at most 0.005 s",
     )
     marker_m: Sd | None = Field(default=None, description="noise of the geometric centre of mass")
     force_n: Sd | None = Field(default=None, description="noise of the force, per axis")

@@ -23,6 +23,8 @@ DT = 1 / RATE_HZ
 N = 24
 SEEN = np.ones(N, bool)
 SEEN[:3] = SEEN[14:19] = SEEN[22:] = False
+TURNING = SEEN.copy()
+TURNING[3:5] = TURNING[10] = TURNING[21] = False
 BRIDGED = np.zeros(N, bool)
 BRIDGED[13:19] = True
 PHI = 0.9
@@ -62,6 +64,7 @@ def some_signals() -> Signals:
         moment_m=np.where(SEEN[:, None], random.normal(0.0, 0.05, (N, 3)), 0.0) * [1.0, 1.0, 0.0],
         acceleration_m_s2=random.normal(0.0, 0.5, (N, 3)),
         seen=SEEN,
+        turning=TURNING,
         bridged=BRIDGED,
         phi=np.full(N, PHI),
         sway=np.zeros((N, 3)),
@@ -126,7 +129,7 @@ def written_out(axis: int, data: Signals) -> Dense:
         out.c_mean[k], out.c[k], out.v[k] = c_mean, c, v
         y_mean.append(c_mean)
         rows.append(c + b0 + b + w - p)
-        if turned and SEEN[k]:
+        if turned and data.turning[k]:
             y_mean.append(PHI * c_mean)
             rows.append(PHI * (c + s.height_m / 9.81 * ab + mu) + swings[0][0][1] + swings[1][0][1] + n - r)
             rows[-1] += data.segments_m[k, axis] * factor
@@ -156,7 +159,7 @@ def measured(axis: int, data: Signals) -> np.ndarray:
     y = []
     for k in range(N):
         y.append(data.geometry_m[k, axis])
-        if SIZES.turned[axis] and SEEN[k]:
+        if SIZES.turned[axis] and data.turning[k]:
             y.append(data.moment_m[k, axis])
     return np.array(y + ([0.0] * 4 if SIZES.turned[axis] else []))
 
@@ -209,7 +212,7 @@ def test_the_likelihood_is_that_of_the_same_gaussian_up_to_a_constant(passed):
         e = measured(axis, data) - dense.y_mean
         return -0.5 * float(e @ np.linalg.solve(cov, e) + np.linalg.slogdet(cov)[1])
 
-    unseen = {0: int((~SEEN).sum()), 1: int((~SEEN).sum()), 2: N}
+    unseen = {0: int((~TURNING).sum()), 1: int((~TURNING).sum()), 2: N}
     for axis in range(3):
         assert ours[axis] + 0.5 * unseen[axis] * np.log(1e8) == pytest.approx(exact(axis), abs=1e-3)
 
@@ -217,7 +220,8 @@ def test_the_likelihood_is_that_of_the_same_gaussian_up_to_a_constant(passed):
 def test_sample_by_sample_it_is_the_same_filter(passed):
     """Position given all samples up to k, from dense conditioning on exactly those."""
     data, space, _, _ = passed
-    data = replace(data, segments_m=np.zeros((N, 3)), bridged=np.zeros(N, bool))  # no segments, no later samples
+    no_segments, not_bridged = np.zeros((N, 3)), np.zeros(N, bool)  # and all moments
+    data = replace(data, segments_m=no_segments, bridged=not_bridged, turning=SEEN)
     online = CausalFilter(space, data.geometry_m[0], data.velocity_m_s, phi=PHI)
     for k in range(N):
         if k:

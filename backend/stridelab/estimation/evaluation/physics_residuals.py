@@ -33,10 +33,6 @@ STILL_M_S = 0.05
 """RMS velocity below which the body stands: 0.02 m/s in healthy adults, more than 0.05 m/s at a walk of 0.3 m/s."""
 MOMENTUM_BAND_HZ = 6.0
 """Band of the angular momentum rate: above it noise dominates second derivatives of marker positions."""
-END_BAND_HZ, END_S = 15.0, 0.12
-"""Band of the segments' momentum at the ends of a recording, and the time from an end over which it falls to the band
-elsewhere. A low-pass reads its own continuation beyond an end: at 6 Hz the rate of a walk's momentum was halved there,
-which moved the smoother's extrapolated CoM by up to 1 mm in the last 0.6 s without any noise."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +109,8 @@ def segment_momentum_rate(geometric: GeometricCom, mass_kg: float) -> Points | N
     """d/dt of the angular momentum of the segments' point masses about the CoM, NaN outside the gap-free stretch.
 
     The rotation of each segment about its own CoM is neglected: it needs inertia tensors that the tables give for few
-    segments, and is small compared with the motion of the segments' CoM. The band is wider at both ends.
+    segments, and is small compared with the motion of the segments' CoM. Near both ends the low-pass
+    reads its own continuation.
     """
     if not geometric.segments:
         return None
@@ -127,17 +124,14 @@ def segment_momentum_rate(geometric: GeometricCom, mass_kg: float) -> Points | N
     if len(t) < SHORTEST_FLIGHT:
         return None
     rate_hz = (len(t) - 1) / (t[-1] - t[0])
-    arms = [(one.mass_fraction * mass_kg, one.com_m[i:j] - geometric.com_m[i:j]) for one in geometric.segments.values()]
-
-    def rate_nm(band_hz: float) -> Points:
-        momentum = sum(mass * np.cross(arm, smoothed_derivatives(arm, rate_hz, band_hz)[0]) for mass, arm in arms)
-        return smoothed_derivatives(np.asarray(momentum), rate_hz, band_hz)[0]
-
-    n = min(round(END_S * rate_hz), (j - i) // 2)
-    nearness = np.zeros((j - i, 1))
-    nearness[:n, 0], nearness[j - i - n :, 0] = np.linspace(1.0, 0.0, n), np.linspace(0.0, 1.0, n)
+    momentum = np.zeros((j - i, 3))
+    for segment in geometric.segments.values():
+        arm = segment.com_m[i:j] - geometric.com_m[i:j]
+        momentum += (
+            segment.mass_fraction * mass_kg * np.cross(arm, smoothed_derivatives(arm, rate_hz, MOMENTUM_BAND_HZ)[0])
+        )
     whole = np.full_like(geometric.com_m, np.nan)
-    whole[i:j] = (1.0 - nearness) * rate_nm(MOMENTUM_BAND_HZ) + nearness * rate_nm(END_BAND_HZ)
+    whole[i:j] = smoothed_derivatives(momentum, rate_hz, MOMENTUM_BAND_HZ)[0]
     return whole
 
 

@@ -18,11 +18,11 @@ from typing import Final, Literal
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.quality.channel_gain import ChannelGain
 from stridelab.estimation.quality.measures import (
-    EXPLAINED_SHARE,
     MIN_CONTRADICTING_SHARE,
     Measures,
     Recorded,
     compute_measures,
+    contradicting_share,
 )
 from stridelab.estimation.quality.plate_checks import PlatePressure
 from stridelab.recordings.recording import Remark
@@ -111,7 +111,7 @@ def evaluate_checks(
         if math.isnan(row.value):
             not_checked[row.name] = row.missing if with_force or row.name in MARKER_CHECKS else WITHOUT_FORCE
             continue
-        limit = limit_of(row.name, geometry_sd_m, measures.force_share)
+        limit = limit_of(row.name, geometry_sd_m, measures.force_share, measures.unmarked_share)
         ending = "agree" if row.value <= limit.passes else "agree poorly"
         if row.value > limit.contradicts:
             ending = "contradict each other"
@@ -352,7 +352,7 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         # 15 % of the weight is the standard deviation of the vertical force in a walk, 8 % that of the fore-aft force:
         # a difference of that size explains none of the force. The residual includes the error of the mass.
         "force_residual": Limit(0.05, 0.15),
-        # In runs and jumps ``contradicts`` is half of the force's own standard deviation, 28 to 50 % of the weight.
+        # In runs and jumps it contradicts from half of the force's own standard deviation on, 28 to 50 % of the weight.
         "acceleration_difference": Limit(0.08, MIN_CONTRADICTING_SHARE),
         # A channel that reads half or twice the force, or the wrong way round, is 1 or more from a gain of 1.
         "channel_gain": Limit(0.25, 0.5),
@@ -383,15 +383,16 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
 )
 
 
-def limit_of(name: str, geometry_sd_m: tuple[float, float, float], force_share: float = 0.0) -> Limit:
+def limit_of(
+    name: str, geometry_sd_m: tuple[float, float, float], force_share: float = 0.0, unmarked_share: float = 0.0
+) -> Limit:
     """Limit of the check ``name`` for a geometric centre of mass with this standard deviation per axis.
 
-    ``force_share`` is the standard deviation of the measured force over the weight, on the axis of
-    ``acceleration_difference``.
+    ``force_share`` and ``unmarked_share`` are those of ``acceleration_difference`` on its axis.
     """
     limit = LIMITS[name]
     if name == "acceleration_difference":
-        return replace(limit, contradicts=max(limit.contradicts, EXPLAINED_SHARE * force_share))
+        return replace(limit, contradicts=float(contradicting_share(force_share, unmarked_share)))
     if name == "horizontal_bias":
         return replace(limit, passes=min(limit.contradicts, CIRCLE_95 * max(geometry_sd_m[:2])))
     if name == "vertical_bias":

@@ -41,7 +41,13 @@ from stridelab.estimation.differentiation import low_pass, smoothed_derivatives,
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ, assess_flight, force_residual_track_n
 from stridelab.estimation.quality.channel_gain import ChannelGain, channel_gains, exchange_ratio
-from stridelab.estimation.quality.plate_checks import NO_TRUNK, PlatePressure, force_balance, plate_pressures
+from stridelab.estimation.quality.plate_checks import (
+    PlatePressure,
+    force_balance,
+    has_no_trunk,
+    plate_pressures,
+    unmarked_shares,
+)
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Recording, SegmentMotion, WrenchTrack
 
@@ -59,11 +65,13 @@ class AccelerationDifference:
 
     ``tilt`` is the mean of the horizontal difference over the weight: the sine of the angle between the vertical of
     the file and gravity; ``lean`` is this mean along x and y. NaN where less than ``MIN_TILT_S`` is compared.
+    ``unmarked_share`` is that of ``unmarked_shares``, in runs.
     """
 
     axis: str
     share: float
     force_share: float
+    unmarked_share: float
     tilt: float = math.nan
     lean: tuple[float, float] = (math.nan, math.nan)
 
@@ -72,6 +80,17 @@ MIN_TILT_S: Final = 0.8
 """Shortest time for the mean force: an error of 0.1 m/s in the velocity at either end is then 0.018 of the weight."""
 EXPLAINED_SHARE: Final = 0.5
 """Difference over the variation of the force at which markers and force have lost half of their common signal."""
+
+
+def contradicting_share(
+    force_share: float | Float[np.ndarray, "3"], unmarked_share: float | Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "*axes"]:
+    """Difference over the weight at which markers and force contradict each other.
+
+    Half of the variation of the force, at least ``MIN_CONTRADICTING_SHARE``, and what an unmarked trunk may differ by.
+    """
+    own = np.maximum(EXPLAINED_SHARE * np.asarray(force_share), MIN_CONTRADICTING_SHARE)
+    return np.asarray(np.hypot(own, unmarked_share))
 
 
 def acceleration_difference(
@@ -97,15 +116,20 @@ def acceleration_difference(
     frame, weight_n = walk_frame(velocity - geometric.ground_m_s), mass_kg * GRAVITY_M_S2
     apart = (contact_force(acceleration, mass_kg) - force_n)[edge:-edge] @ frame.T
     share, force_share = apart.std(axis=0) / weight_n, (force_n[edge:-edge] @ frame.T).std(axis=0) / weight_n
-    tilt, lean = math.nan, (math.nan, math.nan)
+    tilt, lean, unmarked = math.nan, (math.nan, math.nan), np.zeros(3)
     if len(apart) >= MIN_TILT_S * rate_hz:
         tilt = float(np.linalg.norm(apart[:, :2].mean(axis=0))) / weight_n
         x, y, _ = apart.mean(axis=0) @ frame / weight_n
         lean = (float(x), float(y))
+    runs = EXPLAINED_SHARE * force_share[2] > MIN_CONTRADICTING_SHARE
+    if runs and has_no_trunk(geometric) and "lumbar" in geometric.joint_centres_m:
+        pelvis_m = geometric.joint_centres_m["lumbar"][i:j]
+        unmarked = unmarked_shares(smoothed_derivatives(pelvis_m, rate_hz, MOMENTUM_BAND_HZ)[1][edge:-edge] @ frame.T)
     # the large vertical forces of a run allow more than a walk's, and must not hide an axis that contradicts
-    contradicts = share > np.maximum(EXPLAINED_SHARE * force_share, MIN_CONTRADICTING_SHARE)
+    contradicts = share > contradicting_share(force_share, unmarked)
     worst = int(np.argmax(np.where(contradicts, 1.0, 0.0) * share.max() + share))
-    return AccelerationDifference(AXES[worst], float(share[worst]), float(force_share[worst]), tilt, lean)
+    of_worst = float(share[worst]), float(force_share[worst]), float(unmarked[worst])
+    return AccelerationDifference(AXES[worst], *of_worst, tilt, lean)
 
 
 NAN = math.nan
@@ -141,8 +165,8 @@ class Measures:
 
     ``lean_bias_m`` is the part of the horizontal bias that the mean horizontal force explains: without it, the force
     would act through a centre of mass that is so much nearer to the markers'.
-    ``axis`` is that of ``acceleration_difference`` and ``force_share`` the variation of the force on it,
-    ``leg`` the segment of ``leg_length_change``. ``model_leg_share`` is the share of the legs in a body model's mass,
+    ``axis``, ``force_share`` and ``unmarked_share`` are those of ``acceleration_difference``, ``leg`` is the segment of
+    ``leg_length_change``. ``model_leg_share`` is the share of the legs in a body model's mass,
     None without a model.
     """
 
@@ -152,6 +176,7 @@ class Measures:
     acceleration_difference: float = NAN
     axis: str = ""
     force_share: float = 0.0
+    unmarked_share: float = 0.0
     horizontal_bias_m: float = NAN
     lean_bias_m: float = NAN
     vertical_bias_m: float = NAN
@@ -204,6 +229,7 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         acceleration_difference=NAN if apart is None else apart.share,
         axis="" if apart is None else apart.axis,
         force_share=0.0 if apart is None else apart.force_share,
+        unmarked_share=0.0 if apart is None else apart.unmarked_share,
         horizontal_bias_m=horizontal_m,
         lean_bias_m=lean_m,
         vertical_bias_m=vertical_m,
@@ -343,7 +369,7 @@ def thigh_over_trunk(geometric: GeometricCom, used: slice) -> float:
     NaN where the neck is not marked: it is then placed by proportions.
     """
     joints = geometric.joint_centres_m
-    if any(remark.code == NO_TRUNK for remark in geometric.remarks) or not joints.keys() >= _TRUNK:
+    if has_no_trunk(geometric) or not joints.keys() >= _TRUNK:
         return NAN
     hips_m = (joints["l_hip"] + joints["r_hip"])[used] / 2.0
     trunk_m = np.linalg.norm(hips_m - joints["cervical"][used], axis=1)

@@ -38,6 +38,8 @@ from stridelab.recordings.recording import Plate, Recording, WrenchTrack
 MIN_TIME_S: Final = 0.4
 """Shortest time, beside the filter's transients, for a regression: five independent samples in the band."""
 NO_TRUNK: Final = "trunk-missing"
+UNMARKED_SHARE: Final = 0.49
+"""Share of head, arms and trunk above the pelvis in the mass of a body."""
 """Remark of a geometric centre of mass whose trunk stands upright on the pelvis, for it is not marked."""
 _PARTS_OF_TRUNK: Final = frozenset({NO_TRUNK, "trunk-simplified"})
 _STRAIGHT: Final = 0.98
@@ -278,3 +280,16 @@ def _share_off_plate(plate: Plate, pressure_m: Points) -> float:
     half_x = 0.5 * np.linalg.norm(corners[0] - corners[1]) + EDGE_M
     half_y = 0.5 * np.linalg.norm(corners[0] - corners[3]) + EDGE_M
     return float(np.mean((np.abs(local[:, 0]) > half_x) | (np.abs(local[:, 1]) > half_y)))
+
+
+def has_no_trunk(geometric: GeometricCom) -> bool:
+    """Whether no marker shows how the trunk leans."""
+    return any(remark.code == NO_TRUNK for remark in geometric.remarks)
+
+
+def unmarked_shares(pelvis_m_s2: Points) -> Float[np.ndarray, "3"]:
+    """Variation of the force over the weight, per axis of the walk, that moves an unmarked trunk as the pelvis moves.
+
+    It need not: a trunk that leans and sways on the pelvis may move steadily. Vertically the spine carries it along.
+    """
+    return np.asarray(UNMARKED_SHARE / GRAVITY_M_S2 * pelvis_m_s2.std(axis=0) * [1.0, 1.0, 0.0])

@@ -31,6 +31,7 @@ from stridelab.estimation.smoother.measurements import (
     read_later,
     require_single_support,
     smoother_signals,
+    without_ends,
 )
 from stridelab.estimation.smoother.noise_levels import (
     SmootherPriors,
@@ -53,7 +54,8 @@ class Smoother:
     """Fixed-interval smoother; ``priors`` are the sizes of the input errors, that of the table is in the geometry.
 
     ``learn`` estimates the noise levels from the recording (``noise_levels``). In walking it also estimates the latency
-    within the prior ``clock_s``, unless the clocks have been compared (``remaining_clock_error``). In walking and
+    within the prior ``clock_s``, unless the clocks have been compared (``remaining_clock_error``); ``compared_clock``
+    then replaces ``clock_s`` by the standard deviation that the comparison states, if that is smaller. In walking and
     running it decides whether the angular momentum of the segments as point masses is used, by the likelihood of the
     recording with and without it; ``segment_momentum`` uses it always. ``beyond_window`` returns the whole gap-free
     stretch of geometry around the window instead of the window alone.
@@ -65,6 +67,7 @@ class Smoother:
     learn: bool = True
     segment_momentum: bool = False
     beyond_window: bool = False
+    compared_clock: bool = True
 
     def estimate(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> ComEstimate:
         """Smooth over all geometry around the longest window; every window in it contributes its force.
@@ -80,14 +83,17 @@ class Smoother:
         seen = np.isfinite(wrench.force_n[used]).all(axis=1) & wrench.complete[used]
         force_n, moment_nm = wrench.force_n[used], wrench.moment_nm[used]
         walk = in_walking_frame(geometric.com_m[used], force_n, moment_nm, seen, rate_hz, geometric.ground_m_s)
-        sizes = sizes_of(self.priors, walk, mass_kg, geometric.sd_m)
+        priors = self.priors
+        if self.compared_clock and wrench.clock_sd_s is not None:
+            priors = replace(priors, clock_s=min(priors.clock_s, wrench.clock_sd_s))
+        sizes = sizes_of(priors, walk, mass_kg, geometric.sd_m)
         require_single_support(walk, span.within, sizes.swing_hz[0])
-        clock = ClockError(0.0, self.priors.clock_s)
+        clock = ClockError(0.0, priors.clock_s)
         if self.learn and clock.sd_s > 0.0 and is_walk(walk, mass_kg):
             clock = remaining_clock_error(geometric, wrench, span, mass_kg, clock.sd_s)
         if clock.mean_s != 0.0:
             walk = read_later(walk, clock.mean_s)
-            sizes = sizes_of(replace(self.priors, clock_s=clock.sd_s), walk, mass_kg, geometric.sd_m)
+            sizes = sizes_of(replace(priors, clock_s=clock.sd_s), walk, mass_kg, geometric.sd_m)
         if wrench.withheld is not None:
             walk = replace(walk, seen=seen & ~wrench.withheld[used])
         sizes, data = self._model(sizes, walk, geometric, used, mass_kg)
@@ -141,6 +147,7 @@ class Smoother:
         if rate_nm is None or not known or not wanted:
             return (learn_sizes(sizes, data, walk.rate_hz) if self.learn else sizes), data
         segments_m = moment_in_metres(rate_nm[used] @ walk.frame.T, mass_kg * GRAVITY_M_S2)
+        every, data = data, without_ends(data, walk.rate_hz)
         runs = is_airborne(walk, mass_kg)
         rest, less = with_segments(sizes, data, segments_m, runs=runs)
         if not self.learn:
@@ -148,7 +155,7 @@ class Smoother:
         learned = learn_sizes(rest, less, walk.rate_hz)
         if self.segment_momentum or is_explained(rest, learned, less, data, walk.rate_hz, runs=runs):
             return learned, less
-        return learn_sizes(sizes, data, walk.rate_hz), data
+        return learn_sizes(sizes, every, walk.rate_hz), every
 
     def causal(
         self,

@@ -49,7 +49,8 @@ Table = Float[np.ndarray, "g a 10 10"]
 class Signals:
     """Data per axis of the walking frame, metres: y1, y2 (0 where not measured), and the acceleration from k to k + 1.
 
-    ``bridged`` marks the steps, from k to k + 1, in a short gap of the force: there the acceleration is interpolated.
+    ``turning`` marks the samples whose moment is used; ``bridged`` the steps, from k to k + 1, in a short gap of the
+    force: there the acceleration is interpolated.
     ``phi`` and ``sway`` are the noise-free vertical and horizontal force over the weight (``state_space``);
     ``segments_m`` is the rate of the segments' angular momentum over the weight, zeros where it is not used;
     ``velocity_m_s`` is the initial velocity of the filter.
@@ -59,6 +60,7 @@ class Signals:
     moment_m: Float[np.ndarray, "n axes"]
     acceleration_m_s2: Float[np.ndarray, "n axes"]
     seen: Mask
+    turning: Mask
     bridged: Mask
     phi: Series
     sway: Float[np.ndarray, "n axes"]
@@ -131,10 +133,12 @@ class ForwardPass:
 def regimes_of(signals: Signals) -> Int[np.ndarray, "n"]:
     """Regime per sample; 0: force measured here and at the next sample, 1: here only, 2: not measured.
 
-    3 and 4 are 1 and 2 with the acceleration of the step interpolated.
+    3 and 4 are 1 and 2 with the acceleration of the step interpolated; 5 is 0 without the moment.
     """
-    follows = np.append(signals.seen[1:], False)
-    return np.asarray(np.where(signals.seen, np.where(follows, 0, 1), 2) + 2 * signals.bridged)
+    driven = signals.seen & np.append(signals.seen[1:], False)
+    with_moment = np.where(driven, 0, 1 + 2 * signals.bridged)
+    without = np.where(driven, 5, 2 + 2 * signals.bridged)
+    return np.asarray(np.where(signals.turning, with_moment, without))
 
 
 def compute_gains(space: StateSpace, signals: Signals, settling: float = SETTLED) -> Gains:
@@ -188,13 +192,14 @@ def filter_forward(space: StateSpace, signals: Signals, gain_sets: Gains) -> For
     n, models = len(signals), len(space.turned)
     axis = np.arange(models) % signals.geometry_m.shape[1]
     inputs = np.zeros((n, models, STATES, COLUMNS))
-    driven = (regimes_of(signals) == 0) | signals.bridged
+    driven = np.isin(regimes_of(signals), (0, 5)) | signals.bridged
     inputs[driven, :, :, 0] = signals.acceleration_m_s2[driven][:, axis, None] * space.drive
     inputs[driven, :, :, 1 + ACCELERATION] = -space.drive
     measured = np.zeros((n, models, MEASURED, COLUMNS))
-    measured[:, :, 0, 0], measured[:, :, 1, 0] = signals.geometry_m[:, axis], signals.moment_m[:, axis]
+    measured[:, :, 0, 0] = signals.geometry_m[:, axis]
+    measured[:, :, 1, 0] = signals.moment_m[:, axis] * signals.turning[:, None]
     measured[:, :, 0, 1 + TABLE] = -1.0
-    with_moment = signals.seen[:, None] & space.turned
+    with_moment = signals.turning[:, None] & space.turned
     loaded = signals.phi[:, None] * with_moment
     measured[:, :, 1, 1 + ACCELERATION] = -space.lever_s2 * loaded
     measured[:, :, 1, 1 + MOMENT] = -loaded

@@ -114,12 +114,26 @@ def smoother_signals(walk: Walk, mass_kg: float) -> Signals:
         moment_m=y2,
         acceleration_m_s2=trapezoid,
         seen=walk.seen,
+        turning=walk.seen,
         bridged=bridged,
         phi=phi,
         sway=smooth / weight * walk.seen[:, None],
         segments_m=np.zeros_like(y2),
         velocity_m_s=walk.velocity_m_s,
     )
+
+
+UNEXPLAINED_S, UNEXPLAINED_SHARE = 0.17, 0.1
+"""Time from either end of the tracks in which the rate of the segments' momentum is not known, since its low-pass reads
+beyond them, and the largest part of the samples with force that is left out for it."""
+
+
+def without_ends(signals: Signals, rate_hz: float) -> Signals:
+    """Without the moments next to the ends of the tracks, where the segments do not explain them."""
+    n = round(min(UNEXPLAINED_S * rate_hz, UNEXPLAINED_SHARE * np.count_nonzero(signals.seen)))
+    turning = signals.seen.copy()
+    turning[:n] = turning[len(turning) - n :] = False
+    return replace(signals, turning=turning)
 
 
 def short_gaps(walk: Walk, weight_n: float) -> Mask:

@@ -109,7 +109,7 @@ class StateSpace:
     """
 
     turned: Bool[np.ndarray, "a"]
-    regimes: tuple[Regime, Regime, Regime, Regime, Regime]
+    regimes: tuple[Regime, Regime, Regime, Regime, Regime, Regime]
     start_covariance: Matrices
     constant_sd: Float[np.ndarray, "a 5"]
     lever_s2: float
@@ -164,8 +164,9 @@ def state_space(sizes: Sizes, rate_hz: float) -> StateSpace:
     beyond = sizes.beyond_m_s2**2 * sizes.beyond_s / dt
     without = q + beyond[:, None, None] * np.outer(drive, drive)
     without[:, Q, Q] += ((1 - plate_pole) * white_force) ** 2
-    unseen = without.copy()
-    unseen[:, R, R] += ((1 - plate_pole) * white_moment) ** 2
+    no_moment = np.zeros_like(q)
+    no_moment[:, R, R] = ((1 - plate_pole) * white_moment) ** 2
+    unseen = without + no_moment
     bridged = (sizes.bridged_m_s2**2 - sizes.beyond_m_s2**2) * sizes.beyond_s / dt
     bridge = bridged[:, None, None] * np.outer(drive, drive)
 
@@ -184,6 +185,7 @@ def state_space(sizes: Sizes, rate_hz: float) -> StateSpace:
             Regime(a, unseen, feed, noise),
             Regime(a, without + bridge, fed_moment, noise_seen),
             Regime(a, unseen + bridge, feed, noise),
+            Regime(driven, with_force + no_moment, feed, noise),
         ),
         start_covariance=start,
         constant_sd=sizes.bias,
