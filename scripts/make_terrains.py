@@ -51,11 +51,34 @@ REFUSED = (CHECK, REACHABILITY, CENTROIDAL)
 INTRO = """# Random terrains
 
 Written by `make terrains`. {count} random scenarios of {classes} classes for three robots
-(`scripts/experiments/terrains`, seed {seed}), each within the bounds below, are planned with the settings of the service, followed by the whole-body
-controller, checked by the [certificate](whole-body.md) and replayed in the physics simulation without disturbances. All
-results are simulated.{share}
+(`scripts/experiments/terrains`, seed {seed}), each within the bounds below, are planned with the settings of the
+service, followed by the whole-body controller, checked by the [certificate](whole-body.md) and replayed in the
+physics simulation without disturbances. All results are simulated.{share}
 """
-NOTE = """PLACEHOLDER"""
+NOTE = """The seed was used for nothing before, and nothing was changed after a look at these results. Planner and
+controller were developed on other seeds (1, 31, 501, 502); turns on the spot were narrowed to 24 degrees for TALOS
+and HRP-2 after such turns had been seen, since from 26 and 29 degrees on their shoes overlap. The survey shows the
+program before two [later changes](whole-body.md#the-hierarchy), of hands that leave a rail and of plans lowered for
+short legs, which were tuned on failures of seeds 501, 502, 7311, 8123 and 8124.@JUDGED@
+
+Former draws, each of another state of the program and with no failure mended before it was counted: 39 of 45 (second
+draw of seed 2026; G1 9 of 15), 43 of 45 (seed 8123), and of G1 alone 13 of 15 twice (seeds 7311 and 8124). None was
+certified and fell.
+"""
+FORMER_FLIGHTS = """## Flights of building codes
+
+20 random flights for TALOS (`--flights`, seed 77), 3 to 5 treads of 15 to 19 cm by 25 to 32 cm: 2.5 s per tread with
+both feet on each, 1.18 s with one foot on each; beside a rail the hand takes a further 0.9 s. They were computed with
+earlier states of the program than the survey, those without a rail with an older one than those with a rail.
+
+| flights | certified | certified and completed | reasons of the others |
+| --- | --- | --- | --- |
+| both | 5 of 5 | 5 of 5 |  |
+| alternate | 5 of 5 | 4 of 5 | replay-torque |
+| both, rail | 5 of 5 | 5 of 5 |  |
+| alternate, rail | 5 of 5 | 4 of 5 | replay-torque |
+"""
+"""Shown until flights of ``FLIGHTS_SEED`` are computed."""
 SHARE = """ They are the first {count} of {all} in a random order that was fixed before: a fair sample, which ended
 with the time for it."""
 
@@ -230,9 +253,9 @@ def cost_text(rows: Sequence[Row]) -> list[str]:
 
 
 def flights_section(rows: list[Row]) -> list[str]:
-    """The results of the flights; empty without rows."""
+    """The results of the flights; without rows those of an earlier state of the program."""
     if not rows:
-        return []
+        return [FORMER_FLIGHTS]
     heights, depths = (f"{100 * low:g} to {100 * high:g}" for low, high in (flights.HEIGHT_M, flights.DEPTH_M))
     paces = [flights.BOTH.move_s + flights.BOTH.rest_s, flights.ALTERNATE.move_s + flights.ALTERNATE.rest_s]
     introduction = (
