@@ -8,14 +8,16 @@ make_terrains.py --flights --number 20          random flights of building codes
 
 import argparse
 import json
+import math
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import binomtest
 
 from experiments.terrains import flights
 from experiments.terrains.bounds import BOUNDS, Bounds
@@ -25,6 +27,7 @@ from stridelab.pipelines.plan_motion import (
     CENTROIDAL,
     CERTIFICATE,
     CHECK,
+    REACHABILITY,
     REPLAY,
     WHOLE_BODY,
     plan_motion,
@@ -37,20 +40,51 @@ from stridelab.schemas.scenarios import Scenario
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "theory" / "terrains.md"
-PAGE_SEED = 2026
-FLIGHTS_SEED = 77
+PAGE_SEED = 94127
+FLIGHTS_SEED = 31874
 NUMBER = 200
-DONE = "certified and completed"
+CRASH = "error"
+ERRORS = (ArithmeticError, AssertionError, LookupError, RuntimeError, TypeError, ValueError)
+"""Errors of the program, which are results of the survey as well."""
+REFUSED = (CHECK, REACHABILITY, CENTROIDAL)
+"""Stages whose failure refuses a scenario before the whole body is computed."""
 INTRO = """# Random terrains
 
-Written by `make terrains`. {count} random scenarios of {classes} of twelve classes for three robots
+Written by `make terrains`. {count} random scenarios of {classes} classes for three robots
 (`scripts/experiments/terrains`, seed {seed}), each within the bounds below, are planned with the settings of the
-service, followed by the whole-body controller, checked by the [certificate](whole-body.md) and replayed in the physics
-simulation without disturbances. Another seed was used while the planner and the controller were developed. All
-results are simulated. The rows are the scenarios that were run so far, in a fixed random order where not all
-were: a share of few scenarios is uncertain. Turns on the spot end at 24 degrees for TALOS and HRP-2: from 26 and 29
-degrees on, their shoes would overlap, and such contacts are refused.
+service, followed by the whole-body controller, checked by the [certificate](whole-body.md) and replayed in the
+physics simulation without disturbances. All results are simulated.{share}
 """
+NOTE = """The seed was used for nothing before, and nothing was changed after a look at these results. Planner and
+controller were developed on other seeds (1, 31, 501, 502); turns on the spot were narrowed to 24 degrees for TALOS
+and HRP-2 after such turns had been seen, since from 26 and 29 degrees on their shoes overlap. The survey shows the
+program before two [later changes](whole-body.md#the-hierarchy), of hands that leave a rail and of plans lowered for
+short legs, which were tuned on failures of seeds 501, 502, 7311, 8123 and 8124. Four rails of seed 60413, not used
+before, were computed with these changes until the time ended: two of HRP-2 are certified and completed; a third has a
+shank 9.5 mm from a step for 10 mm asked, as before the changes; that of G1 is certified, where it was not certified
+and fell before, but its replay leaves the plan after 17.5 s. Of the two scenarios below that fail, 161 was computed
+again with the changes and fails on the same pair.
+
+Former draws, each of another state of the program and with no failure mended before it was counted: 39 of 45 (second
+draw of seed 2026; G1 9 of 15), 43 of 45 (seed 8123), and of G1 alone 13 of 15 twice (seeds 7311 and 8124). None was
+certified and fell.
+"""
+FORMER_FLIGHTS = """## Flights of building codes
+
+20 random flights for TALOS (`--flights`, seed 77), 3 to 5 treads of 15 to 19 cm by 25 to 32 cm: 2.5 s per tread with
+both feet on each, 1.18 s with one foot on each; beside a rail the hand takes a further 0.9 s. They were computed with
+earlier states of the program than the survey, those without a rail with an older one than those with a rail.
+
+| flights | certified | certified and completed | reasons of the others |
+| --- | --- | --- | --- |
+| both | 5 of 5 | 5 of 5 |  |
+| alternate | 5 of 5 | 4 of 5 | replay-torque |
+| both, rail | 5 of 5 | 5 of 5 |  |
+| alternate, rail | 5 of 5 | 4 of 5 | replay-torque |
+"""
+"""Shown until flights of ``FLIGHTS_SEED`` are computed."""
+SHARE = """
+They are the first {count} of {all} in a random order that was fixed before; the survey ended with the time for it."""
 
 
 @dataclass(frozen=True)
@@ -129,6 +163,15 @@ def run_one(drawn: Drawn) -> Row:
     return Row(**known | {"stage": stage, "reasons": tuple(reasons), "details": tuple(details)})
 
 
+def run_safely(drawn: Drawn) -> Row:
+    """The row of one scenario, also where the program has an error: the survey goes on and shows it."""
+    try:
+        return run_one(drawn)
+    except ERRORS as error:
+        text = str(drawn.scenario["description"])
+        return Row(drawn.index, drawn.robot, drawn.kind, text, 0.0, CRASH, (type(error).__name__,), (repr(error),))
+
+
 def load_rows(file: Path) -> dict[int, Row]:
     """Rows of a file, by the index of their scenario."""
     lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
@@ -142,40 +185,81 @@ def share_text(rows: Iterable[Row]) -> str:
     return f"{sum(not row.stage for row in some)} of {len(some)}" if some else ""
 
 
-def page(rows: list[Row], seed: int, climbed: list[Row]) -> str:
-    """The page of the results: those of the survey and of the flights."""
-    lines = [INTRO.format(count=len(rows), classes=len({row.kind for row in rows}), seed=seed)]
-    fell = [row for row in rows if row.certified and row.fell]
-    missed = [row for row in rows if row.certified and not row.completed]
-    refused = [row for row in rows if row.stage in (CHECK, CENTROIDAL, WHOLE_BODY)]
-    lines.append(
-        f"**{sum(not row.stage for row in rows)} of {len(rows)} are {DONE}.** {len(refused)} are refused before the "
-        f"certificate. {len(missed)} are certified but do not complete the replay, {len(fell)} of them fall.\n"
-    )
-    lines += ["## By class and robot\n", f"| class | {' | '.join(BOUNDS)} | all |", "| --- |" + " --- |" * 4]
-    for kind in (*CLASSES, None):
-        some = [row for row in rows if kind in (None, row.kind)]
-        cells = [share_text(row for row in some if row.robot == robot) for robot in BOUNDS]
-        lines.append(f"| {kind or '**all**'} | {' | '.join(cells)} | {share_text(some)} |")
-    lines += ["\n## Reasons\n", "| stage | reason | scenarios | classes |", "| --- | --- | --- | --- |"]
-    counts = Counter((row.stage, reason) for row in rows if row.stage for reason in row.reasons)
-    for (stage, reason), n in sorted(counts.items(), key=lambda item: (-item[1], item[0])):
-        kinds = Counter(f"{row.robot} {row.kind}" for row in rows if row.stage == stage and reason in row.reasons)
-        named = ", ".join(f"{kind} {k}" if k > 1 else kind for kind, k in kinds.most_common(6))
-        lines.append(f"| {stage} | {reason} | {n} | {named} |")
-    body = sorted(row.cpu_s[WHOLE_BODY] / row.duration_s for row in rows if WHOLE_BODY in row.cpu_s and row.duration_s)
-    if body:
-        lines.append(
-            f"\nThe whole body takes {body[len(body) // 2]:.2f} s of processor per second of motion (median; most "
-            f"{body[-1]:.2f}).\n"
-        )
+def interval_text(rows: Sequence[Row]) -> str:
+    """95 % interval (Wilson) of the share that is certified and completed, in percent."""
+    low, high = binomtest(sum(not row.stage for row in rows), len(rows)).proportion_ci(method="wilson")
+    return f"{100 * low:.0f} to {100 * high:.0f} %"
+
+
+def page(rows: list[Row], seed: int, climbed: list[Row], note: str) -> str:
+    """The page of the results: those of the survey and of the flights; ``note`` says what was tuned on what."""
+    share = SHARE.format(count=len(rows), all=NUMBER) if len(rows) < NUMBER else ""
+    intro = INTRO.format(count=len(rows), classes=len({row.kind for row in rows}), seed=seed, share=share)
+    sections = [robot_table(rows), class_table(rows), failure_table(rows), cost_text(rows)]
+    lines = [intro, note, *(line for section in sections for line in section)]
     return "\n".join([*lines, *flights_section(climbed), *bounds_table()]) + "\n"
 
 
-def flights_section(rows: list[Row]) -> list[str]:
-    """The results of the flights; empty without rows."""
-    if not rows:
+def robot_table(rows: Sequence[Row]) -> list[str]:
+    """Outcomes by robot."""
+    columns = ("drawn", "certified and completed", "95 % interval", "refused before the whole body", "the body stops")
+    more = ("certificate fails", "certified, replay not completed", "of these fell")
+    lines = [f"| robot | {' | '.join((*columns, *more))} |", "| --- |" + " --- |" * len((*columns, *more))]
+    for robot in (*BOUNDS, None):
+        some = [row for row in rows if robot in (None, row.robot)]
+        if not some:
+            continue
+        missed = [row for row in some if row.certified and not row.completed]
+        values = (
+            len(some),
+            sum(not row.stage for row in some),
+            interval_text(some),
+            sum(row.stage in REFUSED for row in some),
+            sum(row.stage in (WHOLE_BODY, CRASH) for row in some),
+            sum(row.stage == CERTIFICATE for row in some),
+            len(missed),
+            sum(row.fell for row in missed),
+        )
+        lines.append(f"| {robot or '**all**'} | {' | '.join(map(str, values))} |")
+    return [*lines, ""]
+
+
+def class_table(rows: Sequence[Row]) -> list[str]:
+    """Scenarios that are certified and completed, by class and robot."""
+    lines = ["## By class and robot\n", "Certified and completed, of those drawn.\n"]
+    lines += [f"| class | {' | '.join(BOUNDS)} | all |", "| --- |" + " --- |" * 4]
+    for kind in CLASSES:
+        some = [row for row in rows if row.kind == kind]
+        cells = [share_text(row for row in some if row.robot == robot) for robot in BOUNDS]
+        lines.append(f"| {kind} | {' | '.join(cells)} | {share_text(some)} |")
+    return lines
+
+
+def failure_table(rows: Sequence[Row]) -> list[str]:
+    """Every scenario that is not certified and completed, with what it fails on."""
+    failed = [row for row in rows if row.stage]
+    if not failed:
         return []
+    lines = ["\n## What fails\n", "| robot | class | scenario | stage | reason |", "| --- | --- | --- | --- | --- |"]
+    for row in sorted(failed, key=lambda row: (list(BOUNDS).index(row.robot), list(CLASSES).index(row.kind))):
+        reason = "; ".join(row.details or row.reasons).replace("|", "/").replace("\n", " ")
+        lines.append(f"| {row.robot} | {row.kind} | {row.index}: {row.description} | {row.stage} | {reason} |")
+    return lines
+
+
+def cost_text(rows: Sequence[Row]) -> list[str]:
+    """Processor time of the whole body per second of motion."""
+    body = sorted(row.cpu_s[WHOLE_BODY] / row.duration_s for row in rows if WHOLE_BODY in row.cpu_s and row.duration_s)
+    if not body:
+        return []
+    cost = f"{body[len(body) // 2]:.2f} s of processor per second of motion (median; most {body[-1]:.2f})"
+    return [f"\nThe whole body takes {cost}, beside other load.\n"]
+
+
+def flights_section(rows: list[Row]) -> list[str]:
+    """The results of the flights; without rows those of an earlier state of the program."""
+    if not rows:
+        return [FORMER_FLIGHTS]
     heights, depths = (f"{100 * low:g} to {100 * high:g}" for low, high in (flights.HEIGHT_M, flights.DEPTH_M))
     paces = [flights.BOTH.move_s + flights.BOTH.rest_s, flights.ALTERNATE.move_s + flights.ALTERNATE.rest_s]
     introduction = (
@@ -219,6 +303,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[], help="classes, robots or indices to run")
     parser.add_argument("--page", action="store_true", help="only write the page")
     parser.add_argument("--no-page", action="store_true", help="do not write the page")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="begin no scenario after so many minutes")
     arguments = parser.parse_args()
     usual_seed, name = (FLIGHTS_SEED, "flights") if arguments.flights else (PAGE_SEED, "terrains")
     seed = usual_seed if arguments.seed is None else arguments.seed
@@ -229,11 +314,14 @@ def main() -> None:
     draw = flights.random_flights if arguments.flights else random_scenarios
     scenarios = [] if arguments.page else draw(arguments.number, seed)
     order = np.random.default_rng(seed).permutation(len(scenarios))  # a survey that ends early is a fair sample
+    started_s = time.monotonic()
     for drawn in (scenarios[k] for k in order[first::every]):
+        if time.monotonic() - started_s > 60.0 * arguments.minutes:
+            break
         labels = {drawn.kind, drawn.robot, str(drawn.index)}
         if drawn.index in rows or (arguments.only and not labels & set(arguments.only)):
             continue
-        row = rows[drawn.index] = run_one(drawn)
+        row = rows[drawn.index] = run_safely(drawn)
         with out.open("a", encoding="utf-8") as file:
             file.write(json.dumps(asdict(row)) + "\n")
         sys.stderr.write(f"{row.index} {row.robot} {row.kind}: {row.stage or 'done'} {'; '.join(row.details)}\n")
@@ -244,7 +332,7 @@ def main() -> None:
         surveyed, climbed = (load_rows(others), rows) if arguments.flights else (rows, load_rows(others))
         page_seed = PAGE_SEED if arguments.flights else seed
         PAGE.write_text(
-            page([surveyed[k] for k in sorted(surveyed)], page_seed, [climbed[k] for k in sorted(climbed)]),
+            page([surveyed[k] for k in sorted(surveyed)], page_seed, [climbed[k] for k in sorted(climbed)], NOTE),
             encoding="utf-8",
         )
 

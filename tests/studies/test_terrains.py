@@ -11,6 +11,7 @@ from experiments.terrains.level import arc, sidestep
 from experiments.terrains.steps import mirrored
 from experiments.terrains.survey import CLASSES, Drawn, random_scenarios
 from experiments.terrains.uneven import ramp, stairs
+from make_terrains import NOTE, Row, page
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.schemas.scenarios import Scenario
@@ -84,3 +85,16 @@ def test_an_arc_turns_by_the_same_angle_at_every_step() -> None:
     turns = [after[name] - before[name] for before, after in ((yaws[0], first), (first, second)) for name in before]
     assert max(turns) > np.radians(BOUNDS["talos"].arc_deg[0])
     assert sum(turn > 1e-9 for turn in turns) == 2  # one foot per step
+
+
+def test_the_page_counts_outcomes_by_robot_with_their_interval() -> None:
+    """Refusals before the body, failed certificates and falls are in columns of their own."""
+    done = [Row(k, "talos", "arc", "", 10.0, certified=True, completed=True) for k in range(18)]
+    refused = Row(18, "talos", "turn", "6 turns", 0.0, "check", ("shoes-overlap",), ("shoes | overlap",))
+    fell = Row(19, "talos", "rail", "2 stairs", 9.0, "replay", ("replay-fell",), ("It falls.",), True, False, True)
+    text = page([*done, refused, fell], 5, [], NOTE)
+    assert "| talos | 20 | 18 | 70 to 97 % | 1 | 0 | 0 | 1 | 1 |" in text
+    assert "| **all** | 20 | 18 | 70 to 97 % | 1 | 0 | 0 | 1 | 1 |" in text
+    assert "| g1 | 0" not in text
+    assert "| talos | turn | 18: 6 turns | check | shoes / overlap |" in text
+    assert "first 20 of 200" in text

@@ -19,7 +19,7 @@ from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.leg_stretch import ENOUGH_M, LegModel, lower_for_legs
+from stridelab.wholebody.leg_stretch import ENOUGH_M, MAX_VERTICAL_M_S2, LegModel, lower_for_legs
 
 
 def test_the_base_follows_from_the_com_and_the_feet(talos: Robot) -> None:
@@ -63,6 +63,8 @@ def test_a_plan_is_lowered_where_a_leg_is_too_short(
     assert missing_m(talos, plan) > 2.0 * ENOUGH_M
     lower, lowered = lower_for_legs(talos, problem, plan, solve)
     assert missing_m(talos, lowered) < 0.5 * missing_m(talos, plan)
+    heights_m_s2 = [abs(lowered.reference_at(t).com_a_m_s2[2]) for t in np.linspace(0.0, plan.sequence.duration_s, 200)]
+    assert max(heights_m_s2) < 1.02 * MAX_VERTICAL_M_S2  # other times than those that were looked at
     assert lower.reference_m_s2 is not None
     assert not lower.reference_m_s2[:, :2].any()
     assert np.allclose(lowered.com_m[[0, -1]], plan.com_m[[0, -1]], atol=1e-6)

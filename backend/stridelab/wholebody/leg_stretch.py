@@ -45,8 +45,11 @@ MAX_LOWERING_M: Final = 0.12
 MAX_PASSES: Final = 4
 RATE_HZ: Final = 50.0
 HOLD_S: Final = 0.2
-SMOOTH_S: Final = 0.4
-"""A height counts for ``HOLD_S`` around its time, and is smoothed over ``SMOOTH_S``."""
+SMOOTH_S: Final = (1.6, 1.2, 0.8, 0.4)
+"""A height counts for ``HOLD_S`` around its time, and is smoothed over the first of these that is sufficient."""
+MAX_VERTICAL_M_S2: Final = 2.5
+MAX_VERTICAL_WITH_HANDS_M_S2: Final = 0.5
+"""Largest vertical acceleration of a lowered plan; arms whose hands stay on a rail follow every drop of the body."""
 LEG_JOINTS: Final = 4
 """Joints from the hip's last on: hip, knee, two at the ankle."""
 
@@ -140,17 +143,55 @@ def lower_for_legs(
 ) -> tuple[CentroidalProblem, CentroidalPlan]:
     """The problem and plan with a CoM that is lower where legs are too short; as given where they reach.
 
-    A plan that does not converge, or misses more than the one before, ends the search.
+    The gentlest lowering that is sufficient, with a vertical acceleration within its limit, else that within it which
+    misses least, else the gentlest.
     """
     legs = LegModel.of_robot(robot)
     time_s = np.linspace(0.0, plan.sequence.duration_s, max(2, round(plan.sequence.duration_s * RATE_HZ) + 1))
     missing = legs.missing_height_m(plan, time_s)
+    if float(missing.max(initial=0.0)) <= ENOUGH_M:
+        return problem, plan
+    holds = any(contact.kind == "point" for phase in plan.sequence.phases for contact in phase.contacts.values())
+    limit_m_s2 = MAX_VERTICAL_WITH_HANDS_M_S2 if holds else MAX_VERTICAL_M_S2
+    best: _Lowered | None = None
+    for smooth_s in SMOOTH_S:
+        lowered = _lower_smoothly(legs, problem, plan, solve, time_s, missing, smooth_s)
+        is_gentle = _vertical_max_m_s2(lowered.plan, time_s) <= limit_m_s2
+        if best is None or (is_gentle and lowered.missing_m < best.missing_m):
+            best = lowered
+        if is_gentle and lowered.missing_m <= ENOUGH_M:
+            break
+    assert best is not None
+    return best.problem, best.plan
+
+
+class _Lowered(NamedTuple):
+    """A problem, its plan, and the height (m) that its legs miss."""
+
+    problem: CentroidalProblem
+    plan: CentroidalPlan
+    missing_m: float
+
+
+def _lower_smoothly(
+    legs: LegModel,
+    problem: CentroidalProblem,
+    plan: CentroidalPlan,
+    solve: Solve,
+    time_s: Series,
+    missing: Series,
+    smooth_s: float,
+) -> _Lowered:
+    """Lower a plan that has the ``missing`` heights at ``time_s``, with heights smoothed over ``smooth_s``.
+
+    A plan that does not converge, or misses more than the one before, ends the search.
+    """
     best, wanted = (problem, plan), np.zeros(len(time_s))
     least_m = float(missing.max(initial=0.0))
     for _ in range(MAX_PASSES):
         if least_m <= ENOUGH_M:
             break
-        wanted = np.minimum(wanted + _smooth(missing), MAX_LOWERING_M)
+        wanted = np.minimum(wanted + _smooth(missing, smooth_s), MAX_LOWERING_M)
         fixed = replace(problem, sequence=plan.sequence, durations=None, placements=None)
         times = fixed.limb_times_s()
         reference = _accelerations_m_s2(time_s, -wanted, times)
@@ -163,7 +204,12 @@ def lower_for_legs(
         if float(missing.max()) >= least_m:
             break
         best, least_m = (lower, new), float(missing.max())
-    return best
+    return _Lowered(*best, least_m)
+
+
+def _vertical_max_m_s2(plan: CentroidalPlan, time_s: Series) -> float:
+    """Largest vertical acceleration of the CoM at ``time_s``."""
+    return max(abs(float(plan.reference_at(t).com_a_m_s2[2])) for t in time_s.tolist())
 
 
 def _longest_m(robot: Robot, hip: int, knee: int, ankle: int) -> float:
@@ -204,10 +250,10 @@ def _ankle_path(
     return positions, allowed
 
 
-def _smooth(height_m: Series) -> Series:
+def _smooth(height_m: Series, smooth_s: float) -> Series:
     """A smooth curve that is not below ``height_m`` where it peaks."""
-    held = maximum_filter1d(height_m, 2 * round(0.5 * (HOLD_S + SMOOTH_S) * RATE_HZ) + 1)
-    window = hann(round(SMOOTH_S * RATE_HZ) + 2)[1:-1]
+    held = maximum_filter1d(height_m, 2 * round(0.5 * (HOLD_S + smooth_s) * RATE_HZ) + 1)
+    window = hann(round(smooth_s * RATE_HZ) + 2)[1:-1]
     return np.asarray(convolve1d(held, window / window.sum(), mode="nearest"))
 
 

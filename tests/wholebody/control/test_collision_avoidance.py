@@ -11,7 +11,7 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.control.collision_avoidance import AvoidanceSettings, CollisionAvoidance
+from stridelab.wholebody.control.collision_avoidance import HAND_PUSH_M_S2, AvoidanceSettings, CollisionAvoidance
 from stridelab.wholebody.control.hierarchical_qp import Rows
 from stridelab.wholebody.control.rigid_body import RigidBody
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -106,3 +106,21 @@ def test_arms_in_peace_move_as_they_did(talos: Robot, swaying: tuple[CentroidalP
     plan, motion = swaying
     without = WholeBodyController(settings=replace(Settings(), avoid=None)).run(talos, plan.sequence, plan)
     assert np.abs(without.q - motion.q).max() < 1e-9
+
+
+def test_a_swinging_hand_is_pushed_off_a_surface(talos: Robot) -> None:
+    """Along the line of smallest distance, only while it swings, and by no task."""
+    body = RigidBody(talos)
+    body.update(talos.q_reference, np.zeros(talos.model.nv))
+    hand_m = body.frame_state("right_hand").position_m
+    beside = Box("beside", Placement.from_wxyz((hand_m - [0.0, 0.2, 0.0]).tolist()), np.array([0.3, 0.2, 0.3]))
+    avoidance = CollisionAvoidance(talos, Terrain.from_surfaces([beside]), EVER)
+    tasks = len(rows_of(avoidance, body)[1])
+    assert not avoidance.hand_push_m_s2("right_hand").any()
+    avoidance.watch_hands(["left_foot", "right_hand"])
+    assert len(rows_of(avoidance, body)[1]) == tasks
+    x, y, z = avoidance.hand_push_m_s2("right_hand")
+    assert y > 1.0
+    assert y > 5.0 * abs(x)
+    assert np.linalg.norm([x, y, z]) <= HAND_PUSH_M_S2 * (1.0 + 1e-9)
+    assert not avoidance.hand_push_m_s2("left_hand").any()

@@ -10,7 +10,7 @@ from stridelab.contacts.terrain import Box, Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.control.collision_pairs import CollisionPairs, PairLevers
+from stridelab.wholebody.control.collision_pairs import CollisionPairs, PairLevers, wrist_joints
 from stridelab.wholebody.control.rigid_body import RigidBody
 
 WALL = Terrain.from_surfaces([Box("wall", Placement.from_wxyz([0.6, 0.0, 0.3]), np.array([0.4, 1.0, 0.6]))])
@@ -38,6 +38,7 @@ def placed(robot: Robot, pairs: CollisionPairs, body: RigidBody, q: np.ndarray) 
 def test_no_distance_changes_by_more_than_levers_allow(name: str, seed: int) -> None:
     robot = load_robot(name)
     pairs, body = CollisionPairs(robot, WALL, 1.0, 1.0), RigidBody(robot)
+    pairs.watch_hands(wrist_joints(robot))
     before: dict[int, float] = {}
     q_before = robot.q_reference
     levers = np.abs(pairs.reach_m)

@@ -37,6 +37,7 @@ from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
 from stridelab.wholebody.certificate.certificate import Certificate
 from stridelab.wholebody.certificate.certify import certify
+from stridelab.wholebody.control.collision_avoidance import CollisionAvoidance
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.effector_contact import OwnSurfaces
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -192,8 +193,12 @@ def test_legs_that_cross_on_a_beam_meet_and_the_robot_falls(monkeypatch: pytest.
     assert f"after {outcome.replay.fall_time_s:.1f} s" in outcome.message("replay-fell")
 
 
-def test_hands_that_hook_a_table_are_neither_certified_nor_completed() -> None:
-    """Both passed: the robot stays on its feet, with 30 mm of slip and 9 times the torque."""
+def test_hands_that_hook_a_table_are_neither_certified_nor_completed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both passed: the robot stays on its feet, with 30 mm of slip and 9 times the torque.
+
+    The hands keep to their curves here, which nothing pushes off the table's edge.
+    """
+    monkeypatch.setattr(CollisionAvoidance, "hand_push_m_s2", lambda *_: np.zeros(3))
     outcome = carried_out("table")
     assert outcome.failed() & {"arm_terrain_distance_min", "terrain_distance_min"}
     replay = outcome.replay

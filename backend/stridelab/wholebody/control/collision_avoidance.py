@@ -8,19 +8,23 @@ brakes approaching pairs and separates pairs nearer than ``d_s``. The weight ris
 at ``d_s``, so that accelerations are continuous, and further until the pair touches. A row with short levers (a hip
 against the pelvis: 5 cm) would lose against tasks on angles, whose rows have norm 1: its weight is larger. The
 drift ``n' (dJ_1 - dJ_2) v`` is neglected and compensated by the
-spring. Three kinds of pairs are monitored (``collision_pairs``); they differ in the joints that the task moves:
+spring. Four kinds of pairs are monitored (``collision_pairs``); they differ in the joints that the task moves:
 
     arm      an arm and anything else       the arm only; otherwise the task would bend the trunk
     body     legs, pelvis and torso         all joints, within the freedom left by soles and CoM, mainly the base's yaw
     terrain  thighs and shanks, and boxes   all joints
+    hand     a swinging hand, and surfaces  none: its target moves
 
 Foot and shank of a swinging leg follow the curve of their sole, which the tasks above do not change: what pushes them
-away moves the target of the sole instead (``push_m_s2``, ``swing_detour``).
+away moves the target of the sole instead (``push_m_s2``, ``swing_detour``). The same holds for a swinging hand with
+its wrist: fingers around a rail are not freed by a retreat along the normal of their contact, but by one along ``n``
+(``hand_push_m_s2``).
 
 For a pair that is near in the reference posture, such as upper arm and chest, both distances are reduced: ``d_a`` to
 half of its distance there, ``d_s`` in proportion, and ``k_p`` and ``k_d`` are raised.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,12 +33,14 @@ from jaxtyping import Float
 from stridelab.contacts.terrain import Terrain
 from stridelab.conventions import Points, Vector3
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.control.collision_pairs import CollisionPairs, PairDistances
+from stridelab.wholebody.control.collision_pairs import CollisionPairs, PairDistances, wrist_joints
 from stridelab.wholebody.control.hierarchical_qp import Rows
 from stridelab.wholebody.control.rigid_body import RigidBody
 
 Angles = Float[np.ndarray, "n"]
 _TINY_M = 1e-9
+HAND_PUSH_M_S2 = 10.0
+"""Largest push on the target of a hand."""
 LOWER_LEG_JOINTS = 3
 """Knee and two ankle joints, which carry shank and foot."""
 
@@ -76,6 +82,19 @@ class CollisionAvoidance:
             for name, effector in robot.effectors.items()
             if effector.kind == "surface"
         }
+        self._wrists = {name: wrist_joints(robot, name) for name, one in robot.effectors.items() if one.kind == "point"}
+        self._hand_pairs = {
+            name: self._pairs.sides_of(joints) * (self._pairs.kind == "hand") for name, joints in self._wrists.items()
+        }
+        self._moves_target = self._pairs.kind == "hand"
+        self._watched_hands: frozenset[int] = frozenset()
+
+    def watch_hands(self, swinging: Iterable[str]) -> None:
+        """Monitor the hands among the ``swinging`` effectors, and no other hands, from the next ``update`` on."""
+        joints = frozenset(joint for name in swinging for joint in self._wrists.get(name, ()))
+        if joints != self._watched_hands:
+            self._pairs.watch_hands(joints)
+            self._watched_hands, self._calls = joints, 0  # searches all pairs at the next update
 
     def update(self, body: RigidBody) -> None:
         """Find the active pairs at the state of ``body``, their distances and the rates of these."""
@@ -102,10 +121,12 @@ class CollisionAvoidance:
 
     def task_rows(self) -> tuple[Rows, Angles]:
         """Task rows of the active pairs, and their weights; valid after ``update``."""
-        settings, A = self._avoid, self._J * self._moving_joints[self._near.pair]
+        tasks = ~self._moves_target[self._near.pair]
+        settings, A = self._avoid, (self._J * self._moving_joints[self._near.pair])[tasks]
         lever_m = np.maximum(np.linalg.norm(A, axis=1), _TINY_M)
-        weights = settings.weight * self._nearness**2 * np.clip(settings.lever_m / lever_m, 1.0, settings.short_lever)
-        return Rows(A, self._b), weights * (1.0 + settings.urgent * self._inside)
+        levers = np.clip(settings.lever_m / lever_m, 1.0, settings.short_lever)
+        weights = settings.weight * self._nearness[tasks] ** 2 * levers
+        return Rows(A, self._b[tasks]), weights * (1.0 + settings.urgent * self._inside[tasks])
 
     def push_m_s2(self, effector: str) -> Vector3:
         """Acceleration that keeps foot and shank of a swinging sole off everything but arms, never downwards."""
@@ -113,6 +134,18 @@ class CollisionAvoidance:
         push = (side * self._nearness**2 * self._b) @ self._normals
         push[2] = max(0.0, push[2])
         return np.asarray(push)
+
+    def hand_push_m_s2(self, effector: str) -> Vector3:
+        """Acceleration that moves a swinging hand and its wrist away from surfaces nearer than ``d_s``.
+
+        It has the stiffness of the tasks and no damping: a hand approaches the surface that it will hold.
+        """
+        settings, near, scale = self._avoid, self._near, self._pairs.scale[self._near.pair]
+        firm = settings.kp * np.minimum(1.0 / scale, settings.firmest)
+        gap_m = np.maximum(0.0, scale * settings.apart_m - near.distance_m)
+        push = (self._hand_pairs[effector][near.pair] * firm * gap_m) @ self._normals
+        size = float(np.linalg.norm(push))
+        return np.asarray(push * min(1.0, HAND_PUSH_M_S2 / max(size, _TINY_M)))
 
 
 def lower_leg_joints(robot: Robot, effector: str) -> tuple[int, ...]:

@@ -79,12 +79,13 @@ def _travel_m(model: pin.Model, joint: int) -> float:
     return float(max(abs(model.lowerPositionLimit[at]), abs(model.upperPositionLimit[at])))
 
 
-Kind = Literal["arm", "body", "terrain"]
-KINDS: tuple[Kind, ...] = ("arm", "body", "terrain")
+Kind = Literal["arm", "body", "terrain", "hand"]
+KINDS: tuple[Kind, ...] = ("arm", "body", "terrain", "hand")
 _SCALE_MIN = 0.02
 _ARM_SCALE = 0.5
 """Distance scale of an arm and a surface: a hand on it brings the forearm near."""
 _WRIST_JOINTS = 3
+"""The last joints of an arm, which carry a hand to the surfaces that it touches."""
 
 
 class PairDistances(NamedTuple):
@@ -100,7 +101,8 @@ class CollisionPairs:
     """The pairs of one robot on one terrain.
 
     Call ``update_placements``, then ``update_watched``, then ``nearest_pairs``. Per pair: ``kind``, the ``scale`` of
-    its distances, and its levers ``sign`` and ``reach_m``.
+    its distances, and its levers ``sign`` and ``reach_m``. Pairs of ``kind`` "hand" are monitored only for the joints
+    that were last given to ``watch_hands``, initially for none.
     """
 
     def __init__(self, robot: Robot, terrain: Terrain, acts_m: float, shrunk: float) -> None:
@@ -109,7 +111,8 @@ class CollisionPairs:
         kinds: list[Kind] = [_pair_kind(robot, pair) for pair in robot.full_collision.collisionPairs]
         shapes, self._body_pairs = len(robot.full_collision.geometryObjects), len(pairs)
         shanks = [k for k in range(shapes) if _above_ankle(robot, k)]
-        arms = [k for k in range(shapes) if _above_wrist(robot, k)]
+        arms = [k for k in range(shapes) if _joint_group(robot, k) == "arm"]
+        hands = wrist_joints(robot)
         for surface in terrain.surfaces:
             at, shape = terrain_shape(surface)
             number = self._geometry.addGeometryObject(pin.GeometryObject(f"terrain {surface.name}", 0, 0, at, shape))
@@ -117,7 +120,7 @@ class CollisionPairs:
                 kinds.append("terrain")
                 pairs.append((k, number))
             for k in arms:
-                kinds.append("arm")
+                kinds.append("hand" if robot.full_collision.geometryObjects[k].parentJoint in hands else "arm")
                 pairs.append((k, number))
         self._geometry.removeAllCollisionPairs()
         for first, second in pairs:
@@ -132,6 +135,7 @@ class CollisionPairs:
         self._results = self._geometry.createData()
         self._distances = list(self._results.distanceResults)  # references, updated in place
         self.scale = self._distance_scales(robot, acts_m, shrunk)
+        self._ignored = self.kind == "hand"
         self._watched = np.zeros(0, dtype=int)
         # distance plus levers times the joint motion until then: minus those of now it is a lower bound
         self._lower_bound_m = np.full(len(pairs), -np.inf)
@@ -142,6 +146,10 @@ class CollisionPairs:
         """1 or -1 for pairs of which only the first or only the second shape belongs to one of ``joints``, else 0."""
         first, second = np.isin(self._joints, list(joints)).T
         return np.asarray(first.astype(float) - second.astype(float))
+
+    def watch_hands(self, joints: Collection[int]) -> None:
+        """Monitor the shapes of these joints, those of swinging hands, and no other shapes of hands."""
+        self._ignored = (self.kind == "hand") & ~np.isin(self._joints[:, 0], list(joints))
 
     def update_placements(self, body: RigidBody) -> None:
         """Update the placements of all shapes to the state of ``body``."""
@@ -159,7 +167,7 @@ class CollisionPairs:
         )
         motion_m = self.reach_m @ self._joint_travel
         self._lower_bound_m = np.maximum(self._lower_bound_m, sphere_gap_m + motion_m)
-        self._watched = np.flatnonzero(self._lower_bound_m - motion_m < near_m * self.scale)
+        self._watched = np.flatnonzero((self._lower_bound_m - motion_m < near_m * self.scale) & ~self._ignored)
         self._levers = self.reach_m[self._watched]
 
     @property
@@ -213,13 +221,11 @@ def _above_ankle(robot: Robot, shape: int) -> bool:
     return robot.group.get(joint) == "leg" and joint not in ankles
 
 
-def _above_wrist(robot: Robot, shape: int) -> bool:
-    """Whether a shape belongs to an arm above its last joints, which carry a hand to the surfaces that it touches."""
-    joint = robot.full_collision.geometryObjects[shape].parentJoint
-    hands = [one for one in robot.effectors.values() if one.kind == "point"]
+def wrist_joints(robot: Robot, hand: str | None = None) -> frozenset[int]:
+    """The last joints of the arm of ``hand``, or of the arms of all hands: those that carry shapes near its contact."""
+    hands = [one for name, one in robot.effectors.items() if one.kind == "point" and hand in (None, name)]
     ends = [robot.model.frames[robot.model.getFrameId(one.frame)].parentJoint for one in hands]
-    wrists = {j for end in ends for j in tuple(robot.model.supports[end])[-_WRIST_JOINTS:]}
-    return robot.group.get(str(robot.model.names[joint])) == "arm" and joint not in wrists
+    return frozenset(j for end in ends for j in tuple(robot.model.supports[end])[-_WRIST_JOINTS:])
 
 
 def bounding_sphere(part: pin.GeometryObject) -> Sphere:

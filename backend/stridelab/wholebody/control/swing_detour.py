@@ -1,4 +1,4 @@
-"""Detours of a swinging sole: around the other leg and edges of the terrain, and tilts that relieve its ankle.
+"""Detours of a swing: around the other leg and edges of the terrain, off a rail, and tilts that relieve an ankle.
 
 The curve of a sole (``contacts.swing``) knows soles and boxes, but neither shanks nor joints. While foot or shank come
 close to another part of the body or to a box, or the ankle to an end of its range, a push ``p`` moves the target of
@@ -25,7 +25,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from stridelab.contacts.swing import SwingCurve, SwingPoint, quintic_scaling
+from stridelab.contacts.swing import SwingCurve, SwingPoint, Window, quintic_scaling
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.joint_limits import JointLimits
@@ -33,7 +33,11 @@ from stridelab.wholebody.control.rigid_body import RigidBody
 
 Offset = Float[np.ndarray, "6"]
 CLOSES: Final = (0.65, 0.96)
-"""Shares of the swing during which a detour ends."""
+"""Shares of the swing during which a detour of a sole ends."""
+HAND_CLOSES: Final = (0.82, 0.96)
+"""Shares of the swing during which a detour of a hand ends; an eighth before its end the hand has to be clear."""
+HAND_OPENS: Final = (0.0, 0.04)
+"""Shares of the swing during which pushes on a hand begin."""
 STIFFNESS_S2: Final = 30.0
 MAX_DETOUR_M: Final = 0.10
 MAX_TILT_RAD: Final = 0.6
@@ -49,10 +53,15 @@ SHOE_SHARE: Final = 1.25
 
 @dataclass
 class SwingDetour:
-    """Detour of one swing, integrated sample by sample with ``dt_s``."""
+    """Detour of one swing, integrated sample by sample with ``dt_s``.
+
+    ``closes`` is the share of the swing during which it ends, ``opens`` that during which pushes rise from zero.
+    """
 
     curve: SwingCurve
     dt_s: float
+    closes: Window = CLOSES
+    opens: Window | None = None
     offset: Offset = field(default_factory=lambda: np.zeros(6))
     rate: Offset = field(default_factory=lambda: np.zeros(6))
 
@@ -60,9 +69,11 @@ class SwingDetour:
         """State of the sole's target at ``time_s``; advances the detour by one sample."""
         t = time_s - self.curve.starts_s
         target = self.curve.state_at(t)
-        if t >= CLOSES[1] * self.curve.duration_s:
+        if t >= self.closes[1] * self.curve.duration_s:
             return target
         o, v, p = self.offset, self.rate, push()
+        if self.opens is not None:
+            p = p * quintic_scaling(t, self.opens, self.curve.duration_s)[0]
         if not (p.any() or o.any()):
             return target
         for part, most in ((slice(0, 3), MAX_DETOUR_M), (slice(3, 6), MAX_TILT_RAD)):
@@ -70,7 +81,7 @@ class SwingDetour:
             if float(np.linalg.norm(stops)) > most and float(p[part] @ stops) > 0.0:
                 p[part] = 0.0
         a = p - 2.0 * math.sqrt(STIFFNESS_S2) * v - STIFFNESS_S2 * o
-        w, w_v, w_a = _window(t, self.curve.duration_s)
+        w, w_v, w_a = _window(t, self.closes, self.curve.duration_s)
         self.offset = o + self.dt_s * v + 0.5 * self.dt_s**2 * a
         self.rate = v + self.dt_s * a
         x, x_v, x_a = w * o, w * v + w_v * o, w * a + 2.0 * w_v * v + w_a * o
@@ -124,7 +135,7 @@ def ankle_columns(robot: Robot, effectors: Iterable[str]) -> tuple[int, ...]:
     return tuple(6 + robot.joint_names.index(name) for name in joints)
 
 
-def _window(t_s: float, duration_s: float) -> tuple[float, float, float]:
+def _window(t_s: float, closes: Window, duration_s: float) -> tuple[float, float, float]:
     """``w`` and its first two time derivatives."""
-    s, s_v, s_a = quintic_scaling(t_s, CLOSES, duration_s)
+    s, s_v, s_a = quintic_scaling(t_s, closes, duration_s)
     return 1.0 - s, -s_v, -s_a

@@ -28,16 +28,28 @@ from stridelab.wholebody.control.collision_avoidance import AvoidanceSettings, C
 from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows
 from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.control.rigid_body import RigidBody
-from stridelab.wholebody.control.swing_detour import AnkleRelief, Offset, SwingDetour, ankle_columns
+from stridelab.wholebody.control.swing_detour import (
+    CLOSES,
+    HAND_CLOSES,
+    HAND_OPENS,
+    AnkleRelief,
+    Offset,
+    SwingDetour,
+    ankle_columns,
+)
 from stridelab.wholebody.control.tasks import Gain, force_jacobian, friction_pyramid
 
 FIRM, PROMPT, MIDDLE, GENTLE = (Gain.critically_damped(kp) for kp in (400.0, 200.0, 60.0, 30.0))
+STIFF = Gain(1600.0, FIRM.kd)
+"""As much damping as ``FIRM``: a hand that still moves when it touches is not stopped by a larger force."""
 
 
 @dataclass(frozen=True)
 class Settings:
     """Gains, weights and margins of the hierarchy (tuned on TALOS, but not specific to a robot).
 
+    ``hand_contact`` is stiffer than ``contact``: a hand that holds a rail turns at up to 2 rad/s about its contact
+    point, and the steps of the integration then move the point.
     ``posture_weight`` is per group of joints; arms without contact or swing get ``free_arm`` times the weight.
     ``contact_margin_m`` shrinks the rectangle of a surface, so that the centre of pressure stays inside the real sole.
     ``force_weight`` is that of the planned forces on soles, ``hand_force_weight`` that of those on hands: the angular
@@ -50,6 +62,7 @@ class Settings:
     """
 
     contact: Gain = FIRM
+    hand_contact: Gain = STIFF
     effector: Gain = FIRM
     com: Gain = PROMPT
     base: Gain = MIDDLE
@@ -115,9 +128,14 @@ class PhaseHierarchy:
         rate_hz: float = 250.0,
     ) -> None:
         self._avoidance = avoidance
-        self._detours = {name: SwingDetour(curve, 1.0 / rate_hz) for name, curve in swings.items()}
         self._body, self._contacts, self._swings, self._plan, self._settings = body, contacts, swings, plan, settings
         self._surface = {name: robot.effectors[name].kind == "surface" for name in (*contacts, *swings)}
+        ends = {True: (CLOSES, None), False: (HAND_CLOSES, HAND_OPENS)}
+        self._detours = {
+            name: SwingDetour(curve, 1.0 / rate_hz, *ends[self._surface[name]]) for name, curve in swings.items()
+        }
+        if avoidance is not None:
+            avoidance.watch_hands(swings)
         self._points = {name: robot.effectors[name].points_m(settings.contact_margin_m) for name in contacts}
         self._limits = JointLimits.of_model(body.model).with_margins(
             settings.range_share, settings.joint_margin_rad, settings.velocity_share, settings.torque_share
@@ -181,9 +199,11 @@ class PhaseHierarchy:
 
     def _level_0(self, J_f: Float[np.ndarray, "nf nv"]) -> Rows:
         body, nv = self._body, self._nv
+        gains = {True: self._settings.contact, False: self._settings.hand_contact}
         rows = [
-            tasks.contact_task(body.frame_state(name), contact.placement, self._surface[name], self._settings.contact)
+            tasks.contact_task(body.frame_state(name), contact.placement, surface, gains[surface])
             for name, contact in self._contacts.items()
+            for surface in (self._surface[name],)
         ]
         A = np.zeros((6 + sum([len(r.b) for r in rows]), self._nz))
         A[:6, :nv] = body.M[:6]
@@ -206,13 +226,15 @@ class PhaseHierarchy:
         return tasks.stack_weighted([(1.0, r) for r in rows], self._nz)
 
     def _swing_target(self, name: str, curve: SwingCurve, time_s: float) -> SwingPoint:
-        """The target of an effector on its curve, of a sole with its detour."""
+        """The target of an effector on its curve, with its detour."""
         avoidance = self._avoidance
-        if avoidance is None or not self._surface[name]:
+        if avoidance is None:
             return curve.state_at(time_s - curve.starts_s)
-        relief = self._reliefs[name]
+        relief = self._reliefs.get(name)
 
         def push() -> Offset:
+            if relief is None:
+                return np.append(avoidance.hand_push_m_s2(name), np.zeros(3))
             pushed = relief.push(self._body, name)
             pushed[:3] += avoidance.push_m_s2(name)
             return pushed
