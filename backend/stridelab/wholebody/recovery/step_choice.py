@@ -33,7 +33,9 @@ DROP_M = 0.08
 EDGE_SHARE = 0.5
 """Share of the time of such a drop before whose end the sole is above its place."""
 _HERE_M = 1e-3
+"""Distance below which a place is that where the sole is."""
 _LEAST_S = 0.03
+"""Shortest time in which a sole comes down where it is."""
 CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 
 
