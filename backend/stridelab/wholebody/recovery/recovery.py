@@ -57,16 +57,17 @@ _DOWN_M = 3e-3
 class Recovery:
     """Settings.
 
-    The recovery begins when the capture point's error exceeds what the soles can correct by ``takeover_m``. A sole has
-    landed under ``loaded_share`` of the weight. Steps are chosen every ``choose_every`` samples until ``fixed_s``
-    before the landing; a sole passes ``clearance_m`` over the ground. ``gain`` moves the centre of pressure of two
-    soles beyond the capture point, ``margin_m``, or ``margin_share`` of half a sole, inside their edges. ``straight`` is the largest length of a
-    leg as a share of the straight one. A sole whose leg does not let the CoM be above the capture point at the share
-    ``least_height`` of its usual height steps. The CoM stays at ``crouch`` of its usual height; it rises by at most
-    ``rise_m_s`` on one level and ``climb_m_s`` otherwise, and its vertical reference accelerates by at most
-    ``height_m_s2``. The robot is at rest below ``still_m_s`` for ``rest_s``; a recovery that lasts longer than
-    ``most_s`` has failed. The joints' damping around the solution is ``damping`` of the replay's. A robot has fallen
-    below ``low`` of its CoM height above its lowest sole, or with a base tilted by more than ``tilt_rad``.
+    The recovery begins when the capture point's error exceeds what the soles can correct by ``takeover_m``. A sole
+    has landed under ``loaded_share`` of the weight. Steps are chosen every ``choose_every`` samples until
+    ``fixed_s`` before the landing; a sole passes ``clearance_m`` over the ground. ``gain`` moves the centre of
+    pressure of two soles beyond the capture point, ``margin_m``, or ``margin_share`` of half a sole, inside their
+    edges. ``straight`` is the largest length of a leg as a share of the straight one. A sole whose leg does not let
+    the CoM be above the capture point at the share ``least_height`` of its usual height steps. The CoM stays at
+    ``crouch`` of its usual height; it rises by at most ``rise_m_s`` on one level and ``climb_m_s`` otherwise, and
+    its vertical reference accelerates by at most ``height_m_s2``. The robot is at rest below ``still_m_s`` for
+    ``rest_s``; a recovery that lasts longer than ``most_s`` has failed. The joints' damping around the solution is
+    ``damping`` of the replay's. A robot has fallen below ``low`` of its CoM height above its lowest sole, or with a
+    base tilted by more than ``tilt_rad``.
     """
 
     takeover_m: float = 0.0
