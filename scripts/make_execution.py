@@ -4,7 +4,6 @@ make_execution.py                      all that is not stored yet, then docs/the
 make_execution.py --robots talos hrp2  only these; --anew computes again, --page only writes the page
 make_execution.py --robustness talos   disturbances and boundaries of the three experiments of one robot
 make_execution.py --estimators talos   estimators in front of the stabiliser, in the same three
-make_execution.py --pushes talos       random pushes of its long strides
 """
 
 import argparse
@@ -15,7 +14,6 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-import stridelab as sl
 from experiments.execution import CASES, Execution, execute_scenario, replay_motion, whole_body_motion
 from experiments.robustness import (
     EXPERIMENTS,
@@ -31,23 +29,12 @@ from experiments.robustness import (
 )
 from stridelab.pipelines.replays.replay_estimation import CONDITIONS, LOW_NOISE, replay_estimators
 from stridelab.robots.loader import load_robot
-from stridelab.schemas.receding import PushBasinSummary
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay.disturbances import Disturbances
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "execution.md"
 REPORTS: TypeAdapter[list[Execution]] = TypeAdapter(list[Execution])
 BORNE: TypeAdapter[dict[str, float]] = TypeAdapter(dict[str, float])
-PUSHED: TypeAdapter[list[PushBasinSummary]] = TypeAdapter(list[PushBasinSummary])
-PUSH_SPEEDS_M_S = (0.2, 0.4)
-PUSHES, PUSH_SEED = 50, 20261124
-PUSHES_INTRO = """## Random pushes of long strides
-
-`push-basin` ([falls that are proved lost](whole-body.md#falls-that-are-proved-lost)): a push on the trunk changes the
-velocity of the CoM by the given amount, at a random time in a random horizontal direction; seed 20261124, on which
-nothing was tuned. The rows are those of the stabiliser alone, before [steps that leave the
-plan](whole-body.md#steps-that-leave-the-plan), where the page on the whole body says what is survived with them.
-"""
 TABLES = (
     (
         "borne",
@@ -70,7 +57,8 @@ Written by `scripts/make_execution.py`. Each scenario is planned with the defaul
 whole-body controller at 250 Hz, checked by the certificate and replayed once in the physics simulation. The
 parameters that depend on the robot (its feet, the reach of its hands) are in `scripts/experiments/execution.py`. The
 page [whole body](whole-body.md) defines the checks of certificate and replay. *Speed* is the duration of the motion
-divided by the processor seconds of the whole-body stage, on one core while the other one was busy.
+divided by the processor seconds of the whole-body stage, on one core while the other one was busy. Random pushes are
+elsewhere ([what is survived](whole-body.md#what-is-survived)).
 """
 
 
@@ -80,7 +68,6 @@ def main() -> None:
     parser.add_argument("--robots", nargs="*", default=list(CASES))
     parser.add_argument("--robustness", metavar="ROBOT")
     parser.add_argument("--estimators", metavar="ROBOT")
-    parser.add_argument("--pushes", metavar="ROBOT")
     parser.add_argument("--experiments", nargs="*", default=list(EXPERIMENTS), choices=EXPERIMENTS)
     parser.add_argument("--boundaries", action="store_true", help="bisect them as well")
     parser.add_argument("--out", type=Path, default=Path(".data") / "execution", metavar="DIR")
@@ -98,8 +85,6 @@ def main() -> None:
         )
     elif arguments.estimators:
         estimated(arguments.estimators, arguments.experiments, arguments.out, anew=arguments.anew)
-    elif arguments.pushes:
-        pushed(arguments.pushes, arguments.out, anew=arguments.anew)
     elif not arguments.page:
         for robot in arguments.robots:
             carried_out(robot, arguments.out, anew=arguments.anew)
@@ -157,17 +142,6 @@ def estimated(robot: str, experiments: list[str], folder: Path, *, anew: bool = 
                     path.write_bytes(BORNE.dump_json(known, indent=1))
 
 
-def pushed(robot: str, folder: Path, *, anew: bool = False) -> None:
-    """Random pushes of the long strides, kept after each speed."""
-    path = folder / f"{robot}-pushes.json"
-    known = [] if anew or not path.is_file() else PUSHED.validate_json(path.read_bytes())
-    for speed_m_s in PUSH_SPEEDS_M_S:
-        if all(one.speed_m_s != speed_m_s for one in known):
-            scenario = CASES[robot]["long-stride"]()
-            known.append(sl.push_basin(scenario, speed_m_s=speed_m_s, n=PUSHES, seed=PUSH_SEED).summary)
-            path.write_bytes(PUSHED.dump_json(known, indent=1))
-
-
 def survives(robot: str, motion: WholeBodyMotion, of_size: Callable[[float], Disturbances], size: float) -> bool:
     """Whether the robot does not fall under a disturbance of this size."""
     return not replay_motion(robot, motion, of_size(size)).fell
@@ -188,23 +162,6 @@ def page(folder: Path) -> Iterable[str]:
             }
             if executions:
                 yield from _by_experiment(f"{robot}: {title}", caption, executions)
-    yield from _pushes(folder)
-
-
-def _pushes(folder: Path) -> Iterable[str]:
-    files = {robot: folder / f"{robot}-pushes.json" for robot in CASES}
-    rows = [one for path in files.values() if path.is_file() for one in PUSHED.validate_json(path.read_bytes())]
-    if rows:
-        yield PUSHES_INTRO
-        yield "| robot | m/s (Ns) | survived | 95 % | completed | proved lost | unexplained |"
-        yield "| --- " * 7 + "|"
-        for one in rows:
-            low, high = one.survived_ci95
-            yield (
-                f"| {one.robot} | {one.speed_m_s:g} ({one.impulse_ns:.0f}) | {one.survived} of {one.n} "
-                f"| {100 * low:.0f} to {100 * high:.0f} % | {one.completed} | {one.proved_lost} | {one.unexplained} |"
-            )
-        yield ""
 
 
 def _table(robot: str, executions: list[Execution]) -> Iterable[str]:

@@ -170,3 +170,37 @@ def test_a_landing_on_a_lower_tread_is_not_postponed_by_each_new_choice() -> Non
     assert step.height_m == 0.0
     assert dt * k < 0.5
     assert max(expected_s) - expected_s[0] < 0.08
+
+
+@pytest.mark.parametrize(("was_up", "in_s"), [(True, (0.0, 0.06)), (False, (0.2, 0.3))])
+def test_a_sole_that_is_about_to_land_comes_down_where_it_is(was_up: bool, in_s: tuple[float, float]) -> None:
+    """It used to be lifted again for 0.22 s, in which the capture point left the hull that the landing would give."""
+    swing = Swinging(np.array([0.25, 0.18, 0.006]), np.array([0.2, 0.0, -0.1]), 1.0, 0.0, 0.05, was_up=was_up)
+    step = chooser().choose_step(np.array([0.2, 0.09]), RATE_PER_S, np.zeros(3), swing, np.eye(2), None)
+    assert step is not None
+    assert in_s[0] < step.in_s < in_s[1]
+    if was_up:
+        assert step.place_m == pytest.approx([0.25, 0.18])
+
+
+def test_a_sole_beyond_the_capture_point_does_not_come_down_where_it_is() -> None:
+    """A landing at once would leave the capture point 0.25 m ahead of both soles."""
+    swing = Swinging(np.array([-0.1, 0.18, 0.03]), np.zeros(3), 1.0, None, 0.05, was_up=True)
+    step = chooser().choose_step(np.array([0.2, 0.05]), RATE_PER_S, np.zeros(3), swing, np.eye(2), None)
+    assert step is not None
+    assert step.place_m[0] > 0.3
+
+
+def test_margins_leave_most_of_a_narrow_sole() -> None:
+    """2 cm inside the edges of a sole 5 cm wide, there is nearly no room aside."""
+    legs = replace(talos_legs(), half_m=np.array([0.085, 0.025]))
+    ground = Box("ground", Placement.from_wxyz([0.0, 0.0, -0.5]), np.array([10.0, 10.0, 1.0]))
+    swing = Swinging(np.array([0.0, 0.18, 0.03]), np.zeros(3), 1.0, None, 0.05)
+    costs = []
+    for search in (StepSearch(), StepSearch(margin_share=1.0)):
+        chooser = StepChooser(search, legs, Footholds(Terrain((ground,))))
+        step = chooser.choose_step(np.array([0.0, -0.015]), RATE_PER_S, np.zeros(3), swing, np.eye(2), None)
+        assert step is not None
+        costs.append(step.cost)
+    assert costs[0] < 0.1, "the capture point is inside the standing sole"
+    assert costs[1] > 1.0

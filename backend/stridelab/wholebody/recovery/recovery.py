@@ -57,16 +57,17 @@ _DOWN_M = 3e-3
 class Recovery:
     """Settings.
 
-    The recovery begins when the capture point's error exceeds what the soles can correct by ``takeover_m``. A sole has
-    landed under ``loaded_share`` of the weight. Steps are chosen every ``choose_every`` samples until ``fixed_s``
-    before the landing; a sole passes ``clearance_m`` over the ground. ``gain`` moves the centre of pressure of two
-    soles beyond the capture point, at least ``margin_m`` inside their edges. ``straight`` is the largest length of a
-    leg as a share of the straight one. A sole whose leg does not let the CoM be above the capture point at the share
-    ``least_height`` of its usual height steps. The CoM stays at ``crouch`` of its usual height; it rises by at most
-    ``rise_m_s`` on one level and ``climb_m_s`` otherwise, and its vertical reference accelerates by at most
-    ``height_m_s2``. The robot is at rest below ``still_m_s`` for ``rest_s``; a recovery that lasts longer than
-    ``most_s`` has failed. The joints' damping around the solution is ``damping`` of the replay's. A robot has fallen
-    below ``low`` of its CoM height above its lowest sole, or with a base tilted by more than ``tilt_rad``.
+    The recovery begins when the capture point's error exceeds what the soles can correct by ``takeover_m``. A sole
+    has landed under ``loaded_share`` of the weight. Steps are chosen every ``choose_every`` samples until
+    ``fixed_s`` before the landing; a sole passes ``clearance_m`` over the ground. ``gain`` moves the centre of
+    pressure of two soles beyond the capture point, ``margin_m``, or ``margin_share`` of half a sole, inside their
+    edges. ``straight`` is the largest length of a leg as a share of the straight one. A sole whose leg does not let
+    the CoM be above the capture point at the share ``least_height`` of its usual height steps. The CoM stays at
+    ``crouch`` of its usual height; it rises by at most ``rise_m_s`` on one level and ``climb_m_s`` otherwise, and
+    its vertical reference accelerates by at most ``height_m_s2``. The robot is at rest below ``still_m_s`` for
+    ``rest_s``; a recovery that lasts longer than ``most_s`` has failed. The joints' damping around the solution is
+    ``damping`` of the replay's. A robot has fallen below ``low`` of its CoM height above its lowest sole, or with a
+    base tilted by more than ``tilt_rad``.
     """
 
     takeover_m: float = 0.0
@@ -76,6 +77,7 @@ class Recovery:
     clearance_m: float = 0.05
     gain: float = 1.0
     margin_m: float = 0.012
+    margin_share: float = 0.2
     straight: float = 0.97
     least_height: float = 0.88
     crouch: float = 0.97
@@ -120,6 +122,7 @@ class RecoveryRun:
     ) -> None:
         self._by, self._robot, self._legs, self._dt_s = settings, robot, legs, dt_s
         self._friction = sequence.friction
+        self._inner_m = legs.half_m - np.minimum(settings.margin_m, settings.margin_share * legs.half_m)
         self._body = RigidBody(robot)
         self._limits = recovery_settings()
         avoid = settings.avoid
@@ -136,8 +139,7 @@ class RecoveryRun:
         self._body.update(measured.q, measured.v)
         loads_n = {name: float(np.linalg.norm(measured.forces_n[name])) for name in legs.side}
         standing = {name for name in legs.side if name in planned} or {max(loads_n, key=loads_n.__getitem__)}
-        if len(standing) == 2:
-            standing = {name for name in standing if self._is_down(name, measured, loads_n[name])} or standing
+        standing = {name for name in legs.side if self._is_down(name, measured, loads_n[name])} or standing
         for name in standing:
             self._put_down(name, measured)
         ahead = sum((c.placement.rotation[:2, 0] for c in self._contacts.values()), start=np.zeros(2))
@@ -190,7 +192,7 @@ class RecoveryRun:
             pressure_m = self._stand(capture_m, w, measured)
         if self._swing is not None:
             pressure_m = self._aim_swing(self._swing, capture_m, w)
-        self._update_height()
+        self._update_height(pressure_m, w)
         swings = {} if self._swing is None else {self._in_air: self._swing}
         acceleration = w * w * (body.com_m[:2] - pressure_m)
         targets = BalanceTargets(acceleration, self._height_m, self._height_rate_m_s, self._base, self._sole, swings)
@@ -240,7 +242,7 @@ class RecoveryRun:
         places = {name: contact.placement.position_m for name, contact in self._contacts.items()}
         origin, other = places.values()
         xi, end = self._axes.T @ (capture_m - origin[:2]), self._axes.T @ (other - origin)[:2]
-        half = self._legs.half_m - self._by.margin_m
+        half = self._inner_m
         _, excess = nearest_in_hull(xi, end, self._legs.half_m)
         low_m = self._by.least_height * self._legs.com_height_m
         short = {name for name, at in places.items() if self._highest_m(name, at, capture_m) - float(at[2]) < low_m}
@@ -281,7 +283,8 @@ class RecoveryRun:
             )
             aloft = None if clear else aloft_s
             side = self._legs.side[name]
-            state = Swinging(swing.position_m, swing.velocity_m_s, side, aloft, top_m, swing.landing)
+            was_up = self._lifted_s <= self.left_plan_s
+            state = Swinging(swing.position_m, swing.velocity_m_s, side, aloft, top_m, swing.landing, was_up)
             step = self._chooser.choose_step(capture_m, w, at, state, self._axes, self._step)
             if step is not None:
                 self._take_step(step)
@@ -292,20 +295,25 @@ class RecoveryRun:
         swing.follow(frame.position_m, frame.velocity[:3])
         growth = float(np.exp(w * max(self._step.in_s, 0.02)))
         xi = self._axes.T @ (capture_m - at[:2])
-        pressure = braking_pressure(xi, growth, self._legs.half_m - self._by.margin_m)
+        pressure = braking_pressure(xi, growth, self._inner_m)
         swing.advance(self._step.place_m, self._step.height_m, self._step.in_s, self._dt_s)
         return np.asarray(at[:2] + self._axes @ pressure)
 
-    def _update_height(self) -> None:
-        """Height of the CoM: the usual one above the soles, less where a leg would be too short."""
+    def _update_height(self, pressure_m: Shift, w: float) -> None:
+        """Height of the CoM: the usual one above the soles, less where a leg would be too short.
+
+        The leg in the air need not reach before the landing, when the CoM has moved on.
+        """
         legs, com_m = self._legs, self._body.com_m
         feet: dict[str, Float[np.ndarray, "3"]] = {n: c.placement.position_m for n, c in self._contacts.items()}
+        highest_m = [self._highest_m(name, foot, com_m[:2]) for name, foot in feet.items()]
         if self._step is not None:
             feet[self._in_air] = np.array([*self._step.place_m, self._step.height_m])
+            x = w * max(self._step.in_s, 0.0)
+            landing_m = pressure_m + np.cosh(x) * (com_m[:2] - pressure_m) + np.sinh(x) / w * self._body.com_v_m_s[:2]
+            highest_m.append(self._highest_m(self._in_air, feet[self._in_air], landing_m))
         heights = [float(foot[2]) for foot in feet.values()]
-        wished_m = float(np.mean(heights)) + self._by.crouch * legs.com_height_m
-        for name, foot in feet.items():
-            wished_m = min(wished_m, self._highest_m(name, foot, com_m[:2]))
+        wished_m = min(float(np.mean(heights)) + self._by.crouch * legs.com_height_m, *highest_m)
         fastest_m_s = self._by.rise_m_s if max(heights) - min(heights) < _LEVEL_M else self._by.climb_m_s
         rate = float(np.clip((wished_m - self._height_m) / 0.12, -0.7, fastest_m_s))
         most_m_s = self._by.height_m_s2 * self._dt_s

@@ -32,6 +32,10 @@ DROP_M = 0.08
 """Height of the top of a swing above its place from which on the sole first passes the edge and then comes down."""
 EDGE_SHARE = 0.5
 """Share of the time of such a drop before whose end the sole is above its place."""
+_HERE_M = 1e-3
+"""Distance below which a place is that where the sole is."""
+_LEAST_S = 0.03
+"""Shortest time in which a sole comes down where it is."""
 CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 
 
@@ -41,7 +45,8 @@ class StepSearch:
 
     ``apart_share`` and ``gap_m`` bound how near the soles come to each other: a share of their usual distance, and the
     gap between their edges. A swing from the ground takes ``least_s``, the step after this one ``next_s``. The capture
-    point keeps ``margin_m`` from the edge of the hull, a sole ``edge_m`` from that of its surface. A sole accelerates
+    point keeps ``margin_m`` from the edge of the hull, at most ``margin_share`` of half a sole, and a sole ``edge_m``
+    from that of its surface. A sole accelerates
     by at most ``acceleration_m_s2``, and by ``narrow`` g times the half width of the standing sole over the CoM's
     height: the reaction turns the body about that sole.
     """
@@ -59,6 +64,7 @@ class StepSearch:
     least_s: float = 0.22
     next_s: float = 0.42
     margin_m: float = 0.02
+    margin_share: float = 0.34
     edge_m: float = 0.015
     later_s: tuple[float, ...] = (0.0, 0.03, 0.06, 0.09, 0.12, 0.16, 0.22, 0.3, 0.45)
     second_excess: float = 100.0
@@ -85,7 +91,7 @@ class Swinging:
     """The sole to place: position and velocity of its centre, side, and seconds since it left the ground.
 
     ``aloft_s`` is None once it is clear of the ground. ``top_m`` is the height at which it is clear of the ground
-    below it.
+    below it. A sole that ``was_up`` when the plan was left may come down at once where it is.
     """
 
     position_m: Float[np.ndarray, "3"]
@@ -94,6 +100,7 @@ class Swinging:
     aloft_s: float | None
     top_m: float = -np.inf
     is_landing: bool = False
+    was_up: bool = False
 
 
 def fall_time_s(drop_m: Float[np.ndarray, "*n"] | float, down_m_s: float) -> Float[np.ndarray, "*n"]:
@@ -124,6 +131,7 @@ class StepChooser:
     def __init__(self, search: StepSearch, legs: LegGeometry, footholds: Footholds) -> None:
         self._search, self._footholds, self._half = search, footholds, legs.half_m
         self._spacing_m = legs.spacing_m
+        self._inner_m = legs.half_m - np.minimum(search.margin_m, search.margin_share * legs.half_m)
         narrow_m_s2 = search.narrow * GRAVITY_M_S2 * float(legs.half_m[1]) / legs.com_height_m
         self._most_m_s2 = min(search.acceleration_m_s2, narrow_m_s2)
         near_m = max(search.apart_share * legs.spacing_m, 2.0 * float(legs.half_m[1]) + search.gap_m)
@@ -145,8 +153,11 @@ class StepChooser:
 
         ``axes`` has the forward and left axes of the heading as columns.
         """
-        by, inner = self._search, self._half - self._search.margin_m
+        by, inner = self._search, self._inner_m
+        here = axes.T @ (swing.position_m - stance_m)[:2]
         local = self._grid_m * [1.0, swing.side]
+        if swing.was_up and swing.side * here[1] > 2.0 * self._half[1]:
+            local = np.vstack([local, here])
         places = stance_m[:2] + local @ axes.T
         heights = self._footholds.sole_heights_m(places, CORNERS * (self._half + by.edge_m) @ axes.T)
         with np.errstate(invalid="ignore"):
@@ -193,6 +204,8 @@ class StepChooser:
         if swing.aloft_s is not None:
             first_s = np.maximum(first_s, by.least_s) - min(swing.aloft_s, by.least_s - 0.07)
             first_s = np.maximum(first_s, over_s + 0.02)
+        is_here = swing.was_up & (np.hypot(*along.T) < _HERE_M)
+        first_s = np.where(is_here, np.maximum(down_s, _LEAST_S), first_s)
         T = first_s[:, None] + np.array(by.later_s)
         if last is not None:  # otherwise a landing as it was chosen could only be postponed or hastened
             T = np.column_stack([T, np.maximum(first_s, last.in_s)])
@@ -200,11 +213,11 @@ class StepChooser:
         gone = (axes.T @ swing.velocity_m_s[:2]) * level_s[..., None]
         peak = np.maximum(np.abs(60.0 * along[:, None] - 36.0 * gone), np.abs(60.0 * along[:, None] - 24.0 * gone))
         peak_m_s2 = QUINTIC_PEAK / 60.0 * np.hypot(*np.moveaxis(peak, -1, 0)) / level_s**2
-        return T, peak_m_s2 / self._most_m_s2
+        return T, np.where(is_here[:, None], 0.0, peak_m_s2 / self._most_m_s2)
 
     def _excess_of_next(self, rest_m: np.ndarray, rate_per_s: float, side: float) -> np.ndarray:
         """Excess after a step of the standing leg, for a capture point relative to the sole that lands before it."""
-        inner, aside = self._half - self._search.margin_m, np.sort([-side * d for d in self._aside_m])
+        inner, aside = self._inner_m, np.sort([-side * d for d in self._aside_m])
         growth = float(np.exp(rate_per_s * self._search.next_s))
         reached = _braked_capture(rest_m, growth, inner)
         places = np.clip(reached, [self._along_m[0], aside[0]], [self._along_m[1], aside[1]])
