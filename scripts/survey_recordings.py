@@ -92,7 +92,7 @@ Causes of contradicted results that were looked into, none of which is in the pr
 - `Res16bits.c3d`: the centre of pressure of one of six plates lies 0.2 m from the feet.
 - `temp_trc_file_rotated.trc`: hips and neck are 2.2 m apart (`body_proportions`).
 - Recordings without markers on the trunk: it leans more than the upright one that is assumed (50 mm are 15 degrees; two
-  runs of pfjrf-methods at 52 mm). `QCMAS.dynamic.c3d` marks C7, which its set did not know; with it the result is fused.
+  runs of pfjrf-methods at 52 mm). `QCMAS.dynamic.c3d` marks C7, which its set did not know; now the result is fused.
 
 The readers' own test suites (ezc3d, py-c3d, BTK, c3dio, pyomeca, kineticstoolkit; 161 different contents) give 138
 recordings and 23 named refusals. Of 119 of them, damaged anew (cut off, bytes of the header or of the parameters
