@@ -341,6 +341,7 @@ def test_a_sample_is_looked_at_and_copied_before_it_is_changed(tab: Tab, lab: La
     expect(page.get_by_label("lasts")).to_have_value("0.2")
     page.get_by_role("button", name="JSON").click()
     text = page.get_by_label("JSON of the scenario")
+    expect(text).to_have_value(re.compile("phases"))
     body = json.loads(text.input_value())
     body["phases"][0]["duration_s"] = 2.0
     text.fill(json.dumps(body))
