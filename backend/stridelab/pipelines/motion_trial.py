@@ -91,8 +91,7 @@ def try_motion(
         return MotionTrial(task, stages, reasons=(error.message,))
     motion, certificate = result.motion, result.certificate
     if result.stopped is not None or motion is None or certificate is None:
-        reason = f"the whole body cannot follow the plan: {result.stopped}"
-        return MotionTrial(task, stages, result, reasons=(reason,))
+        return MotionTrial(task, stages, result, reasons=(str(result.stopped),))
     failed = [check for check in certificate.checks if not check.passed]
     reasons = tuple(f"certificate: {check.name} {check.value:.4g} {check.unit}".rstrip() for check in failed)
     if not task.input.replay or (reasons and not replay_uncertified):
