@@ -191,7 +191,7 @@ def _lower_smoothly(
     for _ in range(MAX_PASSES):
         if least_m <= ENOUGH_M:
             break
-        wanted = np.minimum(wanted + _smooth(missing, smooth_s), MAX_LOWERING_M)
+        wanted = np.minimum(wanted + _smooth_heights(missing, smooth_s), MAX_LOWERING_M)
         fixed = replace(problem, sequence=plan.sequence, durations=None, placements=None)
         times = fixed.limb_times_s()
         reference = _accelerations_m_s2(time_s, -wanted, times)
@@ -250,7 +250,7 @@ def _ankle_path(
     return positions, allowed
 
 
-def _smooth(height_m: Series, smooth_s: float) -> Series:
+def _smooth_heights(height_m: Series, smooth_s: float) -> Series:
     """A smooth curve that is not below ``height_m`` where it peaks."""
     held = maximum_filter1d(height_m, 2 * round(0.5 * (HOLD_S + smooth_s) * RATE_HZ) + 1)
     window = hann(round(smooth_s * RATE_HZ) + 2)[1:-1]

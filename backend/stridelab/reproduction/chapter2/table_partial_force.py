@@ -146,11 +146,11 @@ def _error_summary(parts: Sequence[PartialForceErrors]) -> dict[str, float]:
 
 def _gait_claims(gait: GaitName, parts: Sequence[PartialForceErrors]) -> list[Claim]:
     def error_claim(key: str, of: str, limit_m: float, says: str) -> Claim:
-        def value(chosen: Sequence[int]) -> float:
+        def summarise_error(chosen: Sequence[int]) -> float:
             return _error_summary([parts[k] for k in chosen])[of]
 
-        return target(f"{gait}_{key}", value(range(len(parts))), "m", at_most=limit_m).says(
-            f"{gait} gait: {says}", interval=resampled_interval(value, len(parts))
+        return target(f"{gait}_{key}", summarise_error(range(len(parts))), "m", at_most=limit_m).says(
+            f"{gait} gait: {says}", interval=resampled_interval(summarise_error, len(parts))
         )
 
     return [

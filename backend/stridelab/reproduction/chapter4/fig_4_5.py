@@ -121,7 +121,7 @@ def figure_claims(rows: list[Comparison]) -> tuple[Claim, ...]:
             f"least {least:.2f} of its maximum at the mode. By set: "
             f"{', '.join(f'{row.denser_than_mode:.2f}' for row in uniform)}. "
             "Interval: postures drawn with replacement.",
-            interval=_percentiles(np.max([row.denser_resampled for row in uniform], axis=0)),
+            interval=_percentile_interval(np.max([row.denser_resampled for row in uniform], axis=0)),
         ),
         target("denser_than_mode_conditioned", at_ours, "1", at_most=REGION_MASS).says(
             "conditioned densities: the same",
@@ -134,7 +134,7 @@ def figure_claims(rows: list[Comparison]) -> tuple[Claim, ...]:
     )
 
 
-def _percentiles(resampled: Series) -> Interval | None:
+def _percentile_interval(resampled: Series) -> Interval | None:
     """95 % interval of a number that was computed from resampled postures; None without resamples."""
     if not len(resampled):
         return None

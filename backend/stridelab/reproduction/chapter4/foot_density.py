@@ -146,7 +146,7 @@ def _density_claims(
     held_out = density.held_out
     log_q, log_p = (of.log_density(held_out) for of in (density.mixtures[k], density.kernels))
 
-    def peak(chosen: Sequence[int]) -> float:
+    def peak_ratio(chosen: Sequence[int]) -> float:
         return float(np.exp(log_q[chosen].max() - log_p[chosen].max()))
 
     n = len(held_out)
@@ -189,14 +189,15 @@ def _density_claims(
         Measured(
             "peak_off",
             "not perfectly",
-            abs(peak(range(n)) - 1.0),
+            abs(peak_ratio(range(n)) - 1.0),
             "1",
             above(0.05, "ours", otherwise="thesis_in_error"),
         ).says(
             "the mixture does not fit the maximal values perfectly",
-            f"Highest density at held-out samples with {k} components over that of the kernels, {peak(range(n)):.2f}, "
+            f"Highest density at held-out samples with {k} components over that of the kernels, "
+            f"{peak_ratio(range(n)):.2f}, "
             "minus one; the kernels flatten features narrower than their bandwidth.",
-            interval=resampled_interval(lambda chosen: abs(peak(chosen) - 1.0), n),
+            interval=resampled_interval(lambda chosen: abs(peak_ratio(chosen) - 1.0), n),
         ),
         Measured("unseen_samples_inside", "≥ 0.95", unseen, "1", at_least(MASSES[-1], "words")).says(
             "the mixture is conservative with respect to the support",

@@ -77,7 +77,7 @@ class FacetCounts:
     violations: tuple[float, ...]
 
     @property
-    def median(self) -> float:
+    def median_number(self) -> float:
         """Median number of facets."""
         return float(np.median(self.facets))
 
@@ -107,7 +107,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
         tables={
             "facets": {
                 "bodies": np.array(list(facets)),
-                "median_facets": np.array([counts.median for counts in facets.values()]),
+                "median_facets": np.array([counts.median_number for counts in facets.values()]),
                 "largest_violation": np.array([counts.largest_violation for counts in facets.values()]),
             },
             "alpha": {"clouds": np.array(KINDS), "least_alpha": np.array([min(alphas[kind]) for kind in KINDS])},
@@ -116,7 +116,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
             Bars(
                 "Facets of the cone of wrenches, median of random sets",
                 "1",
-                [(f"{bodies} contacts", counts.median) for bodies, counts in facets.items()],
+                [(f"{bodies} contacts", counts.median_number) for bodies, counts in facets.items()],
             ),
             Bars("Smallest alpha inside", "1", [(kind, min(alphas[kind])) for kind in KINDS]),
         ),
@@ -197,7 +197,7 @@ def _facet_claims(facets: dict[int, FacetCounts]) -> tuple[Claim, ...]:
     """Claims of 4.4.1 on the double description."""
     stairs = [(name, len(LinearCone.from_contacts(contacts, 4).normals)) for name, contacts in _stair_contact_sets()]
     on_stairs = "Figure 4.5's stances: " + ", ".join(f"{n} with {name}" for name, n in stairs) + "."
-    two, three = (facets[bodies].median for bodies in (2, 3))
+    two, three = (facets[bodies].median_number for bodies in (2, 3))
     violations = [violation for counts in facets.values() for violation in counts.violations]
     return (
         Measured("facets_2", FACETS[2][0], two, "1", within(0.5 * FACETS[2][0], 2.0 * FACETS[2][0], "ours")).says(

@@ -96,12 +96,12 @@ def run(gait: Path, tell: Progress) -> Reproduction:
 
     Raises ``NotFound`` (``recordings-missing``) without two adults whose steps can be planned.
     """
-    adults, left_out = _motions(gait, ADULTS)
+    adults, left_out = _read_motions(gait, ADULTS)
     if len({motion.person for motion in adults}) < 2:
         raise NotFound("recordings-missing", "Weights are judged on other people than those of the fit: two at least.")
     people, grid = errors_of_people(adults, GRID, lambda share, text: tell(0.05 + 0.85 * share, text))
     predictions = Predictions(grid, _by_hand(adults))
-    (children, no_children), (stairs, no_stairs) = _motions(gait, (CHILDREN,)), _motions(gait, (STAIRS,))
+    (children, no_children), (stairs, no_stairs) = _read_motions(gait, (CHILDREN,)), _read_motions(gait, (STAIRS,))
     tell(0.95, "children and TALOS")
     rows = _rows(predictions)
     robot = {name: _talos_plan(weights) for name, weights in talos_weights(predictions.chosen).items()}
@@ -127,7 +127,7 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     ).with_basis("people", len(people))
 
 
-def _motions(gait: Path, patterns: Sequence[str]) -> tuple[list[RecordedMotion], list[LeftOut]]:
+def _read_motions(gait: Path, patterns: Sequence[str]) -> tuple[list[RecordedMotion], list[LeftOut]]:
     """Motions of all recordings that match, and the recordings without one."""
     return read_each((path for pattern in patterns for path in sorted(gait.glob(pattern))), recorded_motion)
 

@@ -41,12 +41,12 @@ def rms_ratio(ours: Sequence[float] | Series, other: Sequence[float] | Series) -
     """
     pairs = np.array([ours, other])
 
-    def ratio(chosen: Sequence[int]) -> float:
+    def root_ratio(chosen: Sequence[int]) -> float:
         mean, of_other = pairs[:, chosen].mean(axis=1).tolist()
         return float(np.sqrt(max(mean, 0.0) / of_other))
 
     n = pairs.shape[1]
-    return ratio(range(n)), resampled_interval(ratio, n)
+    return root_ratio(range(n)), resampled_interval(root_ratio, n)
 
 
 def share_interval(count: int, n: int) -> Interval:

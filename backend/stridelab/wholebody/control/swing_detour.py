@@ -81,7 +81,7 @@ class SwingDetour:
             if float(np.linalg.norm(stops)) > most and float(p[part] @ stops) > 0.0:
                 p[part] = 0.0
         a = p - 2.0 * math.sqrt(STIFFNESS_S2) * v - STIFFNESS_S2 * o
-        w, w_v, w_a = _window(t, self.closes, self.curve.duration_s)
+        w, w_v, w_a = _closing_window(t, self.closes, self.curve.duration_s)
         self.offset = o + self.dt_s * v + 0.5 * self.dt_s**2 * a
         self.rate = v + self.dt_s * a
         x, x_v, x_a = w * o, w * v + w_v * o, w * a + 2.0 * w_v * v + w_a * o
@@ -135,7 +135,7 @@ def ankle_columns(robot: Robot, effectors: Iterable[str]) -> tuple[int, ...]:
     return tuple(6 + robot.joint_names.index(name) for name in joints)
 
 
-def _window(t_s: float, closes: Window, duration_s: float) -> tuple[float, float, float]:
+def _closing_window(t_s: float, closes: Window, duration_s: float) -> tuple[float, float, float]:
     """``w`` and its first two time derivatives."""
     s, s_v, s_a = quintic_scaling(t_s, closes, duration_s)
     return 1.0 - s, -s_v, -s_a
