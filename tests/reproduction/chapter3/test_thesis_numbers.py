@@ -86,7 +86,7 @@ def test_the_factor_of_an_inner_ellipsoid_is_that_of_johns_theorem() -> None:
 def test_facets_hold_their_rays_and_grow_with_the_contacts() -> None:
     two, three = numbers_4.facet_counts(2), numbers_4.facet_counts(3)
     assert 0.0 <= max(two.largest_violation, three.largest_violation) < 1e-9
-    assert three.median > 2.0 * two.median
+    assert three.median_number > 2.0 * two.median_number
 
 
 def test_the_hub_varies_more_than_the_walker_whom_it_is_to_smooth() -> None:
