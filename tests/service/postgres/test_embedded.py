@@ -160,18 +160,6 @@ def test_lost_cluster_is_not_replaced_silently(folder: Path) -> None:
     server.stop()
 
 
-def test_cluster_of_another_major_version_is_refused(folder: Path) -> None:
-    server = EmbeddedPostgres(folder)
-    server.start()
-    server.stop()
-    cluster = Path(json.loads((folder / "postgres.json").read_text())["cluster"])
-    (cluster / "PG_VERSION").write_text("14\n")
-    with pytest.raises(Unavailable, match="pg_dump") as caught:
-        server.start()
-    assert caught.value.code == "cluster-version"
-    server.stop()
-
-
 def test_long_temporary_folder_is_not_used_for_the_socket(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     long = folder / ("x" * 80)
     long.mkdir()

