@@ -21,6 +21,7 @@ import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 from unittest.mock import patch
@@ -102,6 +103,7 @@ def labs_of(seed: int) -> tuple[Lab, ...]:
     return ("two_plates", "markers") if seed % 2 else ("walkway",)
 
 
+@lru_cache(maxsize=1)
 def simulate_walk(seed: int) -> tuple[Walk, MeasurementNoise]:
     """A person of random sex, stature, mass, speed; noise of cameras, plates, clock and segment table at random."""
     rng = np.random.default_rng([7, seed])
@@ -128,7 +130,7 @@ def simulate_walk(seed: int) -> tuple[Walk, MeasurementNoise]:
 def compare_walk(seed: int, lab: Lab) -> list[Row]:
     """Measured and true values of the steps of one walk; empty if it is refused."""
     walk, noise = simulate_walk(seed)
-    true_steps, truth = true_measures(walk, seed)
+    true_steps, truth = true_measures(seed)
     known = {(measure.name, measure.side, measure.step): measure.value for measure in truth}
     with tempfile.TemporaryDirectory() as name:
         recording = record(walk, noise, seed, lab="two_plates" if lab == "markers" else lab).recording
@@ -152,8 +154,10 @@ def compare_walk(seed: int, lab: Lab) -> list[Row]:
     return rows
 
 
-def true_measures(walk: Walk, seed: int) -> tuple[Sequence[GaitStep], Sequence[Measure]]:
+@lru_cache(maxsize=1)
+def true_measures(seed: int) -> tuple[Sequence[GaitStep], Sequence[Measure]]:
     """Measures of the exact motion, forces, angular momentum and markers; events at ``THRESHOLD_N`` of true load."""
+    walk, _ = simulate_walk(seed)
     recording = record(walk, NOISE_FREE, seed).recording
     time_s, motion = recording.time_s, true_motion(walk.body, walk.posture, recording.time_s)
     landmarks = identify(tuple(recording.markers_m), {}).landmarks
