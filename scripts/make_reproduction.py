@@ -120,11 +120,12 @@ prints it, `{digest}`."""
     return f"""# Reproduction
 
 Written by one run of `scripts/make_reproduction.py --seeds {seeds} --real FOLDER`; where single sections are renewed
-by `--update`, their digest of code and models says so. Every figure and table, and the numbers of the text:
-{sum(outcomes.values())} claims, of which {counted}. Each section says what it draws at random and how
-often, the command that computes it again, and the digest of the code and models that computed it; `--stale` names those
-whose code has changed since. `stridelab reproduce ITEM` computes one of them, with all its tables and the drawing,
-`stridelab reproduce --all --recordings FOLDER` all of them as one report.
+by `--update`, their digest of code and models says so. It has every figure and table, and the numbers of the text,
+in {sum(outcomes.values())} claims when it was written whole:
+{counted}.
+Each section says what it draws at random and how often, the command that computes it again, and the digest of the code
+and models that computed it; `--stale` names those whose code has changed since. `stridelab reproduce ITEM` computes one
+of them, with all its tables and the drawing, `stridelab reproduce --all --recordings FOLDER` all of them as one report.
 
 Every claim has its place in the thesis: section, figure or table; the text at hand has no page numbers. Chapter 3 on
 people is in the thesis' words, the others are shortened. Verdicts are computed from the column *holds if*: a number in
