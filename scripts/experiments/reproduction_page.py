@@ -72,9 +72,9 @@ def other_seeds_block(sections: Sequence[Section], others: Sequence[Section]) ->
                 numbers = f"{claim_numbers(before)[1]} | {claim_numbers(claim)[1]}"
                 words = f"{WORDS[before.outcome]} | {WORDS[claim.outcome]}"
                 lines.append(f"| {section.name} | {claim.says.replace('|', 'or')} | {numbers} | {words} |")
-    sampling = " ".join(dict.fromkeys(other.sampling for other in others))
-    same = f"{total - len(lines)} of {total} verdicts of the {len(others)} items that draw at random are the same with "
-    head = f"{same}other seeds ({sampling.rstrip('.')})"
+    sampling = " ".join(dict.fromkeys(other.sampling for other in others)).rstrip(".")
+    names = ", ".join(other.name for other in others)
+    head = f"{total - len(lines)} of {total} verdicts are the same with other seeds ({sampling}; {names})"
     if not lines:
         return f"{head}."
     heads = ["| item | claim | here | other seeds | verdict | other seeds |", f"|{' --- |' * 6}"]
