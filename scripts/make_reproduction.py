@@ -1,10 +1,13 @@
 """Compute every figure and table of the reproduction and write docs/reproduction.md.
 
-    make_reproduction.py                 50 draws of the noise: 25 minutes on one core
-    make_reproduction.py --quick         3 draws, for a first look
-    make_reproduction.py --only errors   computes that item and keeps it, without writing the page
-    make_reproduction.py --update errors computes that item and replaces its section; the others stay as they are
-    make_reproduction.py --real FOLDER   with the items on real recordings in FOLDER/gait (or STRIDELAB_TEST_DATA)
+    make_reproduction.py                     50 draws of the noise: some 20 minutes of processor time
+    make_reproduction.py --quick             3 draws, for a first look
+    make_reproduction.py --only errors       computes that item and keeps it, without writing the page
+    make_reproduction.py --update errors     computes that item and replaces its section; the others stay as they are
+    make_reproduction.py --real FOLDER       with the items on real recordings in FOLDER/gait (or STRIDELAB_TEST_DATA)
+    make_reproduction.py --other-seeds 1000  computes what draws at random with these seeds too, and says on the page
+                                             which verdicts are others
+    make_reproduction.py --stale             names the sections whose code or models have changed since
 
 What is computed is kept in .data/reproduction, under a digest of the code and data that computed it: a run that was
 interrupted goes on where it stopped, and what a change of the code can have moved is computed anew.
@@ -16,15 +19,26 @@ import sys
 import time
 from pathlib import Path
 
-from experiments.reproduction_page import BLOCKS, insert_block, render_markdown, replace_sections
+from arrange_recordings import digest_of_contents
+from experiments.reproduction_page import (
+    BLOCKS,
+    codes_of,
+    insert_block,
+    other_seeds_block,
+    render_markdown,
+    replace_sections,
+)
 from stridelab.machine.parallel import PROCESSES_MAX, available_processes
+from stridelab.reproduction.claims import WORDS
 from stridelab.reproduction.registry import ITEMS
-from stridelab.reproduction.result_cache import ResultCache
-from stridelab.reproduction.runner import PEOPLE, QUICK_SEEDS, Section, collect_sections, recipes_of
+from stridelab.reproduction.report.formatting import count_outcomes
+from stridelab.reproduction.result_cache import ResultCache, digest_of
+from stridelab.reproduction.runner import PEOPLE, QUICK_SEEDS, Recipe, Section, collect_sections, recipes_of
 
 ROOT = Path(__file__).parents[1]
 PAGE, KEPT = ROOT / "docs" / "reproduction.md", ROOT / ".data" / "reproduction"
 SEEDS = 50
+OTHER_SEEDS = "other-seeds"
 
 
 def main() -> None:
@@ -36,11 +50,34 @@ def main() -> None:
     parser.add_argument("--real", type=Path, default=os.environ.get("STRIDELAB_TEST_DATA"), metavar="FOLDER")
     parser.add_argument("--update", nargs="+", default=[], choices=[*ITEMS, *PEOPLE], help="compute and replace these")
     parser.add_argument("--seed", type=int, default=0, help="first seed of the draws")
+    parser.add_argument("--other-seeds", type=int, metavar="SEED", help="compare with the verdicts of other seeds")
+    parser.add_argument("--stale", action="store_true", help="name the sections whose code has changed")
     arguments = parser.parse_args()
+    if arguments.stale:
+        sys.stdout.writelines(f"{name}\n" for name in stale_sections(PAGE.read_text(encoding="utf-8")))
+        return
     chosen = [*(arguments.only or ()), *arguments.update]
     folder = None if arguments.real is None else Path(arguments.real)
     names = chosen or [*ITEMS, *(PEOPLE if folder else ())]
     wanted = recipes_of(names, arguments.seeds, folder, arguments.seed)
+    sections = compute_all(wanted)
+    page = PAGE.read_text(encoding="utf-8")
+    if arguments.update:
+        updated = [section for section in sections if section.name in arguments.update]
+        page = replace_sections(page, updated)
+    elif not arguments.only:
+        page = render_markdown(head(sections, arguments.seeds, folder), sections)
+    if arguments.other_seeds is not None:
+        drawing = [name for name in names if name in ITEMS and ITEMS[name].draws != "nothing"]
+        others = compute_all(recipes_of(drawing, arguments.seeds, folder, arguments.other_seeds))
+        page = insert_block(page, OTHER_SEEDS, other_seeds_block(sections, others))
+    if not arguments.only:
+        PAGE.write_text(page, encoding="utf-8")
+        renew_blocks()
+
+
+def compute_all(wanted: list[Recipe]) -> list[Section]:
+    """Sections of all items; ends the program if one failed."""
     sections = []
     processes = min(available_processes(), PROCESSES_MAX)
     start = time.monotonic()
@@ -50,13 +87,14 @@ def main() -> None:
         start = time.monotonic()
     if any(section.result is None for section in sections):
         sys.exit("An item failed; the page stays as it was.")
-    if arguments.update:
-        updated = [section for section in sections if section.name in arguments.update]
-        PAGE.write_text(replace_sections(PAGE.read_text(encoding="utf-8"), updated), encoding="utf-8")
-    elif not arguments.only:
-        PAGE.write_text(render_markdown(head(sections, arguments.seeds), sections), encoding="utf-8")
-    if not arguments.only:
-        renew_blocks()
+    return sections
+
+
+def stale_sections(page: str) -> list[str]:
+    """Sections that other code or models have computed than there are now."""
+    modules = {name: item.run.__module__ for name, item in ITEMS.items()}
+    modules |= {name: item.module for name, item in PEOPLE.items()}
+    return [name for name, code in codes_of(page).items() if code != digest_of(modules[name])]
 
 
 def renew_blocks() -> None:
@@ -67,16 +105,29 @@ def renew_blocks() -> None:
         other.write_text(insert_block(other.read_text(encoding="utf-8"), table, block_of(page)), encoding="utf-8")
 
 
-def head(sections: list[Section], seeds: int) -> str:
+def head(sections: list[Section], seeds: int, recordings: Path | None) -> str:
     """Introduction of the page."""
     missing = "\nThe recordings were not at hand, so that the sections on people are missing."
-    note = "" if any(section.name in PEOPLE for section in sections) else missing
+    if recordings is None:
+        note = missing
+    else:
+        files, digest = digest_of_contents(recordings / "gait")
+        note = f"""
+The sections on people are computed from {files} files: SHA-256 of their names and contents, as `arrange_recordings.py`
+prints it, `{digest}`."""
+    outcomes = count_outcomes(claim for of in sections if of.result is not None for claim in of.result.claims)
+    counted = ", ".join(f"{outcomes[key]} {words}" for key, words in WORDS.items())
     return f"""# Reproduction
 
-Written by `scripts/make_reproduction.py --seeds {seeds}`, single sections anew by `--update`: every figure and table,
-and the numbers of the text. Each section says what it draws at random and how often, and the command that computes it
-again. `stridelab reproduce ITEM` computes one
-of them, with all its tables and the drawing, `stridelab reproduce --all` all of them as one report.
+Written by one run of `scripts/make_reproduction.py --seeds {seeds} --real FOLDER`; where single sections are renewed
+by `--update`, their digest of code and models says so. It has every figure and table, and the numbers of the text,
+in {sum(outcomes.values())} claims when it was written whole:
+{counted}.
+Each section says what it draws at random and how often, the command that computes it again, and the digest of the code
+and models that computed it; `--stale` names those whose code has changed since. `stridelab reproduce ITEM` computes one
+of them, with all its tables and the drawing, `stridelab reproduce --all --recordings FOLDER` all of them as one report.
+The sum over all items is 20 minutes of processor time (50 draws, measured item by item on a shared machine of two
+cores, not as one run); the longest process takes 8, so that two cores need 10 to 12.
 
 Every claim has its place in the thesis: section, figure or table; the text at hand has no page numbers. Chapter 3 on
 people is in the thesis' words, the others are shortened. Verdicts are computed from the column *holds if*: a number in
@@ -96,12 +147,24 @@ refute it and not prove it, so its verdict is that of the sample, beside the num
 interval of their share. Where there is neither, the row says why: *deterministic* (nothing is drawn), *sampling error
 is in the claim* (a probability, a bound in standard errors), one case, one sample of fixed size, a time of one machine.
 
-The recordings of adults are a part (11 of 50 people) of the data of Schreiber and Moissenet 2019
-(doi 10.1038/s41597-019-0124-4), published at doi 10.6084/m9.figshare.7734767; put the folders of the people below
-FOLDER/gait/rehazenter-adult-walking. Fukuchi et al. 2018 (doi 10.7717/peerj.4640) has 42 more, not used here. The
-runners are those of Hamner and Delp 2013 (doi 10.1016/j.jbiomech.2012.11.024, published at
-simtk.org/projects/nmbl_running): Run_2.trc to Run_5.trc, Run_2_grf.mot to Run_5_grf.mot and static.trc of each person
-in a folder below FOLDER/gait/running.{note}
+The adults are 18 of the 50 people of Schreiber and Moissenet 2019 (doi 10.1038/s41597-019-0124-4, all of them at doi
+10.6084/m9.figshare.7734767), the runners those of Hamner and Delp 2013 (doi 10.1016/j.jbiomech.2012.11.024), both as
+published with [zmp-opensim](https://github.com/aaronsfox/zmp-opensim) (commit 45c579c), the children the sample study
+of [biomechZoo](https://github.com/mcgillmotionlab/biomechzoo) (7daadbc), the stairs those of
+[pyCGM](https://github.com/cadop/pyCGM) (1750a62). Fukuchi et al. 2018 (doi 10.7717/peerj.4640) has 42 more, not used
+here. These commands put the recordings below FOLDER:
+
+```text
+git clone https://github.com/aaronsfox/zmp-opensim clones/zmp-opensim
+git clone https://github.com/mcgillmotionlab/biomechzoo clones/biomechzoo
+git clone https://github.com/cadop/pyCGM clones/pyCGM
+python3 scripts/arrange_recordings.py clones FOLDER
+```
+{note}
+
+<!-- {OTHER_SEEDS} of reproduction.md -->
+
+<!-- end of {OTHER_SEEDS} -->
 """
 
 

@@ -34,7 +34,8 @@ def section_text(section: Section) -> str:
     if section.result is None:
         return "\n".join([*lines, f"**Not computed**: {section.failure}"]) + "\n"
     result = section.result
-    again = [f"Computed again by `{section.command}`.", ""] if section.command else []
+    code = f" Code and models: `{section.code}`." if section.code else ""
+    again = [f"Computed again by `{section.command}`.{code}", ""] if section.command else []
     lines += [
         f"{result.note} {section.sampling}",
         "",
@@ -47,6 +48,37 @@ def section_text(section: Section) -> str:
     for key in section.printed:
         lines += ["", *_markdown_table(result.tables[key])]
     return "\n".join(lines) + "\n"
+
+
+def codes_of(page: str) -> dict[str, str]:
+    """Digest of the code and models that computed each section, by item; empty for a section that does not state it."""
+    stated = re.compile(r"^Computed again by .* Code and models: `(\w+)`\.$", re.MULTILINE)
+    sections = {part.partition(":")[0]: stated.search(part) for part in page.split("\n## ")[1:]}
+    return {name: "" if match is None else match[1] for name, match in sections.items()}
+
+
+def other_seeds_block(sections: Sequence[Section], others: Sequence[Section]) -> str:
+    """Claims whose outcome is another one in ``others``, the same items computed with other seeds."""
+    lines, total, first = [], 0, {section.name: section for section in sections}
+    for other in others:
+        section = first[other.name]
+        assert section.result is not None
+        assert other.result is not None
+        claims = {claim.key: claim for claim in section.result.claims}
+        total += len(claims)
+        for claim in other.result.claims:
+            before = claims[claim.key]
+            if claim.outcome != before.outcome:
+                numbers = f"{claim_numbers(before)[1]} | {claim_numbers(claim)[1]}"
+                words = f"{WORDS[before.outcome]} | {WORDS[claim.outcome]}"
+                lines.append(f"| {section.name} | {claim.says.replace('|', 'or')} | {numbers} | {words} |")
+    sampling = " ".join(dict.fromkeys(other.sampling for other in others)).rstrip(".")
+    names = ", ".join(other.name for other in others)
+    head = f"{total - len(lines)} of {total} verdicts are the same with other seeds ({sampling}; {names})"
+    if not lines:
+        return f"{head}."
+    heads = ["| item | claim | here | other seeds | verdict | other seeds |", f"|{' --- |' * 6}"]
+    return "\n".join([f"{head}, all but these:", "", *heads, *lines])
 
 
 def _claim_row(claim: Claim) -> str:

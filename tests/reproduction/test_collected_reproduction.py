@@ -26,7 +26,15 @@ from stridelab.reproduction.report.formatting import (
 )
 from stridelab.reproduction.report.html import render_html
 from stridelab.reproduction.result_cache import ResultCache
-from stridelab.reproduction.runner import PEOPLE, Recipe, Section, collect_sections, recipes_of
+from stridelab.reproduction.runner import (
+    PEOPLE,
+    SHARING,
+    Recipe,
+    Section,
+    collect_sections,
+    group_sharing,
+    recipes_of,
+)
 
 BOOK = Path(__file__).parents[2] / "docs" / "reproduction.md"
 COMPUTED = Reproduction(
@@ -130,6 +138,13 @@ def test_items_in_processes_are_those_of_one_process_in_their_order(tmp_path: Pa
     assert [path.name for path in sorted((tmp_path / "two").iterdir())] == sorted(
         path.name for path in (tmp_path / "one").iterdir()
     )
+
+
+def test_items_that_share_draws_are_computed_in_one_process() -> None:
+    names = ["fig-2.2", "fig-2.7", "fig-3.8", "errors", "fig-2.5"]
+    assert group_sharing(names) == [[1, 3], [2], [0], [4]]
+    assert group_sharing(["fig-2.5"]) == [[0]]
+    assert {name for group in SHARING for name in group} <= set(ITEMS)
 
 
 def test_a_claim_on_every_case_has_the_interval_of_the_share() -> None:

@@ -29,13 +29,19 @@ PEOPLE: Final[Mapping[str, PeopleItem]] = {
 QUICK_SEEDS: Final = 3
 """Number of draws for a quick run."""
 ONE_SEED: Final = range(1)
+SHARING: Final = (
+    ("errors", "fig-2.7", "lag", "coverage"),
+    ("fig-3.6", "fig-3.7", "fig-3.8", "fig-3.9"),
+)
+"""Items that stand on the same draws, which a process computes once."""
 
 
 @dataclass(frozen=True)
 class Section:
     """Result of one item, or the error message if it failed.
 
-    ``sampling`` says what it draws and how often, ``command`` is the command line that computes it again.
+    ``sampling`` says what it draws and how often, ``command`` is the command line that computes it again, ``code`` the
+    digest of the code and models that computed it (``Recipe.code``).
     """
 
     name: str
@@ -45,6 +51,7 @@ class Section:
     result: Reproduction | None
     failure: str = ""
     command: str = ""
+    code: str = ""
 
 
 @dataclass(frozen=True)
@@ -65,9 +72,14 @@ class Recipe:
     recordings: str = ""
 
     @property
+    def code(self) -> str:
+        """Digest of the code and of the models."""
+        return digest_of(self.module)
+
+    @property
     def source_digest(self) -> str:
         """Digest of the code, and of the recordings if the item is computed from some."""
-        return digest_of(self.module) + self.recordings
+        return self.code + self.recordings
 
 
 def recipes_of(
@@ -120,8 +132,8 @@ def collect_sections(
 ) -> Iterator[Section]:
     """Compute the items and yield their sections in order; ``recompute`` ignores cached results.
 
-    With several ``processes``, each item has its own, on this machine or on a node of the cluster (``parallel``), and
-    the progress counts items. Failures are not cached.
+    With several ``processes``, each item has its own, on this machine or on a node of the cluster (``parallel``), but
+    for items that share draws (``SHARING``), and the progress counts items. Failures are not cached.
     """
     results: dict[int, Reproduction | str] = {}
     digests = [each.source_digest for each in recipes]
@@ -141,7 +153,7 @@ def collect_sections(
                 cache.save_result(done.name, done.seeds, digests[missing[index]], result, done.printed)
         result = results[number]
         found, failure = (None, result) if isinstance(result, str) else (result, "")
-        yield Section(each.name, each.title, each.sampling, each.printed, found, failure, each.command)
+        yield Section(each.name, each.title, each.sampling, each.printed, found, failure, each.command, each.code)
 
 
 def _share_of(tell: Progress, cached: int, total: int) -> Progress:
@@ -167,20 +179,39 @@ def _compute_in_processes(
     processes: int,
 ) -> Callable[[Sequence[Recipe], Progress], Iterator[tuple[int, Reproduction | str]]]:
     def compute(recipes: Sequence[Recipe], tell: Progress) -> Iterator[tuple[int, Reproduction | str]]:
-        orders = [(each.name, each.seeds, None if each.name in ITEMS else each.run) for each in recipes]
+        groups = group_sharing([each.name for each in recipes])
+        orders = [
+            [(recipes[k].name, recipes[k].seeds, None if recipes[k].name in ITEMS else recipes[k].run) for k in group]
+            for group in groups
+        ]
         preload = (item_of.__module__,)
-        done = map_isolated(_compute_order, orders, preload=preload, processes=processes, codec=pickle)
-        tell(0.0, f"{len(orders)} items")
-        for count, (index, answer) in enumerate(done, start=1):
-            tell(float(count), f"{recipes[index].name}: done")
-            yield index, answer.message if isinstance(answer, StridelabError) else answer
+        finished = map_isolated(_compute_orders, orders, preload=preload, processes=processes, codec=pickle)
+        tell(0.0, f"{len(recipes)} items")
+        count = 0
+        for number, answers in finished:
+            for place, index in enumerate(groups[number]):
+                count += 1
+                tell(float(count), f"{recipes[index].name}: done")
+                yield index, answers.message if isinstance(answers, StridelabError) else answers[place]
 
     return compute
 
 
-def _compute_order(order: tuple[str, range, Callable[[Progress], Reproduction] | None]) -> Reproduction | str:
-    name, seeds, run = order
-    return _result_or_failure(run or partial(item_of(name), seeds), lambda _fraction, _message: None)
+def group_sharing(names: Sequence[str]) -> list[list[int]]:
+    """Indices of items that are computed in one process; the longest groups come first (``SHARING``)."""
+    groups = [[k for k, name in enumerate(names) if name in sharing] for sharing in SHARING]
+    alone = [[k] for k, name in enumerate(names) if not any(name in sharing for sharing in SHARING)]
+    return [group for group in groups if group] + alone
+
+
+_Order = tuple[str, range, Callable[[Progress], Reproduction] | None]
+
+
+def _compute_orders(orders: Sequence[_Order]) -> list[Reproduction | str]:
+    return [
+        _result_or_failure(run or partial(item_of(name), seeds), lambda _fraction, _message: None)
+        for name, seeds, run in orders
+    ]
 
 
 def _result_or_failure(run: Callable[[Progress], Reproduction], tell: Progress) -> Reproduction | str:

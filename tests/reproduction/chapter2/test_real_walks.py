@@ -12,7 +12,7 @@ from stridelab.reproduction.chapter2 import table_real_walks
 from stridelab.reproduction.claims import Reproduction
 from stridelab.reproduction.common.intervals import rms_ratio
 from support.recorded_claims import assert_as_recorded, assert_tables_as_recorded
-from support.recordings.walks import cut_recording
+from support.recordings.walks import cut_recording, link_adults
 
 ADULTS, CHILDREN = ("2014001", "2014015"), ("HC002D", "HC030A")
 
@@ -96,6 +96,19 @@ def test_who_stands_still_stands_over_the_centre_of_pressure(found: Reproduction
     assert still["smoother"] < 0.002
     assert still["complementary"] < 0.002
     assert still["geometry"] > 0.004
+
+
+def test_one_adult_gives_what_adults_give_and_the_note_names_the_missing_children(gait: Path, tmp_path: Path) -> None:
+    result = table_real_walks.run(link_adults(gait, ADULTS[:1], tmp_path), lambda _fraction, _message: None)
+    assert "Missing: children (" in result.note
+    assert {claim.key.partition(" ")[0] for claim in result.claims} == {
+        "adults,",
+        "speed_smoother",
+        "speed_complementary",
+    }
+    assert all(claim.evidence == "people" and claim.n == 1 for claim in result.claims)
+    assert result.tables["standing"]["estimator"].tolist() == []
+    assert set(result.tables["agreement"]["walks"].tolist()) == {"adults, comfortable", "adults, fast"}
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:

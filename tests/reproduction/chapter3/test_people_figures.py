@@ -212,6 +212,17 @@ def test_other_recordings_are_computed_anew(tmp_path: Path) -> None:
     assert again[1].source_digest == digest_of(again[1].module), "what draws only is computed from no recordings"
 
 
+def test_three_people_give_all_but_correlations(gait: Path, tmp_path: Path) -> None:
+    """Too few people for one claim are no reason to refuse the others."""
+    folder = link_adults(gait, ADULTS[:3], tmp_path)
+    for item in PEOPLE_ITEMS:
+        result = item.run(folder, silent)
+        correlated = item.name in ("fig-3.7-people", "fig-3.8-people", "fig-3.9-people")
+        assert ("needs 4 people, there are 3" in result.note) == correlated, item.name
+        assert not any(claim.key.endswith("_height_r") for claim in result.claims)
+        assert len(result.claims) >= 2, item.name
+
+
 def test_recordings_that_all_are_cut_are_refused_by_name(gait: Path, tmp_path: Path) -> None:
     cut = cut_recording(gait, tmp_path, people_walks.SPEEDS["comfortable"])
     with pytest.raises(NotFound, match=rf"Left out: cut/{cut.name} \(.*ends in the middle"):

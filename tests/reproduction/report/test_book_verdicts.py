@@ -13,8 +13,6 @@ from stridelab.reproduction.report.formatting import NO_INTERVAL
 from stridelab.reproduction.runner import PEOPLE
 
 BOOK = Path(__file__).parents[3] / "docs" / "reproduction.md"
-NOT_RENEWED = ("coverage",)
-"""Sections of the page that were computed before all claims had an interval; ``--update`` renews them."""
 UNITS = {"mm": 1e-3, "ms": 1e-3}
 
 
@@ -114,9 +112,7 @@ def test_every_verdict_of_the_book_has_an_interval_or_says_why_not() -> None:
     row_of_evidence = re.compile(r"\| (?:simulated|replayed|people|external),.* \|$", re.MULTILINE)
     found = {name: row_of_evidence.findall(part) for name, part in parts.items()}
     assert sum(map(len, found.values())) > 300
-    for name in NOT_RENEWED:
-        assert any("95 % from " not in row for row in found[name]), f"{name} is renewed: remove it from NOT_RENEWED"
-    rows = [row for name, of in found.items() if name not in NOT_RENEWED for row in of]
+    rows = [row for of in found.values() for row in of]
     reasons = [text for key, text in NO_INTERVAL.items() if key != "deterministic"]
     silent_rows = [
         row for row in rows

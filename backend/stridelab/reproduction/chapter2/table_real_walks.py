@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import GRAVITY_M_S2, PerAxis, Points, Progress, Vector3
+from stridelab.errors import NotFound
 from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.differentiation import walk_frame
 from stridelab.estimation.estimator import ComEstimate, ComEstimator
@@ -46,10 +47,11 @@ from stridelab.reproduction.report.svg_plots import Bars, render_svg
 NAME: Final = "real-walks"
 TITLE: Final = "People, against physics"
 PRINTED: Final = ("agreement", "standing")
+CHILDREN: Final = "children"
 GROUPS: Final[Mapping[str, str]] = {
     "adults, comfortable": "rehazenter-adult-walking/*/*_C4_*.c3d",
     "adults, fast": "rehazenter-adult-walking/*/*_C5_*.c3d",
-    "children": "biomechzoo-sample-study/*/Straight*.c3d",
+    CHILDREN: "biomechzoo-sample-study/*/Straight*.c3d",
 }
 ESTIMATORS: Final[Mapping[str, ComEstimator]] = {
     GEOMETRY: GeometryOnly(),
@@ -65,7 +67,7 @@ Rows = Sequence[Mapping[str, object]]
 LATENCY_S: Final = {
     "adults, comfortable": (0.014, 0.022),
     "adults, fast": (0.014, 0.022),
-    "children": (0.008, 0.014),
+    CHILDREN: (0.008, 0.014),
 }
 """Ranges of the median latency from independent evidence: growth of the offset with speed, likelihood of the smoother,
 correlations."""
@@ -95,30 +97,39 @@ class AssessedWalk:
 
 
 def run(gait: Path, tell: Progress) -> Reproduction:
-    """All walks below the folder ``gait`` that can be used.
+    """All walks below the folder ``gait`` that can be used; the note names groups that have none.
 
-    Raises ``NotFound`` (``recordings-missing``) if a group has none.
+    Raises ``NotFound`` (``recordings-missing``) if all have none.
     """
     walks: dict[str, list[AssessedWalk]] = {}
     left_out: list[LeftOut] = []
+    missing: list[str] = []
     for k, (group, pattern) in enumerate(GROUPS.items()):
         tell(k / (len(GROUPS) + 1), group)
-        walks[group], unused = read_some(gait, pattern, _assess_walk)
+        try:
+            walks[group], unused = read_some(gait, pattern, _assess_walk)
+        except NotFound as error:
+            missing.append(f"{group} ({error.message.rstrip('.')})")
+            continue
         left_out += unused
+    if not walks:
+        raise NotFound("recordings-missing", f"No walks of {', nor of '.join(missing)}.")
     tell(len(GROUPS) / (len(GROUPS) + 1), "standing")
-    truth = {w.person: _table_error_m(gait / "biomechzoo-sample-study" / w.person) for w in walks["children"]}
+    absent = f" Missing: {'; '.join(missing)}." if missing else ""
+    children = walks.get(CHILDREN, [])
+    truth = {w.person: _table_error_m(gait / "biomechzoo-sample-study" / w.person) for w in children}
     rows = [
         {"walks": group, "estimator": name, **_mean_agreement(name, of_group)}
         for group, of_group in walks.items()
         for name in ESTIMATORS
     ]
-    still = [_standing_distance_m(gait / "biomechzoo-sample-study" / w.person) for w in walks["children"]]
-    standing = [
+    still = [_standing_distance_m(gait / "biomechzoo-sample-study" / w.person) for w in children]
+    standing: list[dict[str, object]] = [
         {
-            **_standing_comparison(name, walks["children"], truth),
+            **_standing_comparison(name, children, truth),
             "still_m": rms([off[name] for off in still if name in off]),
         }
-        for name in ESTIMATORS
+        for name in (ESTIMATORS if children else ())
     ]
     tell(1.0, "done")
     return Reproduction(
@@ -131,8 +142,12 @@ def run(gait: Path, tell: Progress) -> Reproduction:
         "estimators have it. Offset: estimate minus geometry. Standing: difference between the table's bias "
         "estimated while walking and that of the same subject standing (miss), and distance of the standing "
         "subject's CoM from the mean centre of pressure (still). Intervals: bootstrap over people. These recordings "
-        f"contain no flight phases; they are in the item flight. {_refusals(walks)}{left_out_text(left_out)}",
-        tables={"agreement": as_columns(rows), "standing": as_columns(standing)},
+        f"contain no flight phases; they are in the item flight. {_refusals(walks)}{left_out_text(left_out)}"
+        f"{absent}",
+        tables={
+            "agreement": as_columns(rows),
+            "standing": as_columns(standing) if standing else {"estimator": np.array([], dtype=str)},
+        },
         drawing=render_svg(
             *(
                 Bars(
@@ -144,11 +159,11 @@ def run(gait: Path, tell: Progress) -> Reproduction:
                         if row["walks"] == group
                     ],
                 )
-                for group in GROUPS
+                for group in walks
             )
         ),
         references=("carpentier2017thesis", "dumas2007"),
-    ).with_basis("people", len(walks["children"]))
+    ).with_basis("people", len(children or next(iter(walks.values()))))
 
 
 def _assess_walk(path: Path) -> AssessedWalk:
@@ -251,7 +266,7 @@ def rms_of(squares: Sequence[float]) -> float:
 def _standing_misses(name: str, walks: Sequence[AssessedWalk], truth: Mapping[str, Vector3]) -> Points:
     """Table error estimated while walking minus that of the same subject standing, a row per walk that all accept."""
     shared = [w for w in walks if w.assessments.keys() == ESTIMATORS.keys()]
-    return np.array([-w.assessments[name].offset_m - truth[w.person] for w in shared])
+    return np.array([-w.assessments[name].offset_m - truth[w.person] for w in shared]).reshape(-1, 3)
 
 
 def _standing_comparison(name: str, walks: Sequence[AssessedWalk], truth: Mapping[str, Vector3]) -> dict[str, object]:
@@ -286,6 +301,8 @@ def _walk_claims(
         path = {name: _path_by_person(name, of_group) for name in (SMOOTHER, GEOMETRY)}
         for axis, words in ((WALK, "along the walk"), (SIDE, "lateral")):
             ours, base = ([float(m2[axis]) for m2 in path[name].values()] for name in (SMOOTHER, GEOMETRY))
+            if not ours:
+                continue
             ratio, interval = rms_ratio(ours, base)
             claims.append(
                 target(f"{group} path {'xy'[axis]}", ratio, "1", at_most=1.0).says(
@@ -296,8 +313,10 @@ def _walk_claims(
                     comparator="geometry",
                 )
             )
-    missed = {name: _standing_misses(name, walks["children"], truth) for name in (SMOOTHER, GEOMETRY)}
+    missed = {name: _standing_misses(name, walks.get(CHILDREN, ()), truth) for name in (SMOOTHER, GEOMETRY)}
     for axis, words in ((WALK, "along the walk"), (SIDE, "lateral")):
+        if not len(missed[SMOOTHER]):
+            continue
         ours, base = ((missed[name][:, axis] ** 2).tolist() for name in (SMOOTHER, GEOMETRY))
         ratio, interval = rms_ratio(ours, base)
         claims.append(
@@ -309,7 +328,7 @@ def _walk_claims(
                 comparator="geometry",
             )
         )
-    slow, fast = ({w.person: w for w in walks[group]} for group in ("adults, comfortable", "adults, fast"))
+    slow, fast = ({w.person: w for w in walks.get(group, ())} for group in ("adults, comfortable", "adults, fast"))
     both = sorted(slow.keys() & fast.keys())
     for name in (SMOOTHER, AUTO):
         change = [
@@ -317,6 +336,8 @@ def _walk_claims(
             for p in both
             if name in fast[p].assessments and name in slow[p].assessments
         ]
+        if not change:
+            continue
         mean, sd = float(np.mean(change)), float(np.std(change))
         claims.append(
             target(f"speed_{name}", abs(mean), "m", at_most=MAX_CHANGE_M).says(
@@ -328,7 +349,9 @@ def _walk_claims(
             )
         )
     for group, (low, high) in LATENCY_S.items():
-        late_s = [w.latency_s for w in walks[group]]
+        late_s = [w.latency_s for w in walks.get(group, ())]
+        if not late_s:
+            continue
         claims.append(
             target(f"{group} latency", float(np.median(late_s)), "s", at_least=low, at_most=high).says(
                 f"{group}: median latency of the force",

@@ -16,6 +16,7 @@ from stridelab.reproduction.chapter3.people_parameter_claims import (
     clock_claims,
     double_support_claims,
     hub_height_claims,
+    missing_correlations_text,
     radius_claims,
     start_error_ms,
 )
@@ -33,6 +34,8 @@ from stridelab.reproduction.common.recorded_walks import left_out_text
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 
 ClaimsOf = Callable[[Walks], Sequence[Claim]]
+CORRELATED: Final[tuple[ClaimsOf, ...]] = (radius_claims, hub_height_claims, clock_claims)
+"""Claims that include a correlation with the height."""
 
 
 def _people_item(
@@ -59,7 +62,7 @@ def _people_item(
             claims=tuple(claims_of(walks)),
             note=f"{SOURCE}: {people} people, two steps each at a comfortable and at a fast speed; the smoother's "
             f"centre of mass with the latency corrected and the person's static trial. Table: {name} ({unit.strip()})."
-            f"{left_out_text(left_out)}",
+            f"{missing_correlations_text(people) if claims_of in CORRELATED else ''}{left_out_text(left_out)}",
             tables={"people": table},
             drawing=render_svg(
                 *(

@@ -9,6 +9,7 @@ from stridelab.reproduction.chapter3.people_walks import SPEEDS, FittedWalk, Wal
 from stridelab.reproduction.claims import Claim, Measured, above, at_most, within
 from stridelab.reproduction.common.intervals import interval_of
 from stridelab.reproduction.common.simulated_people import parameter_values
+from stridelab.walking.population.correlations import MIN_SUBJECTS
 from stridelab.walking.population.population import Pair, Person, StepRow, study
 
 FEW_MS_S: Final = 0.01
@@ -45,7 +46,7 @@ def spread_claims(walks: Walks, name: str, letter: str, bound_m: float) -> list[
 
 
 def _height_pairs(walks: Walks) -> dict[str, Pair]:
-    """Correlations with the height of one mean per person over all steps at both speeds."""
+    """Correlations with the height of one mean per person over all steps at both speeds; none of too few people."""
     everyone = [walk for of in walks.values() for walk in of]
     people = [
         Person(name=name, group="adults", height_m=height_m)
@@ -53,6 +54,19 @@ def _height_pairs(walks: Walks) -> dict[str, Pair]:
     ]
     rows = [StepRow(walk.person, walk.person, parameter_values(fit)) for walk in everyone for fit in walk.fits]
     return {pair.parameter: pair for pair in study(people, rows).pairs if pair.against == "height_m"}
+
+
+def _height_claims(walks: Walks, *names: str) -> list[Claim]:
+    """Correlation of each parameter with the height, if there are people enough for one."""
+    pairs = _height_pairs(walks)
+    return [correlation_claim(pairs[name], name.removesuffix("_m"), THESIS_R[name]) for name in names if name in pairs]
+
+
+def missing_correlations_text(people: int) -> str:
+    """Why figures 3.7 to 3.9 lack claims with few people, as a sentence that follows another one; empty otherwise."""
+    if people >= MIN_SUBJECTS:
+        return ""
+    return f" A correlation with the height needs {MIN_SUBJECTS} people, there are {people}: its claims are missing."
 
 
 def correlation_claim(pair: Pair, letter: str, printed: float) -> Claim:
@@ -82,11 +96,10 @@ def omega_claim(pair: Pair) -> Claim:
 
 def radius_claims(walks: Walks) -> list[Claim]:
     """Figure 3.7, and that the parameters depend on the height only."""
-    pairs = _height_pairs(walks)
     return [
         *spread_claims(walks, "R_m", "R", RADIUS_SD_M),
         *spread_claims(walks, "r_m", "r", RADIUS_SD_M),
-        *(correlation_claim(pairs[name], name[0], THESIS_R[name]) for name in ("R_m", "r_m")),
+        *_height_claims(walks, "R_m", "r_m"),
         *(_speed_claim(walks, name, name[0], RADIUS_SD_M) for name in ("R_m", "r_m")),
     ]
 
@@ -116,7 +129,7 @@ def hub_height_claims(walks: Walks) -> list[Claim]:
     """Figure 3.8."""
     return [
         *spread_claims(walks, "z0_m", "z0", HUB_SD_M),
-        correlation_claim(_height_pairs(walks)["z0_m"], "z0", THESIS_R["z0_m"]),
+        *_height_claims(walks, "z0_m"),
         _speed_claim(walks, "z0_m", "z0", HUB_SD_M),
     ]
 
@@ -134,7 +147,7 @@ def clock_claims(walks: Walks) -> list[Claim]:
                 "Mean distance at the same times, with uniform rotation; good up to the thesis' error of the path.",
             )
         ),
-        omega_claim(_height_pairs(walks)["omega_rad_s"]),
+        *(omega_claim(pair) for name, pair in _height_pairs(walks).items() if name == "omega_rad_s"),
     ]  # fmt: skip
 
 

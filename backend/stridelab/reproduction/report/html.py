@@ -88,7 +88,8 @@ def _claims_table(result: Reproduction, section: Section) -> str:
         '<th scope="col">Claim</th><th class="n" scope="col">Thesis, or our aim</th><th class="n" scope="col">Holds if'
         '</th><th class="n" scope="col">Here'
     )
-    again = f"<p>Computed again by <code>{escape(section.command)}</code>.</p>" if section.command else ""
+    code = f" Code and models: <code>{section.code}</code>." if section.code else ""
+    again = f"<p>Computed again by <code>{escape(section.command)}</code>.{code}</p>" if section.command else ""
     return (
         f'<p>{escape(f"{result.note} {section.sampling}")}</p>{again}<div class="scroll"><table><thead><tr>{heads}</th>'
         f'<th scope="col">Verdict</th></tr></thead><tbody>{rows}</tbody></table></div>'
