@@ -112,3 +112,29 @@ def test_a_link_drawn_in_another_format_has_no_shape(tmp_path: Path) -> None:
     (tmp_path / "again").mkdir()
     with pytest.raises(InvalidInput, match="the zip has no such mesh"):
         rebuilt(ET.tostring(root, encoding="unicode"), tmp_path / "again")
+
+
+@pytest.mark.parametrize(("factor", "is_replaced"), [(1000.0, True), (3.0, False)])
+def test_moments_that_no_body_of_the_size_has_are_replaced(factor: float, is_replaced: bool, tmp_path: Path) -> None:
+    """As of files in kg mm2 or g m2: an arm of 0.8 kg and 0.1 m with 1000 times its moments."""
+    root = ET.fromstring(Humanoid().urdf())
+    for name in ("left_elbow_link", "left_wrist_link"):
+        inertia = root.find(f"link[@name='{name}']/inertial/inertia")
+        assert inertia is not None
+        inertia.attrib.update({key: str(factor * float(value)) for key, value in inertia.attrib.items()})
+    link = root.find("link[@name='left_wrist_link']")
+    assert link is not None
+    for shape in (*link.findall("visual"), *link.findall("collision")):
+        link.remove(shape)
+    plain, assumed = rebuilt(ET.tostring(root, encoding="unicode"), tmp_path)
+    inertia = plain.find("link[@name='left_elbow_link']/inertial/inertia")
+    assert inertia is not None
+    radius_m = (0.75 * 0.8 / (np.pi * 1000.0)) ** (1.0 / 3.0)
+    if is_replaced:
+        assert float(inertia.attrib["ixx"]) == pytest.approx(0.4 * 0.8 * radius_m**2, rel=1e-3)
+        assert {key for key in assumed if key.endswith("inertia")} == {
+            "link left_elbow_link: inertia",
+            "link left_wrist_link: inertia",
+        }
+    else:
+        assert not assumed

@@ -36,6 +36,7 @@ from stridelab.robots.proposal.effectors import carrying_link, effector_cards, f
 from stridelab.robots.proposal.limbs import Limbs, find_limbs
 from stridelab.robots.proposal.meshes import MeshConverter
 from stridelab.robots.proposal.motor_inertias import move_motor_inertias
+from stridelab.robots.proposal.oversized_inertias import replace_oversized_inertias
 from stridelab.robots.proposal.posture import rest_posture
 from stridelab.robots.proposal.soles import Sole
 from stridelab.robots.robot import Robot
@@ -94,6 +95,7 @@ def rebuild_description(
     if meshes.missing:
         raise invalid([Fault(path[:120], "the zip has no such mesh") for path in sorted(set(meshes.missing))])
     move_motor_inertias(plain.root, plain.assumed)
+    replace_oversized_inertias(plain.root, folder, plain.assumed)
     ET.ElementTree(plain.root).write(folder / URDF, encoding="utf-8", xml_declaration=True)
     return changed | plain.assumed | meshes.assumed
 
