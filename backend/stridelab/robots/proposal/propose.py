@@ -33,6 +33,7 @@ from stridelab.robots.proposal.archive import unpack_robot
 from stridelab.robots.proposal.collision_table import never_colliding
 from stridelab.robots.proposal.description import invalid, is_mark, plain_description, read_xml
 from stridelab.robots.proposal.effectors import carrying_link, effector_cards, foot_soles
+from stridelab.robots.proposal.joint_ranges import anatomical_ranges, narrowed_ranges
 from stridelab.robots.proposal.limbs import Limbs, find_limbs
 from stridelab.robots.proposal.meshes import MeshConverter
 from stridelab.robots.proposal.motor_inertias import move_motor_inertias
@@ -122,6 +123,9 @@ def _propose_card(name: str, title: str, root: ET.Element, files: DataFiles, ass
     shapes = collision_geometry(model, files.urdf, (files.package_dir,))
     q_zero = pin.neutral(model)
     limbs = find_limbs(model, q_zero)
+    without_range = {name for name in map(str, model.names) if f"joint {name}: range" in assumed}
+    ranges = anatomical_ranges(model, limbs, q_zero, without_range)
+    _set_ranges(model, ranges)
     soles, limbs = foot_soles(model, shapes, limbs, q_zero)
     if not limbs.is_named:
         assumed["left and right"] = "from the order of the joints; their names do not state it"
@@ -137,6 +141,9 @@ def _propose_card(name: str, title: str, root: ET.Element, files: DataFiles, ass
             break
     else:
         assumed["collision.never"] = "arms are within 2 cm of the body at rest: " + ", ".join(sorted(touching)[:5])
+    if estimated := {str(model.names[j]): ends for j, ends in ranges.items() if j in limbs.moving}:
+        card = _narrow_ranges(card, robot, estimated, assumed)
+        robot = assemble_robot(name, card, files)
     never = never_colliding(robot)
     table = {re.escape(link): tuple(map(re.escape, others)) for link, others in never.items()}
     marks = _foot_marks(root, model, limbs)
@@ -192,6 +199,24 @@ def _card(
         limits=limits,
         rotors=rotors,
     )
+
+
+def _set_ranges(model: pin.Model, ranges: Mapping[int, tuple[float, float]]) -> None:
+    for joint, (low, high) in ranges.items():
+        index = model.joints[joint].idx_q
+        model.lowerPositionLimit[index], model.upperPositionLimit[index] = low, high
+
+
+def _narrow_ranges(
+    card: RobotCard, robot: Robot, estimated: Mapping[str, tuple[float, float]], assumed: dict[str, str]
+) -> RobotCard:
+    """The card with the ranges of the ``estimated`` joints, which are listed in ``assumed``."""
+    position = dict(card.limits.position_rad)
+    for joint, (low, high) in narrowed_ranges(robot, estimated).items():
+        position[re.escape(joint)] = (low, high)
+        assumed.pop(f"joint {joint}: range", None)
+        assumed[f"limits.position_rad.{joint}"] = f"{low:.2f} to {high:.2f} rad: as of a person, until links meet"
+    return replace(card, limits=replace(card.limits, position_rad=position))
 
 
 def _foot_marks(root: ET.Element, model: pin.Model, limbs: Limbs) -> list[str]:

@@ -29,8 +29,8 @@ SOLE_GUARD_M: Final = 0.003
 """Larger than the penetration and tilt of a landing sole."""
 THINNEST_M: Final = 5e-4
 """Thinnest part of a foot above the guard that is a shape; MuJoCo refuses the hull of coplanar points."""
-PATCH_M: Final = 1e-3
-"""Height above the plane of the sole up to which a point of a foot belongs to its flat patch."""
+PATCH_EDGE_M: Final = 1e-3
+"""Distance beyond its outline up to which a contact is one of a flat patch."""
 PATCH_TILT_RAD: Final = 0.3
 """Largest angle between the normals of a contact and a sole for a contact of the patch; that of a riser is at 1.6."""
 # collision bits of MuJoCo: two geometries collide if a bit of one's type is in the other's affinity
@@ -39,7 +39,10 @@ GROUND, BODY, RAIL, HAND = 1, 2, 4, 8
 
 @dataclass(frozen=True, eq=False)
 class FlatPatch:
-    """Flat patch of a foot in the contact frame of its sole: the points ``p`` with ``A p <= b`` (m)."""
+    """Flat patch of a foot in the contact frame of its sole: the points ``p`` with ``A p <= b`` (m).
+
+    It is the hull of the foot's points up to ``SOLE_GUARD_M`` above the sole, such as those of a rounded edge.
+    """
 
     effector: str
     A: Float[np.ndarray, "m 2"]
@@ -47,7 +50,7 @@ class FlatPatch:
 
     def contains(self, point_m: Vector3, normal: Vector3) -> bool:
         """Whether a contact with ``normal``, both in the contact frame of the sole, is one of the patch."""
-        return bool(abs(normal[2]) > np.cos(PATCH_TILT_RAD) and np.all(self.A @ point_m[:2] <= self.b + PATCH_M))
+        return bool(abs(normal[2]) > np.cos(PATCH_TILT_RAD) and np.all(self.A @ point_m[:2] <= self.b + PATCH_EDGE_M))
 
 
 @dataclass(frozen=True)
@@ -128,9 +131,9 @@ def _raise_above_sole(local: Points) -> Points | None:
 
 
 def _flat_patch(effector: str, local: Points) -> FlatPatch | None:
-    """The flat patch of the shape; None if fewer than three of its points are in the plane of the sole."""
+    """The flat patch of the shape: what the guard makes level. None if that are fewer than three points."""
     try:
-        hull = ConvexHull(local[np.abs(local[:, 2]) <= PATCH_M][:, :2])
+        hull = ConvexHull(local[np.abs(local[:, 2]) <= SOLE_GUARD_M][:, :2])
     except (QhullError, ValueError):
         return None
     return FlatPatch(effector, hull.equations[:, :2], -hull.equations[:, 2])
