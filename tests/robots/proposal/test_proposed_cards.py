@@ -237,6 +237,13 @@ def test_weak_legs_are_remarked_on(tmp_path: Path, usual: Proposal) -> None:
     assert weak.robot.model.effortLimit[6 + knee] == 40.0
 
 
+def test_slow_legs_are_remarked_on(tmp_path: Path, usual: Proposal) -> None:
+    assert "limits.velocity_rad_s" not in usual.assumed
+    slow = proposal_of(Humanoid(velocity=0.5), tmp_path)
+    assert "0.5 rad/s at most" in slow.assumed["limits.velocity_rad_s"]
+    assert float(slow.robot.model.velocityLimit[6 + slow.robot.joint_names.index("left_knee")]) == 0.5
+
+
 @pytest.mark.parametrize(
     ("stated", "expected"),
     [

@@ -52,6 +52,8 @@ TORQUE_SHARE: Final = {"leg": 0.5, "torso": 0.4, "arm": 0.1}
 """Estimated torque over weight times leg length; the bundled robots have 0.3 to 0.7 in their knees."""
 WEAK_LEGS: Final = 0.25
 """Largest torque of the legs over weight times leg length below which the stated limits are remarked on."""
+SLOW_LEGS_RAD_S: Final = 1.5
+"""Largest speed of the legs below which the stated limits are remarked on; knees turn by about 3 rad/s in a step."""
 SPEED_RAD_S: Final = {"leg": 8.0, "torso": 5.0, "arm": 6.0}
 MAX_SPEED_RAD_S: Final = 100.0
 ROTOR_SHARE: Final = 4e-4
@@ -248,6 +250,12 @@ def _limits(
         assumed["limits.torque_nm"] = (
             f"as stated, but the legs have {strongest_nm:g} N m at most, {share:.2f} of weight times leg length, and "
             f"the knees of robots that walk 0.3 to 0.7: correct it if it is a placeholder"
+        )
+    fastest_rad_s = max(velocity[re.escape(model.names[joint])] for joint, group in groups.items() if group == "leg")
+    if fastest_rad_s < SLOW_LEGS_RAD_S:
+        assumed["limits.velocity_rad_s"] = (
+            f"as stated, but the legs turn by {fastest_rad_s:g} rad/s at most, and knees in a step by about 3 rad/s: "
+            f"correct it if it is a placeholder"
         )
     return LimitsCard(position, velocity, torque)
 
