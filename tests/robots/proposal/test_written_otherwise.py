@@ -138,3 +138,19 @@ def test_moments_that_no_body_of_the_size_has_are_replaced(factor: float, is_rep
         }
     else:
         assert not assumed
+
+
+@pytest.mark.parametrize(("upper", "is_stated"), [(1.2, True), (7.0, False)])
+def test_a_continuous_joint_with_a_range_has_that_range(upper: float, is_stated: bool, tmp_path: Path) -> None:
+    root = ET.fromstring(Humanoid().urdf())
+    joint = root.find("joint[@name='left_knee']")
+    assert joint is not None
+    joint.set("type", "continuous")
+    limit = joint.find("limit")
+    assert limit is not None
+    limit.attrib.update(lower="0.1", upper=str(upper))
+    plain, assumed = rebuilt(ET.tostring(root, encoding="unicode"), tmp_path)
+    limit = plain.find("joint[@name='left_knee']/limit")
+    assert limit is not None
+    assert (float(limit.attrib["upper"]) == upper) == is_stated
+    assert ("joint left_knee: type" in assumed) == is_stated == ("joint left_knee: range" not in assumed)

@@ -188,7 +188,10 @@ class _Reader:
         """Range, torque and speed; those that are missing are 0, a missing range is half a turn to either side."""
         stated = element.find("limit")
         values = {key: self._limit_value(stated, key, where) for key in ("lower", "upper", "effort", "velocity")}
-        if plain.get("type") == "continuous" or (values["lower"] == 0.0 and values["upper"] == 0.0):
+        turns = plain.get("type") == "continuous"
+        if turns and 0.0 < values["upper"] - values["lower"] < 2.0 * math.pi:
+            assumed[f"{where}: type"] = "continuous, with the range that is stated"
+        elif turns or (values["lower"] == 0.0 and values["upper"] == 0.0):
             values |= {"lower": -DEFAULT_RANGE_RAD, "upper": DEFAULT_RANGE_RAD}
             assumed[f"{where}: range"] = "half a turn to either side"
         plain.set("type", "revolute")

@@ -245,13 +245,14 @@ def _limits(
         if not 0.0 < torque[key] < 20.0 * mass_kg * GRAVITY * leg_m:
             torque[key] = float(f"{TORQUE_SHARE[group] * mass_kg * GRAVITY * leg_m:.2g}")
             assumed[f"limits.torque_nm.{name}"] = f"{torque[key]:g} N m"
-    strongest_nm = max(torque[re.escape(model.names[joint])] for joint, group in groups.items() if group == "leg")
-    if (share := strongest_nm / (mass_kg * GRAVITY * leg_m)) < WEAK_LEGS:
+    legs = [str(model.names[joint]) for joint, group in groups.items() if group == "leg"]
+    stated_nm = [torque[re.escape(name)] for name in legs if f"limits.torque_nm.{name}" not in assumed]
+    if stated_nm and (share := (strongest_nm := max(stated_nm)) / (mass_kg * GRAVITY * leg_m)) < WEAK_LEGS:
         assumed["limits.torque_nm"] = (
             f"as stated, but the legs have {strongest_nm:g} N m at most, {share:.2f} of weight times leg length, and "
             f"the knees of robots that walk 0.3 to 0.7: correct it if it is a placeholder"
         )
-    fastest_rad_s = max(velocity[re.escape(model.names[joint])] for joint, group in groups.items() if group == "leg")
+    fastest_rad_s = max(velocity[re.escape(name)] for name in legs)
     if fastest_rad_s < SLOW_LEGS_RAD_S:
         assumed["limits.velocity_rad_s"] = (
             f"as stated, but the legs turn by {fastest_rad_s:g} rad/s at most, and knees in a step by about 3 rad/s: "
