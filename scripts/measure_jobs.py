@@ -2,7 +2,7 @@
 
 Processor time is that of the job's child, read from the account of ended children of the process that they are forked
 from, so it holds on a busy machine, too. Wall times are given beside it and mean something on an idle machine only.
-usage: measure_jobs.py [ROUNDS]
+usage: measure_jobs.py [ROUNDS] [KIND ...]    with kinds, only these are measured anew, and the other figures stay
 """
 
 import contextlib
@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -101,14 +101,18 @@ def run(http: httpx.Client, forked_from: psutil.Process, kind: str, body: Any) -
     }
 
 
-def kinds(http: httpx.Client, forked_from: psutil.Process, rounds: int) -> dict[str, list[dict[str, float]]]:
-    """All kinds with the first of their examples."""
+def kinds(
+    http: httpx.Client, forked_from: psutil.Process, rounds: int, wanted: Sequence[str] = ()
+) -> dict[str, list[dict[str, float]]]:
+    """The ``wanted`` kinds, by default all, with the first of their examples."""
     measured: dict[str, list[dict[str, float]]] = {}
     for path, calls in http.get("/api/v1/openapi.json").json()["paths"].items():
         content = calls.get("post", {}).get("requestBody", {}).get("content", {}).get("application/json", {})
         if not path.startswith("/api/v1/jobs/") or not content.get("examples"):
             continue
         kind = path.rsplit("/", 1)[1]
+        if wanted and kind not in wanted:
+            continue
         body = next(iter(content["examples"].values()))["value"]
         measured[kind] = [run(http, forked_from, kind, body)]
         while len(measured[kind]) < rounds and measured[kind][0]["cpu_s"] < SLOW_S:
@@ -168,6 +172,17 @@ def progress(url: str) -> dict[str, float]:
     return {"reports_per_s": round(REPORTS / (time.monotonic() - began), 1)}
 
 
+def measure_again(rounds: int, wanted: Sequence[str]) -> None:
+    """Measure the ``wanted`` kinds and replace their figures."""
+    measured = json.loads(TARGET.read_text(encoding="utf-8"))
+    with (
+        tempfile.TemporaryDirectory(prefix="stridelab-measure-") as folder,
+        service(Path(folder)) as (http, supervisor),
+    ):
+        measured["kinds"] |= kinds(http, nursery(supervisor), rounds, wanted)
+    TARGET.write_text(json.dumps(measured, indent=1) + "\n", encoding="utf-8")
+
+
 def main(rounds: int) -> None:
     """Measure everything and write it down."""
     with (
@@ -189,4 +204,5 @@ def main(rounds: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 3)
+    given = int(sys.argv[1]) if len(sys.argv) > 1 else 3
+    measure_again(given, sys.argv[2:]) if sys.argv[2:] else main(given)

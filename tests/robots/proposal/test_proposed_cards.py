@@ -237,6 +237,24 @@ def test_weak_legs_are_remarked_on(tmp_path: Path, usual: Proposal) -> None:
     assert weak.robot.model.effortLimit[6 + knee] == 40.0
 
 
+def test_estimated_torques_do_not_hide_weak_legs(tmp_path: Path) -> None:
+    """As of a description that states the torques of its motors before their gears, but not of every joint."""
+    root = ET.fromstring(Humanoid(effort=12.0).urdf())
+    limit = root.find("joint[@name='left_knee']/limit")
+    assert limit is not None
+    limit.set("effort", "0")
+    proposal = proposal_of_text(ET.tostring(root, encoding="unicode"), tmp_path)
+    assert "limits.torque_nm.left_knee" in proposal.assumed
+    assert "12 N m at most" in proposal.assumed["limits.torque_nm"]
+
+
+def test_slow_legs_are_remarked_on(tmp_path: Path, usual: Proposal) -> None:
+    assert "limits.velocity_rad_s" not in usual.assumed
+    slow = proposal_of(Humanoid(velocity=0.5), tmp_path)
+    assert "0.5 rad/s at most" in slow.assumed["limits.velocity_rad_s"]
+    assert float(slow.robot.model.velocityLimit[6 + slow.robot.joint_names.index("left_knee")]) == 0.5
+
+
 @pytest.mark.parametrize(
     ("stated", "expected"),
     [

@@ -169,3 +169,16 @@ def box_stl(half: Triple, at: Triple = (0.0, 0.0, 0.0)) -> bytes:
     faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
     body = b"".join(struct.pack("<12fH", 0, 0, 0, *corners[list(face)].ravel(), 0) for face in faces)
     return bytes(80) + struct.pack("<I", len(faces)) + body
+
+
+def prism_stl(outline: np.ndarray, height: float) -> bytes:
+    """A convex outline ``(n, 2)``, counterclockwise, between half the height below and above 0, as binary STL."""
+    n = len(outline)
+    low, high = (np.column_stack([outline, np.full(n, z)]) for z in (-0.5 * height, 0.5 * height))
+    corners = [(high[0], high[k], high[k + 1]) for k in range(1, n - 1)]
+    corners += [(low[0], low[k + 1], low[k]) for k in range(1, n - 1)]
+    for k in range(n):
+        a, b = k, (k + 1) % n
+        corners += [(low[a], low[b], high[b]), (low[a], high[b], high[a])]
+    body = b"".join(struct.pack("<12fH", 0, 0, 0, *np.array(face).ravel(), 0) for face in corners)
+    return bytes(80) + struct.pack("<I", len(corners)) + body

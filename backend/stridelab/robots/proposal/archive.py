@@ -2,20 +2,19 @@
 
 import stat
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Final
 
 from stridelab.errors import Fault, UnreadableFile
-from stridelab.robots.proposal.description import read_xml
+from stridelab.robots.proposal.description import MESHES, read_xml
 
 MAX_ENTRIES: Final = 2_000
 MAX_FILE_BYTES: Final = 60_000_000
 MAX_TOTAL_BYTES: Final = 300_000_000
 PIECE_BYTES: Final = 1 << 20
 DESCRIPTIONS: Final = (".urdf", ".xml")
-MESHES: Final = (".stl", ".obj", ".dae")
 MANIFEST: Final = "package.xml"
 MAX_DESCRIPTIONS: Final = 100
 _ZIP_ERRORS: Final = (zipfile.BadZipFile, OSError, NotImplementedError, ValueError, EOFError, RuntimeError)
@@ -42,19 +41,28 @@ class UnpackedRobot:
     def _find_unique(filename: str, files: Mapping[PurePosixPath, Path]) -> Path | None:
         text = filename.replace("\\", "/").partition("://")[2] or filename.replace("\\", "/")
         parts = [part for part in PurePosixPath(text).parts if part not in ("..", ".", "/")]
-        best: list[Path] = []
-        longest = 0
-        for name, path in files.items():
-            same = 0
-            for a, b in zip(reversed(parts), reversed(name.parts), strict=False):
-                if a != b:
-                    break
-                same += 1
-            if same > longest:
-                best, longest = [path], same
-            elif same == longest and same:
-                best.append(path)
-        return best[0] if len(best) == 1 else None
+        # without regard to case only if no name is the same: some file systems know no difference
+        matches = _longest_matches(parts, files) or _longest_matches(parts, files, str.casefold)
+        return matches[0] if len(matches) == 1 else None
+
+
+def _longest_matches(
+    parts: Sequence[str], files: Mapping[PurePosixPath, Path], letters: Callable[[str], str] = str
+) -> list[Path]:
+    """Files whose path has the most of ``parts`` at its end, at least one; compared are the ``letters`` of names."""
+    best: list[Path] = []
+    longest = 0
+    for name, path in files.items():
+        same = 0
+        for a, b in zip(reversed(parts), reversed(name.parts), strict=False):
+            if letters(a) != letters(b):
+                break
+            same += 1
+        if same > longest:
+            best, longest = [path], same
+        elif same == longest and same:
+            best.append(path)
+    return best
 
 
 def unpack_robot(path: Path, filename: str, folder: Path, description: str = "") -> UnpackedRobot:

@@ -4,11 +4,9 @@ What a rigid-body library would reject with a crash or a bare message is refused
 entities, cycles, several roots, numbers that are not finite, lengths in millimetres.
 """
 
-import itertools
 import math
 import xml.etree.ElementTree as ET
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -16,25 +14,24 @@ from xml.parsers import expat
 
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.robots.inertias import completed_inertia
+from stridelab.robots.proposal.joint_tree import joint_end, name_and_tree_faults, rename_joints, simplify_names
 
 MAX_BYTES: Final = 8_000_000
 MAX_ELEMENTS: Final = 60_000
 MAX_DEPTH: Final = 40
-MAX_LINKS: Final = 400
-MAX_NAME: Final = 100
 MAX_OFFSET_M: Final = 20.0
 """Longest distance between two joints; larger ones are usually millimetres."""
 MAX_EFFORT_NM: Final = 1e5
 MAX_ROTOR_KG_M2: Final = 10.0
 """Largest reflected rotor inertia (``armature``, from MJCF) that is taken over."""
 UNLIMITED: Final = 1e6
-"""Limits of torque (N m) or speed (rad/s) from this size on are those of a joint without a limit; infinity is one."""
+"""Limits (N m, rad/s, rad) from this size on are those of a joint without a limit; infinity is one."""
 MARKER_KG: Final = 0.01
 MARKER_M: Final = 0.03
 """Mass and size up to which a link of solids is a mark, not a part of the body."""
+MESHES: Final = (".stl", ".obj", ".dae")
 DEFAULT_RANGE_RAD: Final = math.pi
 TURNING: Final = ("revolute", "continuous")
-_SAFE: Final = frozenset(" _-.:+")
 Mesh = Callable[[str, Sequence[float], bool], str | None]
 """``mesh(filename, scale, is_collision)``: name of the converted mesh, None to leave it out."""
 
@@ -92,13 +89,11 @@ def plain_description(root: ET.Element, filename: str, mesh: Mesh) -> PlainDescr
         message = f"The description is {kind}; convert it to URDF, whose document is <robot>, or to MJCF."
         raise _unreadable("robot-data-unreadable", message, filename)
     links, joints = root.findall("link"), root.findall("joint")
-    stripped = _strip_names(links, joints)
-    if faults := [*_name_faults(links, "link"), *_name_faults(joints, "joint")]:
-        raise invalid(faults)
-    if faults := list(_tree_faults(links, joints)):
+    simplified = simplify_names(links, joints)
+    if faults := name_and_tree_faults(links, joints):
         raise invalid(faults)
     reader = _Reader(mesh)
-    assumed = stripped | _rename_joints(joints, {link.attrib["name"] for link in links})
+    assumed = simplified | rename_joints(joints, {link.attrib["name"] for link in links})
     plain = ET.Element("robot", name="robot")
     for link in links:
         plain.append(reader.link(link, assumed))
@@ -110,33 +105,6 @@ def plain_description(root: ET.Element, filename: str, mesh: Mesh) -> PlainDescr
     return PlainDescription(_without_world(plain), assumed)
 
 
-def _strip_names(links: Sequence[ET.Element], joints: Sequence[ET.Element]) -> dict[str, str]:
-    """Remove spaces at the ends of names, also where joints refer to links; returns whose names had some."""
-    stripped = {}
-    for element in (*links, *joints):
-        name = element.get("name", "")
-        if name != name.strip():
-            element.set("name", name.strip())
-            stripped[f"{element.tag} {name.strip()[:MAX_NAME]}: name"] = "without the spaces at its ends"
-    for end in (end for joint in joints for end in (*joint.findall("parent"), *joint.findall("child"))):
-        end.set("link", end.get("link", "").strip())
-    return stripped
-
-
-def _rename_joints(joints: Sequence[ET.Element], links: set[str]) -> dict[str, str]:
-    """Rename joints that have the name of a link, since frames are addressed by name; returns what was renamed."""
-    taken = links | {joint.attrib["name"] for joint in joints}
-    renamed = {}
-    for joint in joints:
-        name = joint.attrib["name"]
-        if name in links:
-            new = next(new for k in itertools.count() if (new := f"{name}_joint{k or ''}") not in taken)
-            joint.set("name", new)
-            taken.add(new)
-            renamed[f"joint {name}: name"] = f"{new}, since a link has the same name"
-    return renamed
-
-
 def invalid(faults: Sequence[Fault]) -> InvalidInput:
     """The error for a description with ``faults``."""
     places = "; ".join(f"{fault.where}: {fault.message}" for fault in faults[:5])
@@ -145,52 +113,6 @@ def invalid(faults: Sequence[Fault]) -> InvalidInput:
 
 def _unreadable(code: str, message: str, filename: str) -> UnreadableFile:
     return UnreadableFile(code, message, [Fault(filename[:120], "cannot be read")])
-
-
-def _name_faults(elements: Sequence[ET.Element], kind: str) -> Iterator[Fault]:
-    if not elements:
-        yield Fault(kind, f"there is no <{kind}>")
-    if len(elements) > MAX_LINKS:
-        yield Fault(kind, f"there are {len(elements)}; at most {MAX_LINKS} are accepted")
-    counts = Counter(element.get("name", "") for element in elements)
-    for name, count in counts.items():
-        shown = f"{kind} {name[:MAX_NAME]!r}"
-        if count > 1:
-            yield Fault(shown, "its name occurs more than once")
-        if not name or len(name) > MAX_NAME:
-            yield Fault(shown, f"its name must have 1 to {MAX_NAME} characters")
-        elif not all(letter.isalnum() or letter in _SAFE for letter in name):
-            yield Fault(shown, "its name may contain letters, digits, spaces and . : + - _ only")
-
-
-def _end(joint: ET.Element, which: str) -> str:
-    child = joint.find(which)
-    return "" if child is None else child.get("link", "")
-
-
-def _tree_faults(links: Sequence[ET.Element], joints: Sequence[ET.Element]) -> Iterator[Fault]:
-    """Joints without links, links with several parents, cycles, several roots."""
-    names = {link.get("name", "") for link in links}
-    parent: dict[str, str] = {}
-    for joint in joints:
-        where = f"joint {joint.get('name')}"
-        ends = _end(joint, "parent"), _end(joint, "child")
-        for which, end in zip(("parent", "child"), ends, strict=True):
-            if end not in names:
-                yield Fault(where, f"its {which} is {end[:MAX_NAME]!r}, which is no link")
-        if ends[1] in parent:
-            yield Fault(where, f"link {ends[1]!r} has another parent already")
-        parent[ends[1]] = ends[0]
-    roots = sorted(names - parent.keys())
-    if len(roots) > 1:
-        yield Fault("link", f"there are {len(roots)} roots, {', '.join(roots[:5])}: a joint must connect them")
-    for name in sorted(names):
-        at, steps = name, 0
-        while at in parent and steps <= len(names):
-            at, steps = parent[at], steps + 1
-        if steps > len(names):
-            yield Fault(f"link {name}", "it is its own ancestor: the joints form a cycle")
-            return
 
 
 class _Reader:
@@ -217,13 +139,20 @@ class _Reader:
             ET.SubElement(plain, "inertia", {key: repr(value) for key, value in values.items()})
         for kind in ("visual", "collision"):
             for shape in element.findall(kind):
-                self._shape(link, shape, kind, where)
+                if _is_point(shape):
+                    assumed[f"{where}: {kind}"] = "without the spheres of radius 0, which only mark points"
+                else:
+                    self._shape(link, shape, kind, where)
         if link.find("collision") is None:
             if is_mark(link):
                 assumed[f"{where}: collision"] = "none, since it is only a mark in the display"
                 return link
             for shape in element.findall("visual"):  # what is drawn is also what touches
-                self._shape(link, shape, "collision", where)
+                mesh = shape.find("geometry/mesh")
+                if mesh is not None and not mesh.get("filename", "").lower().endswith(MESHES):
+                    assumed[f"{where}: collision"] = f"not its drawn mesh, which is none of {', '.join(MESHES)}"
+                else:
+                    self._shape(link, shape, "collision", where)
         return link
 
     def joint(self, element: ET.Element, assumed: dict[str, str]) -> ET.Element:
@@ -232,9 +161,9 @@ class _Reader:
         plain = ET.Element("joint", name=name, type=kind)
         self._origin(plain, element, where)
         for which in ("parent", "child"):
-            ET.SubElement(plain, which, link=_end(element, which))
+            ET.SubElement(plain, which, link=joint_end(element, which))
         if kind in ("fixed", "prismatic", "floating", "planar"):
-            if kind == "floating" and _end(element, "parent") == "world":
+            if kind == "floating" and joint_end(element, "parent") == "world":
                 return plain
             if kind != "fixed":
                 plain.set("type", "fixed")
@@ -258,10 +187,11 @@ class _Reader:
     def _limit(self, plain: ET.Element, element: ET.Element, where: str, assumed: dict[str, str]) -> None:
         """Range, torque and speed; those that are missing are 0, a missing range is half a turn to either side."""
         stated = element.find("limit")
-        values = {
-            key: self._numbers(stated, key, 1, where, f"limit {key}", (0.0,))[0] for key in ("lower", "upper")
-        } | {key: self._maximum(stated, key, where) for key in ("effort", "velocity")}
-        if plain.get("type") == "continuous" or (values["lower"] == 0.0 and values["upper"] == 0.0):
+        values = {key: self._limit_value(stated, key, where) for key in ("lower", "upper", "effort", "velocity")}
+        turns = plain.get("type") == "continuous"
+        if turns and 0.0 < values["upper"] - values["lower"] < 2.0 * math.pi:
+            assumed[f"{where}: type"] = "continuous, with the range that is stated"
+        elif turns or (values["lower"] == 0.0 and values["upper"] == 0.0):
             values |= {"lower": -DEFAULT_RANGE_RAD, "upper": DEFAULT_RANGE_RAD}
             assumed[f"{where}: range"] = "half a turn to either side"
         plain.set("type", "revolute")
@@ -274,10 +204,10 @@ class _Reader:
             self.faults.append(Fault(where, "its effort and velocity limits must not be negative"))
         ET.SubElement(plain, "limit", {key: repr(value) for key, value in values.items()})
 
-    def _maximum(self, stated: ET.Element | None, key: str, where: str) -> float:
-        """A limit of torque or speed; 0 if it is missing or so large that it states none."""
+    def _limit_value(self, stated: ET.Element | None, key: str, where: str) -> float:
+        """A limit; 0 if it is missing or so large that it states none."""
         try:
-            if stated is not None and float(stated.get(key, "0")) >= UNLIMITED:
+            if stated is not None and abs(float(stated.get(key, "0"))) >= UNLIMITED:
                 return 0.0
         except ValueError:
             pass  # reported below
@@ -356,7 +286,7 @@ def _fix_massless_joints(root: ET.Element, assumed: dict[str, str]) -> None:
         link.attrib["name"]: float(mass.attrib["value"]) if (mass := link.find("inertial/mass")) is not None else 0.0
         for link in root.findall("link")
     }
-    above = {_end(joint, "child"): _end(joint, "parent") for joint in root.findall("joint")}
+    above = {joint_end(joint, "child"): joint_end(joint, "parent") for joint in root.findall("joint")}
     moved_kg = dict.fromkeys(mass_kg, 0.0)
     for link, own_kg in mass_kg.items():
         at: str | None = link
@@ -364,7 +294,7 @@ def _fix_massless_joints(root: ET.Element, assumed: dict[str, str]) -> None:
             moved_kg[at] += abs(own_kg)
             at = above.get(at)
     for joint in root.findall("joint"):
-        if joint.attrib["type"] != "fixed" and moved_kg[_end(joint, "child")] == 0.0:
+        if joint.attrib["type"] != "fixed" and moved_kg[joint_end(joint, "child")] == 0.0:
             joint.set("type", "fixed")
             for tag in ("axis", "limit", "dynamics"):
                 for element in joint.findall(tag):
@@ -383,6 +313,15 @@ def is_mark(link: ET.Element) -> bool:
     return bool(sizes_m) and all(form.tag != "mesh" for form in forms) and max(sizes_m) <= MARKER_M
 
 
+def _is_point(shape: ET.Element) -> bool:
+    """Whether a shape is a sphere of radius 0, as some descriptions state the contact points of a foot."""
+    sphere = shape.find("geometry/sphere")
+    try:
+        return sphere is not None and float(sphere.get("radius", "")) == 0.0
+    except ValueError:
+        return False  # reported by its reader
+
+
 def _text(values: Sequence[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
 
@@ -390,9 +329,9 @@ def _text(values: Sequence[float]) -> str:
 def _without_world(root: ET.Element) -> ET.Element:
     """Remove a root link without mass that one joint attaches to the robot: the robot's base floats."""
     joints = root.findall("joint")
-    children = {_end(joint, "child") for joint in joints}
+    children = {joint_end(joint, "child") for joint in joints}
     (base,) = [link for link in root.findall("link") if link.attrib["name"] not in children]
-    below = [joint for joint in joints if _end(joint, "parent") == base.attrib["name"]]
+    below = [joint for joint in joints if joint_end(joint, "parent") == base.attrib["name"]]
     if base.find("inertial") is None and len(below) == 1 and base.attrib["name"].lower() in ("world", "map", "odom"):
         root.remove(base)
         root.remove(below[0])

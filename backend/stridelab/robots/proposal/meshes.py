@@ -102,6 +102,12 @@ def binary_stl(vertices_m: Points, faces: Faces) -> bytes:
     return bytes(80) + np.array(len(faces), "<u4").tobytes() + record.tobytes()
 
 
+def read_mesh(path: Path) -> Points:
+    """Corners of the triangles of a converted mesh, (3 m, 3), in metres."""
+    corners = _binary_stl_corners(path)
+    return np.zeros((1, 3)) if corners is None else corners.astype(float)
+
+
 def _merge_close(
     vertices: Points, faces: Faces, width_m: float
 ) -> tuple[Float[np.ndarray, "n_kept 3"], Int[np.ndarray, "m_kept 3"]]:

@@ -33,9 +33,11 @@ from stridelab.robots.proposal.archive import unpack_robot
 from stridelab.robots.proposal.collision_table import never_colliding
 from stridelab.robots.proposal.description import invalid, is_mark, plain_description, read_xml
 from stridelab.robots.proposal.effectors import carrying_link, effector_cards, foot_soles
+from stridelab.robots.proposal.joint_ranges import anatomical_ranges, narrowed_ranges
 from stridelab.robots.proposal.limbs import Limbs, find_limbs
 from stridelab.robots.proposal.meshes import MeshConverter
 from stridelab.robots.proposal.motor_inertias import move_motor_inertias
+from stridelab.robots.proposal.oversized_inertias import replace_oversized_inertias
 from stridelab.robots.proposal.posture import rest_posture
 from stridelab.robots.proposal.soles import Sole
 from stridelab.robots.robot import Robot
@@ -50,6 +52,8 @@ TORQUE_SHARE: Final = {"leg": 0.5, "torso": 0.4, "arm": 0.1}
 """Estimated torque over weight times leg length; the bundled robots have 0.3 to 0.7 in their knees."""
 WEAK_LEGS: Final = 0.25
 """Largest torque of the legs over weight times leg length below which the stated limits are remarked on."""
+SLOW_LEGS_RAD_S: Final = 1.5
+"""Largest speed of the legs below which the stated limits are remarked on; knees turn by about 3 rad/s in a step."""
 SPEED_RAD_S: Final = {"leg": 8.0, "torso": 5.0, "arm": 6.0}
 MAX_SPEED_RAD_S: Final = 100.0
 ROTOR_SHARE: Final = 4e-4
@@ -94,6 +98,7 @@ def rebuild_description(
     if meshes.missing:
         raise invalid([Fault(path[:120], "the zip has no such mesh") for path in sorted(set(meshes.missing))])
     move_motor_inertias(plain.root, plain.assumed)
+    replace_oversized_inertias(plain.root, folder, plain.assumed)
     ET.ElementTree(plain.root).write(folder / URDF, encoding="utf-8", xml_declaration=True)
     return changed | plain.assumed | meshes.assumed
 
@@ -120,6 +125,9 @@ def _propose_card(name: str, title: str, root: ET.Element, files: DataFiles, ass
     shapes = collision_geometry(model, files.urdf, (files.package_dir,))
     q_zero = pin.neutral(model)
     limbs = find_limbs(model, q_zero)
+    without_range = {name for name in map(str, model.names) if f"joint {name}: range" in assumed}
+    ranges = anatomical_ranges(model, limbs, q_zero, without_range)
+    _set_ranges(model, ranges)
     soles, limbs = foot_soles(model, shapes, limbs, q_zero)
     if not limbs.is_named:
         assumed["left and right"] = "from the order of the joints; their names do not state it"
@@ -135,6 +143,9 @@ def _propose_card(name: str, title: str, root: ET.Element, files: DataFiles, ass
             break
     else:
         assumed["collision.never"] = "arms are within 2 cm of the body at rest: " + ", ".join(sorted(touching)[:5])
+    if estimated := {str(model.names[j]): ends for j, ends in ranges.items() if j in limbs.moving}:
+        card = _narrow_ranges(card, robot, estimated, assumed)
+        robot = assemble_robot(name, card, files)
     never = never_colliding(robot)
     table = {re.escape(link): tuple(map(re.escape, others)) for link, others in never.items()}
     marks = _foot_marks(root, model, limbs)
@@ -192,6 +203,24 @@ def _card(
     )
 
 
+def _set_ranges(model: pin.Model, ranges: Mapping[int, tuple[float, float]]) -> None:
+    for joint, (low, high) in ranges.items():
+        index = model.joints[joint].idx_q
+        model.lowerPositionLimit[index], model.upperPositionLimit[index] = low, high
+
+
+def _narrow_ranges(
+    card: RobotCard, robot: Robot, estimated: Mapping[str, tuple[float, float]], assumed: dict[str, str]
+) -> RobotCard:
+    """The card with the ranges of the ``estimated`` joints, which are listed in ``assumed``."""
+    position = dict(card.limits.position_rad)
+    for joint, (low, high) in narrowed_ranges(robot, estimated).items():
+        position[re.escape(joint)] = (low, high)
+        assumed.pop(f"joint {joint}: range", None)
+        assumed[f"limits.position_rad.{joint}"] = f"{low:.2f} to {high:.2f} rad: as of a person, until links meet"
+    return replace(card, limits=replace(card.limits, position_rad=position))
+
+
 def _foot_marks(root: ET.Element, model: pin.Model, limbs: Limbs) -> list[str]:
     """Links of the feet that only mark places, such as the corners of a sole, by solids that collide."""
     feet = {leg[-1] for leg in limbs.legs}
@@ -216,11 +245,18 @@ def _limits(
         if not 0.0 < torque[key] < 20.0 * mass_kg * GRAVITY * leg_m:
             torque[key] = float(f"{TORQUE_SHARE[group] * mass_kg * GRAVITY * leg_m:.2g}")
             assumed[f"limits.torque_nm.{name}"] = f"{torque[key]:g} N m"
-    strongest_nm = max(torque[re.escape(model.names[joint])] for joint, group in groups.items() if group == "leg")
-    if (share := strongest_nm / (mass_kg * GRAVITY * leg_m)) < WEAK_LEGS:
+    legs = [str(model.names[joint]) for joint, group in groups.items() if group == "leg"]
+    stated_nm = [torque[re.escape(name)] for name in legs if f"limits.torque_nm.{name}" not in assumed]
+    if stated_nm and (share := (strongest_nm := max(stated_nm)) / (mass_kg * GRAVITY * leg_m)) < WEAK_LEGS:
         assumed["limits.torque_nm"] = (
             f"as stated, but the legs have {strongest_nm:g} N m at most, {share:.2f} of weight times leg length, and "
             f"the knees of robots that walk 0.3 to 0.7: correct it if it is a placeholder"
+        )
+    fastest_rad_s = max(velocity[re.escape(name)] for name in legs)
+    if fastest_rad_s < SLOW_LEGS_RAD_S:
+        assumed["limits.velocity_rad_s"] = (
+            f"as stated, but the legs turn by {fastest_rad_s:g} rad/s at most, and knees in a step by about 3 rad/s: "
+            f"correct it if it is a placeholder"
         )
     return LimitsCard(position, velocity, torque)
 

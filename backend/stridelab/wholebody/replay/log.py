@@ -221,13 +221,29 @@ class ReplayLog:
         self._own = OwnSurfaces(sequence, robot.effectors)
         self._in_place: dict[str, list[bool]] = {}
         self._collided: dict[tuple[str, str], Collision] = {}
+        self._clock: tuple[int, float] | None = (0, 0.0)
 
     def record_step(self, simulation: Simulation, time_s: float) -> None:
         """Record the contacts of the body in the step that ends at ``time_s``."""
         built = simulation.built
         for contact in simulation.body_contacts:
+            if contact.sole and self._stands_on(contact.sole, {built.surface.get(geom, "") for geom in contact[:2]}):
+                continue
             first, second = (built.link.get(geom) or built.surface.get(geom, "") for geom in contact[:2])
             self._record_collision(first, second, time_s, contact.force_n)
+
+    @property
+    def collided(self) -> tuple[Collision, ...]:
+        """The unplanned contacts so far, in the order of time."""
+        return tuple(self._collided.values())
+
+    def _stands_on(self, sole: str, surfaces: set[str]) -> bool:
+        """Whether one of the surfaces is that of the sole's contact, or one that it leaves or approaches."""
+        if self._clock is None:
+            return True  # soles that recover may land on any surface
+        phase, followed_s = self._clock
+        own = self._own.contact_surfaces(sole, phase) | self._own.nearby_surfaces(sole, phase, followed_s)
+        return not own.isdisjoint(surfaces)
 
     def samples_from(self, start: int) -> tuple[Series, Float[np.ndarray, "k nq"]]:
         """Times and postures of the samples from ``start`` on; there has to be one."""
@@ -252,9 +268,11 @@ class ReplayLog:
         self._errors_m.append(error_m)
         forces = simulation.forces_n()
         if plan_left:
+            self._clock = None
             self._record_recovery(simulation, time_s, forces)
             return
         phase = self._sequence.phase_at(followed_s)
+        self._clock = phase, followed_s
         planned = self._sequence.phases[phase].contacts
         in_contact = self._effectors_in_contact(simulation, phase, time_s, followed_s)
         for name, force in forces.items():
@@ -354,6 +372,6 @@ class ReplayLog:
             torque_ratio_max=torque_ratio_max,
             real_time_factor=self._time_s[-1] / took_s,
             hand_in_place_shares={name: float(np.mean(in_place)) for name, in_place in self._in_place.items()},
-            collided=tuple(self._collided.values()),
+            collided=self.collided,
             left_plan=left_plan,
         )

@@ -22,7 +22,15 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.errors import Fault, InvalidInput
 from stridelab.robots.robot import Effector, Robot
 from stridelab.wholebody.effector_contact import HAND_RADIUS_M
-from stridelab.wholebody.replay.collision_shapes import BODY, GROUND, HAND, RAIL, add_shapes, parent_joint
+from stridelab.wholebody.replay.collision_shapes import (
+    BODY,
+    GROUND,
+    HAND,
+    RAIL,
+    FlatPatch,
+    add_shapes,
+    parent_joint,
+)
 from stridelab.wholebody.replay.disturbances import UNDISTURBED, Disturbances
 
 TIMESTEP_S: Final = 0.001
@@ -41,7 +49,8 @@ class SimulationModel:
     ``*_qpos``, ``*_dof`` and ``*_actuator`` index MuJoCo's positions, velocities and controls. ``geom`` and ``body``
     are the contact geometry and body per effector, ``T_body_contact`` is the contact frame in that body. ``trunk`` is
     the heaviest body above the legs. By geometry index, ``link`` is the link of a collision shape, ``surface`` the
-    surface of a terrain geometry, ``effector`` the effector of a sole's box or a hand's sphere.
+    surface of a terrain geometry, ``effector`` the effector of a sole's box or a hand's sphere, ``patch`` the flat
+    patch of a foot's shape.
     """
 
     model: mujoco.MjModel
@@ -60,6 +69,7 @@ class SimulationModel:
     link: Mapping[int, str]
     surface: Mapping[int, str]
     effector: Mapping[int, str]
+    patch: Mapping[int, FlatPatch]
 
     def body_of(self, link: str | None) -> int:
         """Index of the body of a link, by default of the trunk. Raises ``InvalidInput`` (``link-not-found``)."""
@@ -132,6 +142,11 @@ def build_simulation(
         link={model.geom(part.name).id: part.link for part in parts},
         effector={model.geom(name).id: name for name in effectors},
         surface={model.geom(f"terrain {surface.name}").id: surface.name for surface in terrain.surfaces},
+        patch={
+            model.geom(part.name).id: part.patch
+            for part in parts
+            if part.patch is not None and part.patch.effector in placed
+        },
     )
 
 

@@ -14,17 +14,22 @@ from stridelab.wholebody.replay.mujoco_model import SimulationModel
 
 
 class GeomContact(NamedTuple):
-    """Two geometries in contact, by index, and the norm of the force between them (N)."""
+    """Two geometries in contact, by index, and the norm of the force between them (N).
+
+    ``sole`` is the effector whose sole touches the terrain with its flat patch beside the contact rectangle.
+    """
 
     first: int
     second: int
     force_n: float
+    sole: str = ""
 
 
 class Simulation:
     """State of one simulated robot; coordinates in pinocchio's order (base velocity in the base frame).
 
-    ``body_contacts`` are the contacts of the collision shapes in the last step, which are never planned.
+    ``body_contacts`` are the contacts of the collision shapes in the last step. Those of flat patches of soles on their
+    surfaces belong to planned contacts, all others are never planned.
     ``strained_joint`` is the index of the moving joint with the largest torque command over its limit in that step.
     """
 
@@ -195,4 +200,13 @@ class Simulation:
         local = np.zeros(6)
         mujoco.mj_contactForce(self._model, self._data, k, local)
         first, second = self._data.contact.geom[k].tolist()
-        return GeomContact(first, second, float(np.linalg.norm(local[:3])))
+        return GeomContact(first, second, float(np.linalg.norm(local[:3])), self._sole_of(k, first, second))
+
+    def _sole_of(self, k: int, first: int, second: int) -> str:
+        """The effector whose flat patch touches the terrain in contact k, or none."""
+        patch = self.built.patch.get(first) or self.built.patch.get(second)
+        if patch is None or not (first in self.built.surface or second in self.built.surface):
+            return ""
+        T, contact = self.contact_placement(patch.effector), self._data.contact
+        point_m = T.rotation.T @ (contact.pos[k] - T.position_m)
+        return patch.effector if patch.contains(point_m, T.rotation.T @ contact.frame[k][:3]) else ""

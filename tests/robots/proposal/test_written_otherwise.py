@@ -1,0 +1,156 @@
+"""What descriptions write otherwise than the usual one: names, file names, points, limits that are none, meshes."""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stridelab.errors import InvalidInput
+from stridelab.robots.proposal.propose import propose_card, rebuild_description
+from support.robots.humanoid import HALF_SOLE_M, Humanoid, archive, box_stl
+
+
+def rebuilt(urdf: str, folder: Path, files: dict[str, bytes] | None = None) -> tuple[ET.Element, dict[str, str]]:
+    """The rebuilt description of ``urdf`` in a zip with ``files``, and what was assumed."""
+    (folder / "upload").write_bytes(archive({"small/urdf/small.urdf": urdf, **(files or {})}))
+    assumed = rebuild_description(folder / "upload", "small.zip", "small", folder / "robots")
+    return ET.fromstring((folder / "robots" / "small" / "robot.urdf").read_bytes()), assumed
+
+
+def with_shape(link: str, kind: str, tag: str, **attributes: str) -> str:
+    """The usual robot with one more shape of a link."""
+    root = ET.fromstring(Humanoid().urdf())
+    element = root.find(f"link[@name='{link}']")
+    assert element is not None
+    ET.SubElement(ET.SubElement(ET.SubElement(element, kind), "geometry"), tag, attributes)
+    return ET.tostring(root, encoding="unicode")
+
+
+def test_slashes_in_names_are_replaced(tmp_path: Path) -> None:
+    """As by simulations of several robots: robot/link."""
+    text = Humanoid().urdf().replace("left_knee", "one/left_knee")
+    plain, assumed = rebuilt(text, tmp_path)
+    assert plain.find("joint[@name='one_left_knee']/child[@link='one_left_knee_link']") is not None
+    assert assumed["joint one_left_knee: name"] == "with _ in place of /"
+    proposal = propose_card("small", "small", tmp_path / "robots", assumed)
+    assert proposal.robot.group["one_left_knee"] == "leg"
+
+
+def test_names_that_are_the_same_without_slashes_are_refused(tmp_path: Path) -> None:
+    text = Humanoid().urdf().replace('joint name="left_knee"', 'joint name="left/hip_roll"')
+    with pytest.raises(InvalidInput) as refusal:
+        rebuilt(text, tmp_path)
+    assert [fault.message for fault in refusal.value.faults] == ["its name occurs more than once"]
+
+
+def test_meshes_are_matched_without_regard_to_case(tmp_path: Path) -> None:
+    """Descriptions from file systems that know no case: only if no file has the same letters."""
+    sole, cube = box_stl((*HALF_SOLE_M, 0.02)), box_stl((1.0, 1.0, 1.0))
+    (tmp_path / "one").mkdir()
+    humanoid = Humanoid(mesh_feet="package://small/meshes/Sole.STL")
+    _, assumed = rebuilt(humanoid.urdf(), tmp_path / "one", {"small/meshes/sole.stl": sole})
+    proposal = propose_card("small", "small", tmp_path / "one" / "robots", assumed)
+    assert proposal.card.effectors["left_foot"].contact_half_size_m == pytest.approx(HALF_SOLE_M, abs=0.003)
+    (tmp_path / "two").mkdir()
+    files = {"small/meshes/sole.stl": cube, "Sole.STL": sole}
+    rebuilt(humanoid.urdf(), tmp_path / "two", files)
+    written = (tmp_path / "two" / "robots" / "small" / "mesh-0000.stl").read_bytes()
+    assert len(written) == len(sole)
+    assert max(abs(float(x)) for x in _corners(written)) == pytest.approx(HALF_SOLE_M[0])
+
+
+def _corners(stl: bytes) -> list[float]:
+    record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("attribute", "<u2")])
+    return [float(x) for x in np.frombuffer(stl, record, offset=84)["corners"].ravel()]
+
+
+@pytest.mark.parametrize("kind", ["collision", "visual"])
+def test_spheres_of_radius_0_are_points(kind: str, tmp_path: Path) -> None:
+    """As some descriptions mark the contact points of a foot; other shapes of size 0 are faults."""
+    link = "left_ankle_roll_link"
+    plain, assumed = rebuilt(with_shape(link, kind, "sphere", radius="0.0"), tmp_path)
+    assert plain.find(f"link[@name='{link}']/{kind}/geometry/sphere") is None
+    assert plain.find(f"link[@name='{link}']/{kind}/geometry/box") is not None
+    assert "mark points" in assumed[f"link {link}: {kind}"]
+
+
+@pytest.mark.parametrize(("tag", "attributes"), [("box", {"size": "0.1 0 0.1"}), ("sphere", {"radius": "-0.1"})])
+def test_other_shapes_without_a_size_are_refused(tag: str, attributes: dict[str, str], tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        rebuilt(with_shape("torso", "collision", tag, **attributes), tmp_path)
+    assert refusal.value.faults[0].message == f"its {tag} has a size that is not positive"
+
+
+def test_a_range_of_immense_angles_is_none(tmp_path: Path) -> None:
+    """As of joints that turn without end, for which exporters write 1e16."""
+    root = ET.fromstring(Humanoid().urdf())
+    limit = root.find("joint[@name='left_wrist']/limit")
+    assert limit is not None
+    limit.attrib.update(lower="-1e16", upper="1e+16")
+    plain, assumed = rebuilt(ET.tostring(root, encoding="unicode"), tmp_path)
+    limit = plain.find("joint[@name='left_wrist']/limit")
+    assert limit is not None
+    assert float(limit.attrib["upper"]) == pytest.approx(-float(limit.attrib["lower"]))
+    assert "joint left_wrist: range" in assumed
+
+
+def test_a_link_drawn_in_another_format_has_no_shape(tmp_path: Path) -> None:
+    """Its drawn mesh would collide if it could be read; a missing mesh of a readable format is a fault as before."""
+    root = ET.fromstring(with_shape("left_wrist_link", "visual", "mesh", filename="package://small/hand.gltf"))
+    link = root.find("link[@name='left_wrist_link']")
+    assert link is not None
+    for shape in (link.find("visual"), link.find("collision")):
+        assert shape is not None
+        link.remove(shape)
+    plain, assumed = rebuilt(ET.tostring(root, encoding="unicode"), tmp_path)
+    assert plain.find("link[@name='left_wrist_link']/collision") is None
+    assert assumed["link left_wrist_link: collision"] == "not its drawn mesh, which is none of .stl, .obj, .dae"
+    mesh = link.find("visual/geometry/mesh")
+    assert mesh is not None
+    mesh.set("filename", "package://small/hand.stl")
+    (tmp_path / "again").mkdir()
+    with pytest.raises(InvalidInput, match="the zip has no such mesh"):
+        rebuilt(ET.tostring(root, encoding="unicode"), tmp_path / "again")
+
+
+@pytest.mark.parametrize(("factor", "is_replaced"), [(1000.0, True), (3.0, False)])
+def test_moments_that_no_body_of_the_size_has_are_replaced(factor: float, is_replaced: bool, tmp_path: Path) -> None:
+    """As of files in kg mm2 or g m2: an arm of 0.8 kg and 0.1 m with 1000 times its moments."""
+    root = ET.fromstring(Humanoid().urdf())
+    for name in ("left_elbow_link", "left_wrist_link"):
+        inertia = root.find(f"link[@name='{name}']/inertial/inertia")
+        assert inertia is not None
+        inertia.attrib.update({key: str(factor * float(value)) for key, value in inertia.attrib.items()})
+    link = root.find("link[@name='left_wrist_link']")
+    assert link is not None
+    for shape in (*link.findall("visual"), *link.findall("collision")):
+        link.remove(shape)
+    plain, assumed = rebuilt(ET.tostring(root, encoding="unicode"), tmp_path)
+    inertia = plain.find("link[@name='left_elbow_link']/inertial/inertia")
+    assert inertia is not None
+    radius_m = (0.75 * 0.8 / (np.pi * 1000.0)) ** (1.0 / 3.0)
+    if is_replaced:
+        assert float(inertia.attrib["ixx"]) == pytest.approx(0.4 * 0.8 * radius_m**2, rel=1e-3)
+        assert {key for key in assumed if key.endswith("inertia")} == {
+            "link left_elbow_link: inertia",
+            "link left_wrist_link: inertia",
+        }
+    else:
+        assert not assumed
+
+
+@pytest.mark.parametrize(("upper", "is_stated"), [(1.2, True), (7.0, False)])
+def test_a_continuous_joint_with_a_range_has_that_range(upper: float, is_stated: bool, tmp_path: Path) -> None:
+    root = ET.fromstring(Humanoid().urdf())
+    joint = root.find("joint[@name='left_knee']")
+    assert joint is not None
+    joint.set("type", "continuous")
+    limit = joint.find("limit")
+    assert limit is not None
+    limit.attrib.update(lower="0.1", upper=str(upper))
+    plain, assumed = rebuilt(ET.tostring(root, encoding="unicode"), tmp_path)
+    limit = plain.find("joint[@name='left_knee']/limit")
+    assert limit is not None
+    assert (float(limit.attrib["upper"]) == upper) == is_stated
+    assert ("joint left_knee: type" in assumed) == is_stated == ("joint left_knee: range" not in assumed)
