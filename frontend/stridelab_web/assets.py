@@ -1,4 +1,4 @@
-"""Static files: our own from this package, plotly's and viser's from the installed packages."""
+"""Static files: our own and viser's client from this package, plotly's from the installed one."""
 
 import gzip
 import re
@@ -6,7 +6,6 @@ from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
-from threading import Lock
 from typing import Final
 
 import zstandard
@@ -24,12 +23,8 @@ STATIC = HERE / "static"
 TEMPLATES = HERE / "templates"
 IMMUTABLE: Final = "public, max-age=31536000, immutable"
 """Cache-Control of a file whose name changes with its content."""
-ZSTD_LEVEL: Final = 18
-"""Compresses viser's client in two thirds of a second, once per service; level 12 takes half a second less for 6 %."""
-
 PLOTLY_ZSTD_LEVEL: Final = 9
 """Compresses plotly in a ninth of a second; level 19 takes sixteen times as long for 9 % less size."""
-_compressing = Lock()
 
 
 class OwnFiles(StaticFiles):
@@ -85,39 +80,14 @@ async def plotly_script(request: Request) -> Response:
 
 
 async def viser_file(request: Request) -> Response:
-    """``GET /static/viser/{name}``: a file of viser's client."""
-    client = await run_in_threadpool(viser_client.installed_client)
-    name, headers = request.path_params["name"], {"Cache-Control": IMMUTABLE}
-    if (media_type := client.media_types.get(name)) is None:
+    """``GET /static/viser/{name}``: the script of viser's client, by the name that its page requests."""
+    client = await run_in_threadpool(viser_client.built_client)
+    if request.path_params["name"] != client.name:
         raise HTTPException(404, "This file belongs to another version: load the page again.")
+    headers = {"Cache-Control": IMMUTABLE}
     if accepts_encoding(request, "zstd"):
-        return zstd_response(await run_in_threadpool(viser_zstd, name), media_type, headers)
-    return gzip_response(request, await run_in_threadpool(viser_gzip, name), media_type, headers)
-
-
-def viser_zstd(name: str) -> bytes:
-    """A file of viser's client, zstd-compressed (2.4 MB to 0.57 MB); browsers accept it in secure contexts.
-
-    It takes nearly a second, once: viewers that are opened together right after the start wait for the same result.
-    """
-    with _compressing:
-        return _viser_zstd(name)
-
-
-@cache
-def _viser_zstd(name: str) -> bytes:
-    return zstandard.ZstdCompressor(level=ZSTD_LEVEL).compress(viser_client.installed_client().files[name])
-
-
-def viser_gzip(name: str) -> bytes:
-    """A file of viser's client, gzip-compressed once (0.7 MB)."""
-    with _compressing:
-        return _viser_gzip(name)
-
-
-@cache
-def _viser_gzip(name: str) -> bytes:
-    return gzip.compress(viser_client.installed_client().files[name], compresslevel=9, mtime=0)
+        return zstd_response(client.script_zstd, "text/javascript", headers)
+    return gzip_response(request, client.script_gzip, "text/javascript", headers)
 
 
 def accepts_encoding(request: Request, coding: str) -> bool:

@@ -70,9 +70,6 @@ declare const Plotly: {
   restyle(box: HTMLElement, changes: object, indices: number[]): Promise<void>;
 };
 
-// The frame that viser's client is decoded with (viewer/viser_start.js).
-declare var __viserZstdWasm: WebAssembly.Module;
-
 // The translations of the page's language (languages.py); absent on English pages.
 declare var stridelabMessages: Record<string, string | string[]> | undefined;
 declare var stridelabSentences: string[] | undefined;

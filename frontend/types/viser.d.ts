@@ -1,14 +1,15 @@
-// The parts of viser's client, three.js and react-three-fiber that the viewer takes hold of. They are private to viser,
-// which is therefore pinned to one version; a test looks for their names in its script.
+// The parts of viser's client, three.js and react-three-fiber that the viewer takes hold of. The client is built with a
+// patch that makes them available (frontend/viser_client), from one version of viser.
 
 interface ViserWindow extends Window {
-  __viserMutable?: ViserClient;
+  viserScene?: ViserContext;
 }
 
 interface ViserClient {
   nodePoseData: Record<string, { position: number[]; wxyz: number[]; poseUpdateState: string } | undefined>;
   nodeRefFromName: Record<string, SceneObject>;
-  scene: SceneObject & { __r3f: { root: { getState(): RenderState } } };
+  root: { getState(): RenderState };
+  scene: SceneObject;
   camera: SceneCamera;
   cameraControl: CameraControls;
   canvas: HTMLCanvasElement;

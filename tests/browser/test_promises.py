@@ -75,9 +75,9 @@ def test_the_first_sight_of_talos_on_stairs_is_two_megabytes_at_most(page: Page,
     show(page, meter, climb)
     first = meter.down_bytes
     fetched = {name: size for name, size in page.evaluate(FETCHED) if not name.endswith("/frames.bin")}
-    assert any("/static/viser/" in name and size > 500_000 for name, size in fetched.items())
-    assert sum(fetched.values()) < 700_000, "without the data of the scene"
-    assert 1e6 < first < 2e6
+    assert any("/static/viser/" in name and size > 250_000 for name, size in fetched.items())
+    assert sum(fetched.values()) < 550_000, "without the data of the scene"
+    assert 0.5e6 < first < 2e6
     show(page, meter, climb)
     assert meter.down_bytes - first < 1.1e6, "viser's client is kept"
 

@@ -47,7 +47,7 @@ PASSED_STATUSES = frozenset({404, 429})
 
 async def scene_page(request: Request) -> Response:
     """``GET /view/scene/{kind}/{id}/{job}/``: the page of viser's client, which requests its files by name."""
-    client = await run_in_threadpool(viser_client.installed_client)
+    client = await run_in_threadpool(viser_client.built_client)
     headers = {"Content-Security-Policy": viser_client.CONTENT_POLICY, "Cache-Control": "no-cache"}
     return Response(client.page, media_type="text/html; charset=utf-8", headers=headers)
 

@@ -43,7 +43,7 @@ export class AdaptiveResolution {
     this.taken_ms = [];
     this.wasBusy = false;
     this.idleTimer = 0;
-    const store = nodes.viser.scene.__r3f.root,
+    const store = nodes.viser.root,
       inside = nodes.frame.contentWindow;
     this.settings = nodes.context.useDevSettings;
     // Subscribes to frames as a component of the scene does.

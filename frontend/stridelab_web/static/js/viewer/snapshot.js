@@ -35,7 +35,7 @@ export function drawPicture(viser, context, width, height, transparent) {
 }
 
 function drawTiles(viser, context, width, height) {
-  const { gl } = viser.scene.__r3f.root.getState(),
+  const { gl } = viser.root.getState(),
     { canvas } = viser,
     camera = viser.camera.clone();
   for (let top = 0; top < height; top += canvas.height) {

@@ -1,31 +1,18 @@
 // Moves and colours nodes of viser's scene in its frame, without a message from the server.
 //
 // viser's client keeps node poses in a plain object that its render loop reads (`nodePoseData`) and the three.js
-// objects in another (`nodeRefFromName`). Both are private, so viser is pinned to one version, and browser tests compare
-// the nodes with the files that they show.
+// objects in another (`nodeRefFromName`). The patch with which it is built (frontend/viser_client) makes them available as
+// `viserScene` of its window; browser tests compare the nodes with the files that they show.
 
 const POLL_MS = 30,
   RECONNECT_MS = 8000;
 const NOT_YET = /** @type {any} */ (null);
 export const HIDDEN = 1e-6; // a scale of zero would make a matrix that cannot be inverted
 
-// The React context of viser's client, with its stores and its scene (`mutable`); null before the client has started.
+// The client in the frame, with its stores and its scene (`mutable`); null before it has started.
 /** @param {PageElement} frame @returns {ViserContext | null} */
 export function findContext(frame) {
-  for (let node = frame.contentDocument?.querySelector("canvas"); node; node = node.parentElement) {
-    const key = Object.keys(node).find((name) => name.startsWith("__reactFiber$"));
-    for (let fiber = key && node[key]; fiber; fiber = fiber.return) {
-      const context = fiber.memoizedProps?.value;
-      if (context?.mutable?.current?.nodePoseData) return context;
-    }
-  }
-  return null;
-}
-
-/** @param {PageElement} frame @returns {ViserClient | null} */
-function findViser(frame) {
-  const client = frame.contentWindow?.__viserMutable;
-  return client?.nodePoseData ? client : (findContext(frame)?.mutable.current ?? null);
+  return frame.contentWindow?.viserScene ?? null;
 }
 
 export class ViserNodes {
@@ -92,7 +79,7 @@ export class ViserNodes {
 
   // The state of react-three-fiber, which draws the scene.
   get root() {
-    return this.viser.scene.__r3f.root.getState();
+    return this.viser.root.getState();
   }
 
   // Requests one frame; viser's own request draws frames for a quarter of a second. A scene that is loading draws itself.
@@ -113,7 +100,7 @@ export class ViserNodes {
   }
 
   refreshClient() {
-    this.viser = findViser(this.frame) ?? this.viser;
+    this.viser = findContext(this.frame)?.mutable.current ?? this.viser;
   }
 
   // Draws the changes, and remembers the objects of the nodes for `isStale`.
@@ -124,9 +111,9 @@ export class ViserNodes {
 
   // Whether viser has made new objects for the nodes since the last `draw`, as after a lost connection.
   isStale() {
-    const viser = findViser(this.frame);
+    const viser = findContext(this.frame)?.mutable.current;
     return (
-      viser !== null &&
+      viser !== undefined &&
       this.names.every((name) => viser.nodeRefFromName[name]) &&
       this.names.some((name) => viser.nodeRefFromName[name] !== this.drawnObjects.get(name))
     );

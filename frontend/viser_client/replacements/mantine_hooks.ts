@@ -1,0 +1,2 @@
+export const useMediaQuery = () => false;
+export const useDisclosure = () => [false, { open() {}, close() {}, toggle() {} }] as const;
