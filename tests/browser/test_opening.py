@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 from support.browser.every_page import ROBOT
 from support.browser.page import Tab, opened
@@ -12,6 +12,13 @@ from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 
+NO_WEBGL = """(() => {
+    const element = HTMLCanvasElement.prototype, { getContext } = element;
+    element.getContext = function (kind, ...options) {
+        return kind.startsWith("webgl") ? null : getContext.call(this, kind, ...options);
+    };
+})()"""
+"""A browser whose drawing in 3D is switched off."""
 WATCHED = """(() => {
     const report = window.top.__report ??= { contexts: 0, shaders: [], pictures: [], draws: 0 };
     const all = WebGL2RenderingContext.prototype, element = HTMLCanvasElement.prototype;
@@ -102,3 +109,14 @@ def test_a_window_as_small_as_a_hand_shows_a_scene(
     assert box is not None
     assert box["height"] >= 190
     assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
+
+
+@pytest.mark.parametrize("kind", PAGES)
+def test_a_browser_that_cannot_draw_gets_the_reason(tab: Tab, addresses: dict[str, str], kind: str) -> None:
+    """The veil over the scene says why it stays empty, in place of "preparing" without end."""
+    tab.page.add_init_script(NO_WEBGL)
+    veil = tab.go(addresses[kind]).locator("[data-veil]")
+    expect(veil).to_contain_text("no WebGL 2", timeout=20_000)
+    expect(veil).to_be_visible()
+    assert all("WebGL" in misstep for misstep in tab.missteps), "the client says so on the console too"
+    tab.missteps.clear()

@@ -9,6 +9,7 @@
 
 import { createElement } from "./elements.js";
 import { translate } from "./translate.js";
+import { isSoftwareRendering } from "./web_gl.js";
 
 const SOFTWARE_NOTE = translate(
   "The scene is drawn in software: this browser has no graphics card, or its hardware acceleration is off.",
@@ -146,13 +147,4 @@ export class Shortcuts {
     this.dialog.replaceChildren(heading, list, ...hints, close);
     if (!this.dialog.open) this.dialog.showModal();
   }
-}
-
-// Whether the browser draws WebGL without a graphics card.
-function isSoftwareRendering() {
-  const gl = document.createElement("canvas").getContext("webgl2"),
-    info = gl?.getExtension("WEBGL_debug_renderer_info");
-  const renderer = gl && info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
-  gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|softpipe|software/i.test(renderer);
 }

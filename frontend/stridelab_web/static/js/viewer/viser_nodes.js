@@ -4,8 +4,15 @@
 // objects in another (`nodeRefFromName`). The patch with which it is built (frontend/viser_client) makes them available as
 // `viserScene` of its window; browser tests compare the nodes with the files that they show.
 
+import { translate } from "../shared/translate.js";
+import { hasWebGl2 } from "../shared/web_gl.js";
+
 const POLL_MS = 30,
+  PROBE_MS = 3000,
   RECONNECT_MS = 8000;
+const NO_WEBGL = translate(
+  "This browser cannot draw in 3D: it has no WebGL 2, or it is switched off. Try its setting for hardware acceleration, or another browser.",
+);
 const NOT_YET = /** @type {any} */ (null);
 export const HIDDEN = 1e-6; // a scale of zero would make a matrix that cannot be inverted
 
@@ -31,12 +38,18 @@ export class ViserNodes {
   }
 
   // Resolves once viser has made every node. A client that lost its first connection, to a viewer that was starting,
-  // reconnects only while it has the focus, so it is reloaded.
+  // reconnects only while it has the focus, so it is reloaded. Rejected where the browser cannot draw: the client, which
+  // needs that, has not started long after it was asked for.
   ready() {
     /** @type {number | null} */
-    let disconnected_ms = null;
-    return new Promise((/** @type {(value?: void) => void} */ done) => {
+    let disconnected_ms = null,
+      probe_ms = performance.now() + PROBE_MS;
+    return new Promise((/** @type {(value?: void) => void} */ done, refuse) => {
       const poll = () => {
+        if (performance.now() > probe_ms && !findContext(this.frame)) {
+          if (!hasWebGl2()) return refuse(new Error(NO_WEBGL));
+          probe_ms = Infinity;
+        }
         this.refreshClient();
         if (this.frame.closest("[data-held]")) this.limitRendering();
         const disconnected = findContext(this.frame)?.useGui.get().websocketState === "inactive";
