@@ -25,6 +25,7 @@ from stridelab.pipelines.gait_report.paper import PAGE_HEIGHT, RIGHT_EDGE, Pictu
 from stridelab.pipelines.gait_report.pdf import render_pdf
 from stridelab.pipelines.gait_report.reasons import cautions_of, missing_measures
 from stridelab.pipelines.gait_report.report import GaitReport, gait_report
+from stridelab.pipelines.gait_report.texts import height_text
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.measures import (
     MEASURE_TITLES,
@@ -319,6 +320,22 @@ def test_recordings_of_several_speeds_are_remarked_on_as_mixed(full: GaitReport,
     assert any("report the conditions one by one" in text for text in cautions_of(both, markers_only.summary))
     alone = GaitMeasuresResult((slow,), (), full.summary)
     assert not any("conditions" in text for text in cautions_of(alone, markers_only.summary))
+
+
+def test_recordings_of_several_people_are_remarked_on_and_have_their_range(full: GaitReport) -> None:
+    """Means over people of different height say nothing about either, and no single height is theirs."""
+    one = full.measured.recordings[0]
+    height_m = one.motion.stature_m
+    assert height_m is not None
+    taller = replace(one, motion=replace(one.motion, stature_m=height_m + 0.15))
+    heavy = replace(one.prepared.mass, mass_kg=1.2 * one.prepared.mass.mass_kg)
+    heavier = replace(one, prepared=replace(one.prepared, mass=heavy))
+    for other in (taller, heavier):
+        cautions = cautions_of(GaitMeasuresResult((one, other), (), full.summary), full.summary)
+        assert any("report people one by one" in text for text in cautions)
+    assert not any("people" in text for text in full.content.cautions)
+    assert height_text([one, taller]) == f"{height_m:.2f} to {height_m + 0.15:.2f} m"
+    assert height_text([one, one]) == f"{height_m:.2f} m"
 
 
 def test_without_any_measured_recording_there_is_no_report(tmp_path: Path) -> None:

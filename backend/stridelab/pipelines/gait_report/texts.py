@@ -96,7 +96,7 @@ def report_content(
             ("Steps", steps),
             ("Recordings", str(summary.n_recordings)),
             ("Body mass", mass_text(result.recordings)),
-            ("Height", NOT_KNOWN if summary.height_m is None else f"{summary.height_m:.2f} m"),
+            ("Height", height_text(result.recordings)),
         ),
         tiles=tuple(_tile(name, title, summary) for name, title in TILES.items()),
         panels=tuple(_panel(name, curves, reference_curves.get(name)) for name in CURVE_NAMES),
@@ -140,6 +140,15 @@ def mass_text(recordings: Sequence[MeasuredRecording]) -> str:
         sd = max(mass.sd_kg for mass in masses if mass.source is not None)
         return f"{np.mean(known):.1f} ± {sd:.1f} kg, {sources}"
     return f"{min(known):.1f} to {max(known):.1f} kg, {sources}"
+
+
+def height_text(recordings: Sequence[MeasuredRecording]) -> str:
+    """Stated height; of recordings that differ by 1 cm or more, the range."""
+    known = [one.motion.stature_m for one in recordings if one.motion.stature_m is not None]
+    if not known:
+        return NOT_KNOWN
+    is_one = max(known) - min(known) < 0.01
+    return f"{known[0]:.2f} m" if is_one else f"{min(known):.2f} to {max(known):.2f} m"
 
 
 def _tile(name: str, title: str, summary: GaitReportSummary) -> Tile:
