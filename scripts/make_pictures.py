@@ -79,7 +79,7 @@ def main(port: int) -> None:
     """Take all pictures."""
     PICTURES.mkdir(parents=True, exist_ok=True)
     with service(port) as base, Client(base) as client, sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        browser = play.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         trial = client.upload(SAMPLE, filename="trial.c3d").id
         document(browser, f"{base}/recordings/{trial}", "recording", 800)
 

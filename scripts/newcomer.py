@@ -29,6 +29,7 @@ ROOT: Final = Path(__file__).parents[1]
 PAGE: Final = ROOT / "docs" / "newcomer.md"
 BEGIN, END = "<!-- measured by scripts/newcomer -->", "<!-- end of the measured part -->"
 SAMPLE: Final = "models/recordings/sample-walk/recording.c3d"
+CHROMIUM: Final = shutil.which("chromium-headless-shell") or shutil.which("chromium")
 FLAGS: Final = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PATIENCE_S: Final = 1200.0
 
@@ -199,7 +200,7 @@ def run(place: Path, port: int, *, cold: bool) -> str:
     shutil.copyfile(clone / SAMPLE, clone / "trial.c3d")
     human, robot = lines_of_readme()
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         with serving(clone, environment, watch, "the service for the first time"):
             with tab(browser) as page:
                 plan = planned_in_the_browser(page, base, watch)
