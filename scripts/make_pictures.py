@@ -23,6 +23,7 @@ from stridelab.machine.models_folder import models_dir
 
 ROOT = Path(__file__).parents[1]
 PICTURES = ROOT / "docs" / "pictures"
+CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium")
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
 SAMPLE = models_dir() / "recordings" / "sample-walk" / "recording.c3d"
 SCENARIO, CLIMBING_S = "six-stairs", 12.4

@@ -27,7 +27,11 @@ interface ViserContext {
 }
 
 interface RenderState {
-  gl: { info: { render: { frame: number } }; render(scene: SceneObject, camera: SceneCamera): void };
+  gl: {
+    info: { render: { frame: number } };
+    render(scene: SceneObject, camera: SceneCamera): void;
+    getContext(): WebGL2RenderingContext;
+  };
   internal: { subscribe(callback: { current: () => void }, priority: number, root: object): void };
   invalidate(): void;
 }

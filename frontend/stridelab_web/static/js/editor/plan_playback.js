@@ -5,7 +5,10 @@ import { comAt } from "./live_preview.js";
 import { PartialPlan, PartialReader, posesAt } from "./partial_plan.js";
 import { phaseEndTimes } from "./phase_edits.js";
 
-const SHARE = 1 / 4; // of the time that drawing may take where it is slow: without a graphics card it slows the plan down
+// Of the time until a picture is drawn, where that is slow. Without a graphics card it is a quarter of a second, and the
+// browser then composes the page: a second of the processor in all, which the plan on the same machine does not get.
+const SHARE = 1 / 12,
+  LONGEST_PAUSE_MS = 3000;
 const QUICK_MS = 50; // two pictures that are drawn within this time are followed by the next one at once
 const PAUSE_MS = 1000; // at the end of the motion, before it is played again
 
@@ -20,6 +23,7 @@ export function playbackInEditor(root, preview, sceneView, validation, report) {
       validation.showInstant(instant);
     },
     report,
+    drawn: () => (sceneView.isReady ? sceneView.nodes.drawn() : Promise.resolve()),
     reportCertificate: (text, passed) => {
       certificate.textContent = text;
       certificate.className = `outcome${passed === null ? "" : ` outcome-${passed ? "passed" : "failed"}`}`;
@@ -30,11 +34,12 @@ export function playbackInEditor(root, preview, sceneView, validation, report) {
 
 export class PlanPlayback {
   // `isAvailable()` resolves to whether the service can plan at once; `show(instant)` draws an instant ({ phase, com_m, poses,
-  // ghost }, the last two null before they are there), with null the end of the playback; `report(text)` shows a sentence,
-  // `reportCertificate(text, passed)` one about the certificate.
-  constructor({ isAvailable, show, report, reportCertificate }) {
+  // ghost }, the last two null before they are there), with null the end of the playback; `drawn()` resolves once it is on
+  // the screen; `report(text)` shows a sentence, `reportCertificate(text, passed)` one about the certificate.
+  constructor({ isAvailable, show, drawn, report, reportCertificate }) {
     this.isAvailable = isAvailable;
     this.show = show;
+    this.drawn = drawn;
     this.report = report;
     this.reportCertificate = reportCertificate;
     this.turn = 0;
@@ -94,19 +99,16 @@ export class PlanPlayback {
     const turn = this.turn;
     const step = () => {
       if (turn !== this.turn) return;
-      const drawn_ms = performance.now();
-      this.draw(drawn_ms);
+      const begun_ms = performance.now();
+      this.draw(begun_ms);
       if (this.isStill && !this.plan.motion.time_s.length) {
         this.isPlaying = false;
         return;
       }
-      // The second frame from here begins after the picture has been drawn, in another process.
-      requestAnimationFrame(() =>
-        requestAnimationFrame(() => {
-          const took_ms = performance.now() - drawn_ms;
-          setTimeout(step, took_ms < QUICK_MS ? 0 : took_ms * (1 / SHARE - 1));
-        }),
-      );
+      this.drawn().then(() => {
+        const took_ms = performance.now() - begun_ms;
+        setTimeout(step, took_ms < QUICK_MS ? 0 : Math.min(took_ms * (1 / SHARE - 1), LONGEST_PAUSE_MS));
+      });
     };
     step();
   }
