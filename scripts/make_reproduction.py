@@ -66,7 +66,7 @@ def main() -> None:
         updated = [section for section in sections if section.name in arguments.update]
         page = replace_sections(page, updated)
     elif not arguments.only:
-        page = render_markdown(head(sections, arguments.seeds, folder), sections)
+        page = render_markdown(page_head(sections, arguments.seeds, folder), sections)
     if arguments.other_seeds is not None:
         drawing = [name for name in names if name in ITEMS and ITEMS[name].draws != "nothing"]
         others = compute_all(recipes_of(drawing, arguments.seeds, folder, arguments.other_seeds))
@@ -105,7 +105,7 @@ def renew_blocks() -> None:
         other.write_text(insert_block(other.read_text(encoding="utf-8"), table, block_of(page)), encoding="utf-8")
 
 
-def head(sections: list[Section], seeds: int, recordings: Path | None) -> str:
+def page_head(sections: list[Section], seeds: int, recordings: Path | None) -> str:
     """Introduction of the page."""
     missing = "\nThe recordings were not at hand, so that the sections on people are missing."
     if recordings is None:

@@ -54,7 +54,7 @@ def anatomical_ranges(
         ranges |= _leg_ranges(leg, {joint: axis_of(joint) for joint in leg}, side)
     for joint in limbs.torso:
         axis, sense = axis_of(joint)
-        ranges[joint] = _turned(TORSO_RAD.get(axis, SKEW_RAD), sense)
+        ranges[joint] = _range_about_axis(TORSO_RAD.get(axis, SKEW_RAD), sense)
     ranges |= {joint: ARM_RAD for arm in limbs.arms for joint in arm}
     return {joint: ends for joint, ends in ranges.items() if str(model.names[joint]) in joints}
 
@@ -71,11 +71,11 @@ def _leg_ranges(leg: Chain, axes: Mapping[int, tuple[int, float]], side: float) 
         else:
             ends = (HIP_RAD if joint < knee else ANKLE_RAD).get(axis, SKEW_RAD)
             sense *= side  # the right leg is the mirror image of the left one
-        ranges[joint] = _turned(ends, sense)
+        ranges[joint] = _range_about_axis(ends, sense)
     return ranges
 
 
-def _turned(ends: Range, sense: float) -> Range:
+def _range_about_axis(ends: Range, sense: float) -> Range:
     return ends if sense > 0.0 else (-ends[1], -ends[0])
 
 
@@ -95,7 +95,7 @@ def narrowed_ranges(robot: Robot, ranges: Mapping[str, Range]) -> dict[str, Rang
         if near or legs or results.collisionResults[k].isCollision():  # legs that sway together do not meet
             results.deactivateCollisionPair(k)
 
-    def meets(index: int, angle: float) -> bool:
+    def links_meet(index: int, angle: float) -> bool:
         q = robot.q_reference.copy()
         q[index] = angle
         return bool(pin.computeCollisions(model, data, geometry, results, q, True))
@@ -106,15 +106,15 @@ def narrowed_ranges(robot: Robot, ranges: Mapping[str, Range]) -> dict[str, Rang
         rest = float(robot.q_reference[index])
         if robot.group[name] == "arm":
             low, high = max(low, rest - ARM_SWING_RAD), min(high, rest + ARM_SWING_RAD)
-        narrowed[name] = _last_free(index, rest, low, meets), _last_free(index, rest, high, meets)
+        narrowed[name] = _last_free(index, rest, low, links_meet), _last_free(index, rest, high, links_meet)
     return narrowed
 
 
-def _last_free(index: int, rest: float, end: float, meets: Callable[[int, float], bool]) -> float:
+def _last_free(index: int, rest: float, end: float, links_meet: Callable[[int, float], bool]) -> float:
     """The angle towards ``end`` before links meet."""
     free = rest
     for angle in np.linspace(rest, end, 1 + max(1, int(np.ceil(abs(end - rest) / SCAN_RAD))))[1:]:
-        if meets(index, float(angle)):
+        if links_meet(index, float(angle)):
             break
         free = float(angle)
     return round(free, 4)

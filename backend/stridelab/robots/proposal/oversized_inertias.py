@@ -49,17 +49,17 @@ def replace_oversized_inertias(root: ET.Element, folder: Path, assumed: dict[str
 
 def _reach_m(link: ET.Element, folder: Path) -> float:
     """Upper bound of the distances of all points of a link's shapes from its centre of mass; 0 without shapes."""
-    com_m = _vector(link.find("inertial/origin"))
+    com_m = _origin_position(link.find("inertial/origin"))
     reach_m = 0.0
     for shape in (*link.findall("visual"), *link.findall("collision")):
         form = next(iter(shape.find("geometry") or ()), None)
         if form is not None:
-            away_m = float(np.linalg.norm(_vector(shape.find("origin")) - com_m))
-            reach_m = max(reach_m, away_m + float(np.linalg.norm(_corners(form, folder), axis=1).max()))
+            away_m = float(np.linalg.norm(_origin_position(shape.find("origin")) - com_m))
+            reach_m = max(reach_m, away_m + float(np.linalg.norm(_shape_corners(form, folder), axis=1).max()))
     return reach_m
 
 
-def _corners(form: ET.Element, folder: Path) -> Points | Float[np.ndarray, "1 3"]:
+def _shape_corners(form: ET.Element, folder: Path) -> Points | Float[np.ndarray, "1 3"]:
     """Points of a shape that include its farthest from its origin."""
     if form.tag == "mesh":
         return read_mesh(folder / form.attrib["filename"].rsplit("/", 1)[1])
@@ -69,5 +69,5 @@ def _corners(form: ET.Element, folder: Path) -> Points | Float[np.ndarray, "1 3"
     return np.array([[sizes["radius"][0], 0.0, 0.5 * sizes["length"][0]]])
 
 
-def _vector(origin: ET.Element | None) -> Vector3:
+def _origin_position(origin: ET.Element | None) -> Vector3:
     return np.zeros(3) if origin is None else np.array(origin.get("xyz", "0 0 0").split(), float)

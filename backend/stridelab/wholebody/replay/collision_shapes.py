@@ -48,7 +48,7 @@ class FlatPatch:
     A: Float[np.ndarray, "m 2"]
     b: Float[np.ndarray, "m"]
 
-    def contains(self, point_m: Vector3, normal: Vector3) -> bool:
+    def contains_contact(self, point_m: Vector3, normal: Vector3) -> bool:
         """Whether a contact with ``normal``, both in the contact frame of the sole, is one of the patch."""
         return bool(abs(normal[2]) > np.cos(PATCH_TILT_RAD) and np.all(self.A @ point_m[:2] <= self.b + PATCH_EDGE_M))
 

@@ -209,4 +209,4 @@ class Simulation:
             return ""
         T, contact = self.contact_placement(patch.effector), self._data.contact
         point_m = T.rotation.T @ (contact.pos[k] - T.position_m)
-        return patch.effector if patch.contains(point_m, T.rotation.T @ contact.frame[k][:3]) else ""
+        return patch.effector if patch.contains_contact(point_m, T.rotation.T @ contact.frame[k][:3]) else ""
