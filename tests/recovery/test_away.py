@@ -73,7 +73,8 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def fill(disk: Path) -> Path:
-    """Leave room for not one folder more; returns what takes it."""
+    """Leave room for not one folder more, once the worker has removed those of ended jobs; returns what takes it."""
+    wait_until(lambda: not [path for path in disk.glob("work/*/*") if path.is_dir()], 30, "an empty work folder")
     ballast = disk / "ballast"
     ballast.mkdir(exist_ok=True)
     with contextlib.suppress(OSError):

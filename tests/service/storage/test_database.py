@@ -1,9 +1,11 @@
 import asyncio
+import gc
 import threading
 
 import psycopg
 import pytest
 from alembic.script import ScriptDirectory
+from psycopg import waiting
 from sqlalchemy import text
 from sqlalchemy.ext.asyncio import AsyncEngine
 
@@ -11,7 +13,7 @@ from stridelab.errors import InvalidInput, Unavailable
 from stridelab.service.jobs.queue import DATABASE_UNAVAILABLE
 from stridelab.service.settings import Settings
 from stridelab.service.storage import database
-from stridelab.service.storage.database import database_url, make_engine, parse_url
+from stridelab.service.storage.database import connect_autocommit, database_url, make_engine, parse_url
 from stridelab.service.storage.migrate import MIGRATIONS, all_revisions, engine_of, is_migrated, migrate
 from support.service.database import TestDatabases, run_with_engine, schema_differences
 
@@ -107,3 +109,38 @@ def test_options_of_the_database_address_are_preserved(database_url: str) -> Non
 
     mark = "&" if "?" in database_url else "?"
     assert run_with_engine(f"{database_url}{mark}options=-c%20statement_timeout%3D7000", shown) == ["7s", "2min"]
+
+
+@pytest.mark.parametrize("times", [1, 50])
+def test_cancelled_reader_returns_its_connection_in_its_mode(
+    database_url: str, monkeypatch: pytest.MonkeyPatch, times: int
+) -> None:
+    """Cancelled at each of its suspensions, once or again and again as a disconnected client's request is.
+
+    psycopg suspends in every call here, as it does in a busy event loop.
+    """
+    monkeypatch.setattr(waiting, "MAX_BUSY_TIME", 0.0)
+
+    async def read(engine: AsyncEngine) -> None:
+        async with connect_autocommit(engine) as connection:
+            await connection.execute(text("SELECT 1"))
+
+    async def cancel_everywhere(engine: AsyncEngine) -> int:
+        await read(engine)
+        for steps in range(1000):
+            task = asyncio.create_task(read(engine))
+            for _ in range(steps):
+                await asyncio.sleep(0)
+            if task.done():
+                return steps
+            for _ in range(times):
+                task.cancel()
+                await asyncio.sleep(0)
+            await asyncio.gather(task, return_exceptions=True)
+            assert engine.sync_engine.pool.status().endswith("Checked out connections: 0")
+            async with engine.connect() as connection:
+                assert (await connection.get_raw_connection()).driver_connection.autocommit is False
+        raise AssertionError("the reader never ended")
+
+    assert run_with_engine(database_url, cancel_everywhere) > 5
+    gc.collect()  # a connection that was not returned warns here

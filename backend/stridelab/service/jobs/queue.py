@@ -22,7 +22,7 @@ from sqlalchemy import delete, func, insert, text, update
 from sqlalchemy.exc import InterfaceError, OperationalError
 
 from stridelab.service.jobs.store import CHANNEL
-from stridelab.service.storage.database import autocommit_engine, make_engine
+from stridelab.service.storage.database import make_engine
 from stridelab.service.storage.tables import worker
 
 Lane = Literal["short", "long"]
@@ -111,7 +111,7 @@ class QueueConsumer:
     """
 
     def __init__(self, url: str) -> None:
-        self._engine = autocommit_engine(make_engine(url, pool_size=2, planner=_PLANNER))
+        self._engine = make_engine(url, pool_size=2, planner=_PLANNER, autocommit=True)
         self._worker: int | None = None
         self._held: set[tuple[str, int]] = set()
         self._checked_at_s: dict[tuple[Lane, ...], float] = {}

@@ -27,7 +27,7 @@ from stridelab.service.cursors import decode_cursor, encode_cursor
 from stridelab.service.jobs.partial_results import decode_partial_cursor, read_chunks
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.storage import locks
-from stridelab.service.storage.database import autocommit_engine
+from stridelab.service.storage.database import connect_autocommit
 from stridelab.service.storage.search import contains_words
 from stridelab.service.storage.tables import job, job_event, recording, scenario
 
@@ -124,7 +124,7 @@ class JobStore:
     def __init__(
         self, engine: AsyncEngine, kinds: Mapping[str, JobKind], *, queue_limit: int = 200, user_queue_limit: int = 0
     ) -> None:
-        self._engine, self._autocommit_engine, self._kinds = engine, autocommit_engine(engine), kinds
+        self._engine, self._kinds = engine, kinds
         self._queue_limit, self._user_queue_limit = queue_limit, user_queue_limit
 
     async def submit(
@@ -185,7 +185,7 @@ class JobStore:
 
     async def get(self, job_id: str) -> JobRecord:
         """One job; raises ``NotFound`` (``job-not-found``)."""
-        async with self._autocommit_engine.connect() as connection:
+        async with connect_autocommit(self._engine) as connection:
             row = (await connection.execute(_JOB_BY_ID, {"job_id": job_id})).mappings().one_or_none()
         if row is None:
             raise _unknown_job(job_id)
@@ -221,7 +221,7 @@ class JobStore:
         if cursor is not None:
             at, job_id = decode_cursor(cursor)
             wanted = wanted.where(tuple_(job.c.created_at, job.c.id) < tuple_(literal(at), literal(job_id)))
-        async with self._autocommit_engine.connect() as connection:
+        async with connect_autocommit(self._engine) as connection:
             rows = [_job_record(row) for row in (await connection.execute(wanted)).mappings()]
         more = len(rows) > limit
         items = tuple(rows[:limit])
@@ -250,7 +250,7 @@ class JobStore:
     async def events_after(self, job_id: str, seq: int = 0, *, limit: int = 500) -> tuple[JobEvent, ...]:
         """The job's events with a number above ``seq``, in order."""
         wanted = select(job_event).where(job_event.c.job_id == job_id, job_event.c.seq > seq)
-        async with self._autocommit_engine.connect() as connection:
+        async with connect_autocommit(self._engine) as connection:
             rows = (await connection.execute(wanted.order_by(job_event.c.seq).limit(limit))).all()
         return tuple(
             JobEvent.from_object(row, progress=Progress(fraction=row.fraction, message=row.message)) for row in rows
@@ -262,7 +262,7 @@ class JobStore:
         Raises ``NotFound`` (``job-not-found``), ``InvalidInput`` (``invalid-cursor``).
         """
         attempt, after = decode_partial_cursor(cursor)
-        async with self._autocommit_engine.connect() as connection:
+        async with connect_autocommit(self._engine) as connection:
             wanted = select(job.c.state, job.c.attempt).where(job.c.id == job_id)
             row = (await connection.execute(wanted)).one_or_none()
             if row is None:

@@ -1,18 +1,20 @@
 """Database connections: PostgreSQL through psycopg."""
 
 import select
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Any, Final
 
 from sqlalchemy import event
 from sqlalchemy.engine import URL, ExceptionContext, make_url
 from sqlalchemy.exc import ArgumentError, InternalError, InvalidatePoolError, OperationalError
-from sqlalchemy.ext.asyncio import AsyncEngine, create_async_engine
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine, create_async_engine
 
 from stridelab.errors import InvalidInput
 from stridelab.service.settings import Settings
 from stridelab.service.storage.migrate import is_migrated, migrate
 
-__all__ = ["autocommit_engine", "database_url", "is_migrated", "libpq_url", "make_engine", "migrate", "parse_url"]
+__all__ = ["connect_autocommit", "database_url", "is_migrated", "libpq_url", "make_engine", "migrate", "parse_url"]
 
 CONNECTION_OPTIONS: Final[dict[str, Any]] = {
     "connect_timeout": 10,
@@ -50,10 +52,11 @@ def libpq_url(url: str) -> str:
     return parse_url(url).render_as_string(hide_password=False)
 
 
-def make_engine(url: str, *, pool_size: int = 8, planner: str = "") -> AsyncEngine:
+def make_engine(url: str, *, pool_size: int = 8, planner: str = "", autocommit: bool = False) -> AsyncEngine:
     """Asynchronous engine that replaces connections which the server has closed, for example by a restart.
 
-    ``planner`` are further options of its sessions, as in ``-c enable_sort=off``.
+    ``planner`` are further options of its sessions, as in ``-c enable_sort=off``. With ``autocommit``, every statement
+    of every connection is a transaction of its own.
     """
     address = parse_url(url).set(drivername="postgresql+psycopg")
     given = address.query.get("options", "")
@@ -62,6 +65,7 @@ def make_engine(url: str, *, pool_size: int = 8, planner: str = "") -> AsyncEngi
         address,
         pool_size=pool_size,
         max_overflow=pool_size,
+        isolation_level="AUTOCOMMIT" if autocommit else None,
         connect_args={**CONNECTION_OPTIONS, "application_name": "stridelab", "options": options},
     )
     event.listen(engine.sync_engine, "checkout", _refuse_closed_connection)
@@ -69,9 +73,20 @@ def make_engine(url: str, *, pool_size: int = 8, planner: str = "") -> AsyncEngi
     return engine
 
 
-def autocommit_engine(engine: AsyncEngine) -> AsyncEngine:
-    """The engine in autocommit mode: every statement is a transaction of its own and takes one round trip."""
-    return engine.execution_options(isolation_level="AUTOCOMMIT")
+@asynccontextmanager
+async def connect_autocommit(engine: AsyncEngine) -> AsyncIterator[AsyncConnection]:
+    """Connection in autocommit mode: every statement is a transaction of its own and takes one round trip.
+
+    An engine with the execution option ``isolation_level`` sets the mode while it takes the connection from the pool; a
+    task that is cancelled meanwhile then neither returns the connection nor resets its mode.
+    """
+    async with engine.connect() as connection:
+        try:
+            await connection.execution_options(isolation_level="AUTOCOMMIT")
+        except BaseException:
+            await connection.invalidate()  # the pool must not lend a connection whose mode is unknown
+            raise
+        yield connection
 
 
 def _as_lost_connection(context: ExceptionContext) -> OperationalError | None:
