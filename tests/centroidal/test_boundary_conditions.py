@@ -7,11 +7,14 @@ import pytest
 
 from stridelab.centroidal.boundary_conditions import PathBounds, Start, capture_region
 from stridelab.centroidal.contact_wrench import ContactWrench
+from stridelab.centroidal.control import Control
+from stridelab.centroidal.free_variables import FreeDurations
 from stridelab.centroidal.infeasibility.elastic_lp import is_feasible
 from stridelab.centroidal.nlp.transcription import transcribe
 from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.solver import solve
+from stridelab.centroidal.solver import SolverChoice, solve
 from stridelab.errors import InvalidInput
 from support.robots.sequences import foot, hand, phase, rest_to_rest, sequence, two_steps
 
@@ -134,6 +137,30 @@ def test_the_com_stays_in_its_window(walk: CentroidalProblem, walked: Centroidal
     assert sum(plan.cost_terms.values()) > sum(walked.cost_terms.values())
 
 
+@pytest.mark.parametrize(("solver", "control"), [("ipopt", PYRAMIDS), ("native", CircularCones())])
+def test_the_com_stays_between_heights_of_single_nodes(
+    walk: CentroidalProblem, walked: CentroidalPlan, solver: SolverChoice, control: Control
+) -> None:
+    """One node higher and one lower than they would be: bounds from one side, at these nodes alone."""
+    low, high = 5, 12
+    between_m = np.tile([-np.inf, np.inf], (len(walked.phase), 1))
+    between_m[low, 0] = walked.com_m[low, 2] + 0.01
+    between_m[high, 1] = walked.com_m[high, 2] - 0.01
+    plan = solve(replace(walk, control=control, bounds=PathBounds(com_between_m=between_m)), solver)
+    assert plan.converged, plan.status
+    assert plan.com_m[[low, high], 2] == pytest.approx([between_m[low, 0], between_m[high, 1]], abs=1e-5)
+    assert (plan.com_m[:-1, 2] < between_m[:, 1] + 1e-6).all()
+
+
+@pytest.mark.parametrize(("rows", "free"), [(1, False), (None, True)])
+def test_heights_of_nodes_need_their_grid(walk: CentroidalProblem, rows: int | None, free: bool) -> None:
+    between_m = np.tile([0.0, 2.0], (rows or len(walk.grid().phase), 1))
+    durations = FreeDurations(0.8, 1.2) if free else None
+    with pytest.raises(InvalidInput) as caught:
+        replace(walk, durations=durations, bounds=PathBounds(com_between_m=between_m))
+    assert caught.value.code == "bounds-need-grid"
+
+
 def test_no_point_pushes_harder_than_it_may(walk: CentroidalProblem, walked: CentroidalPlan) -> None:
     most = walked.forces_n["left_foot"][:, :, 2].max()
     limit_n = 0.9 * float(most)
@@ -158,6 +185,7 @@ def test_the_hand_is_held_to_what_the_arm_carries(problem: CentroidalProblem, pl
     [
         ({"com_height_m": (0.9, 0.8)}, "com_height_m"),
         ({"com_height_m": (-0.1, 0.8)}, "com_height_m"),
+        ({"com_between_m": np.array([[0.5, 0.9], [0.9, 0.5]])}, "com_between_m"),
         ({"normal_force_max_n": {"right_hand": 0.0}}, "normal_force_max_n.right_hand"),
         ({"normal_force_max_n": {"right_hand": float("nan")}}, "normal_force_max_n.right_hand"),
     ],

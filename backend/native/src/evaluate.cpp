@@ -102,8 +102,8 @@ void bounds(const Problem& problem, Iterate& it) {
   }
   for (Stage& s : it.stages) {
     if (!s.bounded) continue;
-    s.low.r = s.phase->height[0] - s.x[2] + s.low.s;
-    s.high.r = s.x[2] + s.high.s - s.phase->height[1];
+    s.low.r = s.height[0] - s.x[2] + s.low.s;
+    s.high.r = s.x[2] + s.high.s - s.height[1];
   }
   for (std::size_t a = 0; a < it.planes.size(); ++a) {
     it.planes[a].r = capture(problem.planes[a], it.stages.back().x) + it.planes[a].s - problem.planes[a].offset;

@@ -38,7 +38,7 @@ Proof proof(const Problem& problem, const Iterate& it) {
   for (std::size_t k = 0; k < n; ++k) {
     const Stage& s = it.stages[k];
     if (s.bounded) {
-      value += (s.low.zeta * (s.phase->height[0] - x[2]) + s.high.zeta * (x[2] - s.phase->height[1])) / size;
+      value += (s.low.zeta * (s.height[0] - x[2]) + s.high.zeta * (x[2] - s.height[1])) / size;
     }
     advance(s.h, x, none, next);
     std::copy(next, next + nx, x);

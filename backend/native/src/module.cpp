@@ -89,8 +89,7 @@ std::unique_ptr<ProblemState> build(const Reals1& weights, const Reals1& start, 
                                     const nb::list& densities, const Ints1& visit_density, const Reals2& visit_place,
                                     const Reals3& visit_axes, const Reals3& block_S, const Reals3& block_points,
                                     const Ints1& block_count, const Reals2& block_effort, const Reals1& block_most,
-                                    const Ints2& phase_layout, const Reals1& phase_h, const Reals2& phase_height,
-                                    int end, const Reals2& planes, const Reals3& wrench_cones, const Ints1& phase_cone,
+                                    const Ints2& phase_layout, const Reals1& phase_h, const Reals2& heights, int end, const Reals2& planes, const Reals3& wrench_cones, const Ints1& phase_cone,
                                     const Reals1& length_limits, const Ints2& block_edges, bool cubic,
                                     const Ints2& places, const Reals3& place_axes, const Reals2& place_windows,
                                     const Ints1& block_place, const Ints1& visit_place_of, const Reals2& limbs,
@@ -205,7 +204,6 @@ std::unique_ptr<ProblemState> build(const Reals1& weights, const Reals1& start, 
   require(phase_layout.shape(0) == phase_h.size() && phase_layout.shape(1) == 5 && phase_h.size() > 0,
           "phases have (intervals, first block, blocks, first visit, visits) and a length of interval");
   finite(phase_h, "lengths of intervals");
-  require(phase_height.shape(0) == phase_h.size() && phase_height.shape(1) == 2, "phases have bounds on the height");
   require(planes.shape(1) == 5, "planes have a normal (4) and an offset");
   finite(planes, "planes");
   constexpr End ends[] = {End::rest, End::capturable, End::moving};
@@ -233,9 +231,6 @@ std::unique_ptr<ProblemState> build(const Reals1& weights, const Reals1& start, 
     f.first_visit = phase_layout(i, 3);
     f.visits = phase_layout(i, 4);
     f.h = phase_h(i);
-    f.height[0] = phase_height(i, 0);
-    f.height[1] = phase_height(i, 1);
-    require(f.height[0] < f.height[1], "bounds on heights leave something");
     require(!cubic || f.intervals % 2 == 0, "an interval has two control points of splines");
     require(f.intervals > 0 && f.h > 0.0, "every phase takes some time");
     require(f.first_block >= 0 && f.blocks >= 0 && static_cast<std::size_t>(f.first_block + f.blocks) <= n_blocks,
@@ -247,6 +242,13 @@ std::unique_ptr<ProblemState> build(const Reals1& weights, const Reals1& start, 
     require(!cubic || f.cone < 0, "splines are of forces");
     intervals += static_cast<std::size_t>(f.intervals);
     p.phases.push_back(f);
+  }
+  require(heights.shape(1) == 2 && (heights.shape(0) == 0 || heights.shape(0) == intervals),
+          "intervals have bounds on the height");
+  for (std::size_t k = 0; k < heights.shape(0); ++k) {
+    require(heights(k, 0) < heights(k, 1) && std::isfinite(heights(k, 0)) == std::isfinite(heights(k, 1)),
+            "bounds on heights leave something, and both or none are finite");
+    p.heights.push_back({heights(k, 0), heights(k, 1)});
   }
   const std::size_t rates = cubic ? intervals / 2 * n_gauss : intervals;
   require(limbs.shape(1) == 3 && (limbs.shape(0) == 0 || limbs.shape(0) == rates), "limbs have a rate per interval");

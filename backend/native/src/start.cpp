@@ -64,7 +64,8 @@ void cold_start(const Problem& problem, Iterate& it, double barrier) {
         it.wrench_controls.push_back(upright(problem.cones[static_cast<std::size_t>(phase.cone)], barrier));
       }
       const bool node = problem.shape == Shape::constant || k % 2 == 0;
-      s.bounded = k > 0 && node && (std::isfinite(phase.height[0]) || std::isfinite(phase.height[1]));
+      s.bounded = k > 0 && node && !problem.heights.empty() && std::isfinite(problem.heights[k][0]);
+      if (s.bounded) s.height = problem.heights[k];
       for (int c = 0; c < 3; ++c) s.x[c] = time / total * problem.goal[static_cast<std::size_t>(c)];
       time += phase.h;
       for (int b = 0; b < phase.blocks; ++b) {

@@ -21,6 +21,13 @@ inline void expect_near(double a, double b, double tolerance, const char* what) 
   std::exit(1);
 }
 
+// Bounds of +-h on c_z in all intervals.
+inline void bound_heights(Problem& p, double h) {
+  std::size_t intervals = 0;
+  for (const Phase& f : p.phases) intervals += static_cast<std::size_t>(f.intervals);
+  p.heights.assign(intervals, {-h, h});
+}
+
 // Two components about (0, 0, 0.8), the second shifted.
 inline Density density() {
   Density d;
@@ -74,7 +81,7 @@ inline Problem step(double air_s = 0.0) {
   p.visits = {{0, {0.0, 0.0, 0.0}, {1, 0, 0, 0, 1, 0, 0, 0, 1}, -1},
               {0, {0.1, 0.0, 0.0}, {0, -1, 0, 1, 0, 0, 0, 0, 1}, -1}};
   const auto phase = [](int intervals, int block, int blocks, int visit, int visits) {
-    return Phase{intervals, 0.1, block, blocks, visit, visits, {-unbounded, unbounded}, -1};
+    return Phase{intervals, 0.1, block, blocks, visit, visits, -1};
   };
   p.phases = {phase(7, 0, 2, 0, 1), phase(8, 2, 1, 0, 2), phase(10, 3, 2, 1, 1)};
   if (air_s > 0.0) {

@@ -189,10 +189,7 @@ int main() {
   step_closes_the_gaps(step(0.1));
   step_closes_the_gaps(wrench_step());
   Problem bounded = step();
-  for (Phase& f : bounded.phases) {
-    f.height[0] = -0.1;
-    f.height[1] = 0.1;
-  }
+  bound_heights(bounded, 0.1);
   for (Block& b : bounded.blocks) b.normal_max = 0.6;
   step_closes_the_gaps(bounded);
   return 0;

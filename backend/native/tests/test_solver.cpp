@@ -22,10 +22,7 @@ void bounds_hold() {
   Problem p = step();
   Iterate it;
   const double free_cost = solved(p, it, "a step").cost;
-  for (Phase& f : p.phases) {
-    f.height[0] = -0.004;
-    f.height[1] = 0.004;
-  }
+  bound_heights(p, 0.004);
   p.blocks[2].normal_max = 0.4;
   const double cost = solved(p, it, "a bounded step").cost;
   expect(cost >= free_cost - 1e-6, "bounds cost something");
@@ -61,10 +58,7 @@ void captured() {
   expect_near(x[8], (x[0] * x[4] - x[1] * x[3]) / gravity, 1e-9, "momentum of the end");
   p.start[3] = 40.0;
   expect(solve(p, it, Settings{}).verdict == Verdict::infeasible, "40 m/s cannot be captured in 2.5 s");
-  for (Phase& f : p.phases) {
-    f.height[0] = -0.05;
-    f.height[1] = 0.05;
-  }
+  bound_heights(p, 0.05);
   p.start[3] = 8.0;
   expect(solve(p, it, Settings{}).verdict == Verdict::infeasible, "nor 8 m/s at this height");
 }

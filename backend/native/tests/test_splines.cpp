@@ -139,10 +139,7 @@ int main() {
   step_solves(splines());
   step_solves(splines(0.1));
   Problem bounded = splines();
-  for (Phase& f : bounded.phases) {
-    f.height[0] = -0.1;
-    f.height[1] = 0.1;
-  }
+  bound_heights(bounded, 0.1);
   for (Block& b : bounded.blocks) b.normal_max = 0.6;
   step_solves(bounded);
   solved(splines(), "a step by splines");

@@ -48,16 +48,18 @@ class Start:
 AT_REST: Final = Start()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PathBounds:
     """Path bounds. ``com_height_m``: CoM height above the mean of the current or latest sole positions.
 
-    ``normal_force_max_n``: by effector name, the largest normal force on each of its points. Raises ``InvalidInput``
-    (``bounds-out-of-range``), naming the bounds that are empty or not positive.
+    ``normal_force_max_n``: by effector name, the largest normal force on each of its points. ``com_between_m``:
+    lowest and highest CoM (z) in the world's frame, per interval of the problem's grid, infinite for none. Raises
+    ``InvalidInput`` (``bounds-out-of-range``), naming the bounds that are empty or not positive.
     """
 
     com_height_m: tuple[float, float] | None = None
     normal_force_max_n: Mapping[str, float] = field(default_factory=dict)
+    com_between_m: Float[np.ndarray, "intervals 2"] | None = None
 
     def __post_init__(self) -> None:
         faults = [
@@ -67,6 +69,8 @@ class PathBounds:
         ]
         if self.com_height_m is not None and not 0.0 < self.com_height_m[0] < self.com_height_m[1]:
             faults.append(Fault("com_height_m", f"must be a range of positive heights, not {self.com_height_m}"))
+        if self.com_between_m is not None and not (self.com_between_m[:, 0] < self.com_between_m[:, 1]).all():
+            faults.append(Fault("com_between_m", "must be ranges of heights"))
         if faults:
             named = ", ".join(fault.where for fault in faults)
             raise InvalidInput("bounds-out-of-range", f"These bounds cannot be met: {named}.", faults)

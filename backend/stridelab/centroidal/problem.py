@@ -92,11 +92,12 @@ class CentroidalProblem:
 
     Raises ``InvalidInput`` for inconsistent problems: ``effector-unknown``, ``proxy-missing``,
     ``phase-without-duration``, ``mass-out-of-range``, ``node-rate-out-of-range``, ``com-not-finite``,
-    ``placements-need-forces`` for free placements with a control whose cones depend on them, ``bounds-need-forces`` for
-    force bounds with a control without forces, ``shape-needs-forces`` and ``shape-needs-durations`` for splines of a
-    wrench, whose cones differ from phase to phase, or with free durations, ``limbs-need-grid`` if the limbs' rates
-    do not match the grid or durations are free, and ``reference-needs-grid`` for the reference likewise;
-    ``densities-need-constant-forces`` for densities of the state with splines or free durations.
+    ``bounds-need-grid`` for heights that are not one per interval of a given grid, ``placements-need-forces`` for
+    free placements with a control whose cones depend on them, ``bounds-need-forces`` for force bounds with a control
+    without forces, ``shape-needs-forces`` and ``shape-needs-durations`` for splines of a wrench, whose cones differ
+    from phase to phase, or with free durations, ``limbs-need-grid`` if the limbs' rates do not match the grid or
+    durations are free, and ``reference-needs-grid`` for the reference likewise; ``densities-need-constant-forces`` for
+    densities of the state with splines or free durations.
     """
 
     sequence: ContactSequence
@@ -148,6 +149,14 @@ class CentroidalProblem:
         if self.bounds.normal_force_max_n and not self.control.has_point_forces:
             raise InvalidInput(
                 "bounds-need-forces", "Normal forces can only be bounded with forces as control, not with the wrench."
+            )
+        if self.bounds.com_between_m is not None and (
+            self.durations is not None or len(self.bounds.com_between_m) != len(self.grid().phase)
+        ):
+            raise InvalidInput(
+                "bounds-need-grid",
+                "Bounds on the height of the centre of mass need fixed durations and one row per interval of the grid.",
+                [Fault("bounds.com_between_m", "must have one row per interval of the grid")],
             )
         if self.shape == "cubic" and not self.control.has_point_forces:
             raise InvalidInput(
@@ -223,6 +232,33 @@ class CentroidalProblem:
                 ContactPatch(name, kind, points_m, placement.rotation, contact.friction, self.force_weight(name))
             )
         return tuple(patches)
+
+    def com_height_windows_m(self) -> Float[np.ndarray, "intervals 2"]:
+        """Lowest and highest CoM height per interval, above the CoM at the start; infinite where there is no bound.
+
+        They hold at the first node of the interval, except the start. Raises ``InvalidInput`` (``no-surface-contact``)
+        for bounds above the soles if none has been in contact so far.
+        """
+        phase = self.grid().phase
+        windows_m = np.tile([-np.inf, np.inf], (len(phase), 1))
+        if self.bounds.com_height_m is not None:
+            windows_m = np.array([self._ground_m(i) for i in range(len(self.sequence.phases))])[phase, None] + np.array(
+                self.bounds.com_height_m
+            )
+        if self.bounds.com_between_m is not None:
+            lowest_m, highest_m = self.bounds.com_between_m.T
+            windows_m = np.column_stack([np.maximum(windows_m[:, 0], lowest_m), np.minimum(windows_m[:, 1], highest_m)])
+        return np.asarray(windows_m - self.com_start_m[2])
+
+    def _ground_m(self, phase: int) -> float:
+        """Mean height of the soles at their current or latest contacts."""
+        contacts = [self.sequence.last_contact(name, phase) for name in self.sequence.effectors]
+        soles = [c for c in contacts if c is not None and self.effectors[c.effector].kind == "surface"]
+        if not soles:
+            raise InvalidInput(
+                "no-surface-contact", "CoM height bounds are relative to the soles, but none is in contact yet."
+            )
+        return float(np.mean([c.placement.position_m[2] for c in soles]))
 
     def end_state(self) -> Float[np.ndarray, "9"]:
         """``(c, c', K / (m |g|))`` at the end, relative to the CoM at the start; at rest unless the end is moving."""

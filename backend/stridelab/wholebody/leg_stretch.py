@@ -7,28 +7,25 @@ ankle a, ``c_leg = lam h + (1 - lam) a + R o``, the position of the base follows
     m c = m_r (p + R o_r) + sum_legs m_l (lam h + (1 - lam) a + R o) ,    h = p + R h_0 ,
 
 and with it the vector ``h - a``, whose length may be at most ``l``, that of the leg with a knee ``BEND_RAD`` from the
-end of its range. The missing height is what the base has to be lower. The acceleration of a smooth curve of these
-heights becomes the reference of the plan's CoM, ``|c'' - r''|^2`` in place of ``|c''|^2``, and the plan is solved
-again: a few milliseconds, before the whole body. A leg in the air may be short by ``AIR_M`` in the middle of its swing,
-which its detour (``control.swing_detour``) makes up for.
+end of its range. The missing height is what the base has to be lower. The lowest height that a phase allows becomes
+an upper bound of its CoM, and the plan is solved again: a few milliseconds, before the whole body. A leg in the air may
+be short by ``AIR_M`` in the middle of its swing, which its detour (``control.swing_detour``) makes up for.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
-from scipy.ndimage import convolve1d, maximum_filter1d
-from scipy.signal.windows import hann
 
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.sequence_swings import swing_of
 from stridelab.contacts.swing import quintic_scaling
-from stridelab.conventions import Points, Rotations, Series, Vector3
+from stridelab.conventions import Points, Rotation, Rotations, Series, Vector3
 from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.tasks import Heading
@@ -41,15 +38,14 @@ AIR_WINDOWS: Final = ((0.0, 0.3), (0.65, 0.96))
 """Shares of a swing in which the allowance of a leg in the air grows and ends."""
 ENOUGH_M: Final = 0.008
 """Missing height that is left alone: the base tilts by as much. Lower plans bend the knees towards the next tread."""
-MAX_LOWERING_M: Final = 0.12
+GAP_M: Final = 0.005
+"""Between the bounds of a height, where legs and ankles contradict each other."""
+MAX_RAISE_M: Final = 0.2
+STEPS_OF_BISECTION: Final = 12
+SPARE_M: Final = 0.001
+"""Between the samples, which are ``RATE_HZ`` apart."""
 MAX_PASSES: Final = 4
 RATE_HZ: Final = 50.0
-HOLD_S: Final = 0.2
-SMOOTH_S: Final = (1.6, 1.2, 0.8, 0.4)
-"""A height counts for ``HOLD_S`` around its time, and is smoothed over the first of these that is sufficient."""
-MAX_VERTICAL_M_S2: Final = 2.5
-MAX_VERTICAL_WITH_HANDS_M_S2: Final = 0.5
-"""Largest vertical acceleration of a lowered plan; arms whose hands stay on a rail follow every drop of the body."""
 LEG_JOINTS: Final = 4
 """Joints from the hip's last on: hip, knee, two at the ankle."""
 
@@ -57,11 +53,18 @@ Solve = Callable[[CentroidalProblem], CentroidalPlan]
 
 
 class Leg(NamedTuple):
-    """One leg in the reference posture: ``hip_m`` in the base, ``ankle_m`` in the contact frame of its sole."""
+    """One leg in the reference posture: ``hip_m`` in the base, ``ankle_m`` in the contact frame of its sole.
+
+    ``lengths_m`` are distances of hip and ankle within the usable range of the knee, increasing, and ``shank_rad`` how
+    far the shank then leans ahead of the line from ankle to hip; ``tilt_max_rad`` is how far it can lean ahead of the
+    normal of the sole.
+    """
 
     hip_m: Vector3
     ankle_m: Vector3
-    length_max_m: float
+    lengths_m: Series
+    shank_rad: Series
+    tilt_max_rad: float
     mass_kg: float
     share: float
     offset_m: Vector3
@@ -89,7 +92,7 @@ class LegModel:
             chain = list(model.supports[frame.parentJoint])
             if effector.kind != "surface" or len(chain) < LEG_JOINTS + 2:
                 continue
-            hip, knee, ankle = chain[-4], chain[-3], chain[-2]
+            hip, knee, ankle = _hip_pitch_joint(robot, chain[2:-3]), chain[-3], chain[-2]
             contact = data.oMi[frame.parentJoint] * frame.placement * to_se3(effector.T_frame_contact)
             h, a, com = (
                 data.oMi[hip].translation,
@@ -102,7 +105,8 @@ class LegModel:
             legs[name] = Leg(
                 R.T @ (h - p),
                 contact.inverse().act(a),
-                _longest_m(robot, hip, knee, ankle),
+                *_knee_table(robot, hip, knee, ankle),
+                _tilt_max_rad(robot, name, knee, ankle),
                 mass,
                 share,
                 R.T @ (com - share * h - (1.0 - share) * a),
@@ -111,22 +115,30 @@ class LegModel:
         rest = moment / (total - sum(leg.mass_kg for leg in legs.values()))
         return LegModel(legs, total, R.T @ (rest - p))
 
-    def missing_height_m(self, plan: CentroidalPlan, time_s: Series) -> Series:
-        """How much lower the CoM has to be for all legs to reach, at ``time_s`` (n,); zero where they do."""
+    def missing_heights_m(self, plan: CentroidalPlan, time_s: Series) -> tuple[Series, Series]:
+        """How much lower the CoM has to be for all legs to reach, and how much higher for all ankles to bend.
+
+        At ``time_s`` (n,); zero where they do. Ankles count while their soles are in contact.
+        """
         sequence, heading = plan.sequence, Heading.of_sequence(plan.sequence)
         phase = np.array([sequence.phase_at(t + 1e-9) for t in time_s.tolist()])
         com = np.array([plan.reference_at(t).com_m for t in time_s.tolist()])
         R = np.array([heading.orientation_at(k, t)[0] for k, t in zip(phase.tolist(), time_s.tolist(), strict=True)])
         feet = {name: _ankle_path(sequence, name, leg.ankle_m, phase, time_s) for name, leg in self.legs.items()}
         base, base_share = self._base_m(com, R, {name: ankle for name, (ankle, _) in feet.items()})
-        missing = np.zeros(len(time_s))
+        high_m, low_m = np.zeros(len(time_s)), np.zeros(len(time_s))
         for name, leg in self.legs.items():
             ankle, allowed_m = feet[name]
             v = base + R @ leg.hip_m - ankle
-            reach = leg.length_max_m + allowed_m
+            reach = leg.lengths_m[-1] + allowed_m
             high = v[:, 2] - np.sqrt(np.maximum(reach**2 - (v[:, :2] ** 2).sum(axis=1), 0.0))
-            missing = np.maximum(missing, high / base_share)
-        return np.asarray(missing)
+            high_m = np.maximum(high_m, high / base_share)
+            for k, part in enumerate(sequence.phases):
+                if name in part.contacts:
+                    stands = phase == k
+                    raised = _raised_for_ankle_m(leg, v[stands], part.contacts[name].placement.rotation)
+                    low_m[stands] = np.maximum(low_m[stands], raised / base_share)
+        return high_m, low_m
 
     def _base_m(self, com_m: Points, R: Rotations, ankles_m: Mapping[str, Points]) -> tuple[Points, float]:
         """Positions of the base, and its displacement per displacement of the CoM."""
@@ -143,87 +155,101 @@ def lower_for_legs(
 ) -> tuple[CentroidalProblem, CentroidalPlan]:
     """The problem and plan with a CoM that is lower where legs are too short; as given where they reach.
 
-    The gentlest lowering that is sufficient, with a vertical acceleration within its limit, else that within it which
-    misses least, else the gentlest.
+    Bounds are tightened in up to ``MAX_PASSES`` solutions, as long as the plans converge and miss less.
     """
     legs = LegModel.of_robot(robot)
     time_s = np.linspace(0.0, plan.sequence.duration_s, max(2, round(plan.sequence.duration_s * RATE_HZ) + 1))
-    missing = legs.missing_height_m(plan, time_s)
-    if float(missing.max(initial=0.0)) <= ENOUGH_M:
-        return problem, plan
-    holds = any(contact.kind == "point" for phase in plan.sequence.phases for contact in phase.contacts.values())
-    limit_m_s2 = MAX_VERTICAL_WITH_HANDS_M_S2 if holds else MAX_VERTICAL_M_S2
-    best: _Lowered | None = None
-    for smooth_s in SMOOTH_S:
-        lowered = _lower_smoothly(legs, problem, plan, solve, time_s, missing, smooth_s)
-        is_gentle = _vertical_max_m_s2(lowered.plan, time_s) <= limit_m_s2
-        if best is None or (is_gentle and lowered.missing_m < best.missing_m):
-            best = lowered
-        if is_gentle and lowered.missing_m <= ENOUGH_M:
-            break
-    assert best is not None
-    return best.problem, best.plan
-
-
-class _Lowered(NamedTuple):
-    """A problem, its plan, and the height (m) that its legs miss."""
-
-    problem: CentroidalProblem
-    plan: CentroidalPlan
-    missing_m: float
-
-
-def _lower_smoothly(
-    legs: LegModel,
-    problem: CentroidalProblem,
-    plan: CentroidalPlan,
-    solve: Solve,
-    time_s: Series,
-    missing: Series,
-    smooth_s: float,
-) -> _Lowered:
-    """Lower a plan that has the ``missing`` heights at ``time_s``, with heights smoothed over ``smooth_s``.
-
-    A plan that does not converge, or misses more than the one before, ends the search.
-    """
-    best, wanted = (problem, plan), np.zeros(len(time_s))
-    least_m = float(missing.max(initial=0.0))
+    fixed = replace(problem, sequence=plan.sequence, durations=None, placements=None)
+    between_m = np.tile([-np.inf, np.inf], (len(fixed.grid().phase), 1))
+    high_m, low_m = legs.missing_heights_m(plan, time_s)
     for _ in range(MAX_PASSES):
-        if least_m <= ENOUGH_M:
+        if float(high_m.max()) <= ENOUGH_M:
             break
-        wanted = np.minimum(wanted + _smooth_heights(missing, smooth_s), MAX_LOWERING_M)
-        fixed = replace(problem, sequence=plan.sequence, durations=None, placements=None)
-        times = fixed.limb_times_s()
-        reference = _accelerations_m_s2(time_s, -wanted, times)
-        given = problem.reference_m_s2
-        lower = replace(fixed, reference_m_s2=reference if given is None else given + reference)
-        new = solve(lower)
-        if not new.converged:
+        com_m = np.array([plan.reference_at(t).com_m[2] for t in time_s.tolist()])
+        between_m = _tighten(between_m, fixed.grid().time_s, time_s, com_m, high_m, low_m)
+        lower = replace(fixed, bounds=replace(problem.bounds, com_between_m=between_m))
+        lowered = solve(lower)
+        remaining_m = legs.missing_heights_m(lowered, time_s)
+        if not lowered.converged or remaining_m[0].max() >= high_m.max():
             break
-        missing = legs.missing_height_m(new, time_s)
-        if float(missing.max()) >= least_m:
-            break
-        best, least_m = (lower, new), float(missing.max())
-    return _Lowered(*best, least_m)
+        problem, plan, (high_m, low_m) = lower, lowered, remaining_m
+    return problem, plan
 
 
-def _vertical_max_m_s2(plan: CentroidalPlan, time_s: Series) -> float:
-    """Largest vertical acceleration of the CoM at ``time_s``."""
-    return max(abs(float(plan.reference_at(t).com_a_m_s2[2])) for t in time_s.tolist())
+def _tighten(
+    between_m: Float[np.ndarray, "m 2"],
+    nodes_s: Float[np.ndarray, "nodes"],
+    time_s: Series,
+    com_m: Series,
+    high_m: Series,
+    low_m: Series,
+) -> Float[np.ndarray, "m 2"]:
+    """Bounds at the nodes from what is missing around them; where both cannot hold, their mean does."""
+    between_m = between_m.copy()
+    for k in range(1, len(between_m)):
+        near = (time_s > nodes_s[k - 1]) & (time_s < nodes_s[k + 1])
+        highest, lowest = com_m - high_m - SPARE_M, com_m + low_m + SPARE_M
+        between_m[k, 1] = min(between_m[k, 1], highest[near & (high_m > 0.0)].min(initial=np.inf))
+        between_m[k, 0] = max(between_m[k, 0], lowest[near & (low_m > 0.0)].max(initial=-np.inf))
+        if between_m[k, 1] - between_m[k, 0] < GAP_M:
+            between_m[k] = between_m[k].mean() + np.array([-0.5, 0.5]) * GAP_M
+    return between_m
 
 
-def _longest_m(robot: Robot, hip: int, knee: int, ankle: int) -> float:
-    """Largest distance of hip and ankle within the usable range of the knee."""
+def _raised_for_ankle_m(leg: Leg, v: Points, sole: Rotation) -> Series:
+    """How much higher hips at ``v`` (n, 3) from their ankle have to be for its shank not to lean too far."""
+    low, high = np.zeros(len(v)), np.full(len(v), MAX_RAISE_M)
+    for _ in range(STEPS_OF_BISECTION):
+        middle = 0.5 * (low + high)
+        at = (v + middle[:, None] * np.array([0.0, 0.0, 1.0])) @ sole
+        shank = np.interp(np.linalg.norm(at, axis=1), leg.lengths_m, leg.shank_rad)
+        leans = np.arctan2(at[:, 0], at[:, 2]) + shank > leg.tilt_max_rad
+        low, high = np.where(leans, middle, low), np.where(leans, high, middle)
+    return np.where(low > 0.0, high, 0.0)
+
+
+def _hip_pitch_joint(robot: Robot, joints: Sequence[int]) -> int:
+    """The joint of a hip whose axis is the most lateral in the reference posture: the leg stretches from there."""
+    model, data = robot.model, robot.model.createData()
+    pin.computeJointJacobians(model, data, robot.q_reference)
+    across = (data.oMi[1].rotation @ robot.R_root_trunk)[:, 1]
+    return max(joints, key=lambda joint: abs(float(across @ data.J[3:, model.joints[joint].idx_v])))
+
+
+def _knee_table(robot: Robot, hip: int, knee: int, ankle: int) -> tuple[Series, Series]:
+    """Distances of hip and ankle in the usable range of the knee, and how far the shank leans ahead of their line."""
     model, data = robot.model, robot.model.createData()
     at = model.joints[knee].idx_q
     low, high = float(model.lowerPositionLimit[at]), float(model.upperPositionLimit[at])
-    margin, longest = RANGE_SHARE * (high - low) + BEND_RAD, 0.0
+    margin, rows = RANGE_SHARE * (high - low) + BEND_RAD, []
     for angle in np.linspace(low + margin, high - margin, 50):
         q = robot.q_reference.copy()
         q[at] = angle
         pin.forwardKinematics(model, data, q)
-        longest = max(longest, float(np.linalg.norm(data.oMi[hip].translation - data.oMi[ankle].translation)))
-    return longest
+        leg, shank = ((data.oMi[joint].translation - data.oMi[ankle].translation) for joint in (hip, knee))
+        lead = np.arctan2(shank[0], shank[2]) - np.arctan2(leg[0], leg[2])
+        rows.append((float(np.linalg.norm(leg)), float((lead + np.pi) % (2.0 * np.pi) - np.pi)))
+    lengths_m, shank_rad = np.array(sorted(rows)).T
+    return lengths_m, shank_rad
+
+
+def _tilt_max_rad(robot: Robot, name: str, knee: int, ankle: int) -> float:
+    """How far a shank can lean ahead of the normal of the sole ``name``, within the usable ranges of its ankle."""
+    model, data, effector = robot.model, robot.model.createData(), robot.effectors[name]
+    frame = model.frames[model.getFrameId(effector.frame)]
+    tilts = []
+    for joint in (ankle, frame.parentJoint):
+        at = model.joints[joint].idx_q
+        low, high = float(model.lowerPositionLimit[at]), float(model.upperPositionLimit[at])
+        margin = RANGE_SHARE * (high - low)
+        for angle in (low + margin, high - margin):
+            q = robot.q_reference.copy()
+            q[at] = angle
+            pin.forwardKinematics(model, data, q)
+            contact = data.oMi[frame.parentJoint] * frame.placement * to_se3(effector.T_frame_contact)
+            shank = contact.rotation.T @ (data.oMi[knee].translation - data.oMi[ankle].translation)
+            tilts.append(float(np.arctan2(shank[0], shank[2])))
+    return max(tilts)
 
 
 def _ankle_path(
@@ -248,20 +274,3 @@ def _ankle_path(
             AIR_M * quintic_scaling(u, rise, 1.0)[0] * (1.0 - quintic_scaling(u, end, 1.0)[0]) for u in shares.tolist()
         ]
     return positions, allowed
-
-
-def _smooth_heights(height_m: Series, smooth_s: float) -> Series:
-    """A smooth curve that is not below ``height_m`` where it peaks."""
-    held = maximum_filter1d(height_m, 2 * round(0.5 * (HOLD_S + smooth_s) * RATE_HZ) + 1)
-    window = hann(round(smooth_s * RATE_HZ) + 2)[1:-1]
-    return np.asarray(convolve1d(held, window / window.sum(), mode="nearest"))
-
-
-def _accelerations_m_s2(
-    time_s: Series, height_m: Series, times_s: Float[np.ndarray, "times"]
-) -> Float[np.ndarray, "m 3"]:
-    """Mean vertical accelerations between ``times_s`` of a curve of heights."""
-    speed = np.interp(times_s, time_s, np.gradient(height_m, time_s))
-    mean = np.zeros((len(times_s) - 1, 3))
-    mean[:, 2] = np.diff(speed) / np.diff(times_s)
-    return mean

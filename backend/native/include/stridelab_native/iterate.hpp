@@ -149,6 +149,7 @@ struct Stage {
   double dx[nx];
   double dw[nw];
   Slack<double> low, high;  // of c_z between its bounds
+  std::array<double, 2> height;
   bool bounded;
 };
 

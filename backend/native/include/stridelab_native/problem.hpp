@@ -58,8 +58,7 @@ struct Phase {
   double h;
   int first_block, blocks;
   int first_visit, visits;
-  double height[2];  // bounds on c_z at the first nodes of its intervals, except the start; infinite: none
-  int cone;          // of the wrench cones; -1: none
+  int cone;  // of the wrench cones; -1: none
 };
 
 // At rest: x_N = goal and F = (0, 0, 1) in the last interval. Capturable: height and vertical velocity of the goal, no
@@ -106,6 +105,8 @@ struct Problem {
   std::vector<Place> places;      // in the order of their last phases
   std::vector<double> limbs;      // rate of the limbs' momentum, three per interval, for splines per Gauss point
   std::vector<double> reference;  // accelerations that c'' is compared with, rows as of limbs, m/s^2
+  // Lowest and highest c_z at the first node of every interval, except the start; infinite: none; no rows: nowhere.
+  std::vector<std::array<double, 2>> heights;
   LengthLimits length_limits;
   Shape shape = Shape::constant;
 };

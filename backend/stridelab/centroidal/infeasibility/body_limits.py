@@ -9,6 +9,8 @@ and the problem's own bounds on heights and normal forces. The slacks ``r`` and 
 per phase.
 """
 
+from itertools import product
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -41,6 +43,7 @@ def body_limit_rows(lp: LinearConstraints, problem: CentroidalProblem, about: St
     contacts = [(i, name) for i, phase in enumerate(phases) for name in phase.contacts]
     boxes = {name: reach_box(proxy.mixture) for name, proxy in problem.proxies.items()}
     G, h, row = SparseBlocks(), list[Vector](), 0
+    heights_m = problem.com_height_windows_m()
     for j, (i, name) in enumerate(contacts):
         if name not in boxes:
             continue
@@ -55,13 +58,16 @@ def body_limit_rows(lp: LinearConstraints, problem: CentroidalProblem, about: St
             h.append(distances)
             row += 6
     for j, (i, name) in enumerate(contacts):
-        lowest, highest = com_height_window_m(problem, i)
-        if problem.effectors[name].kind == "surface" and np.isfinite(highest):
-            for k in _phase_nodes(lp, i):
-                G.add_block(row, N_STATE * k + 2, np.array([[1.0], [-1.0]]))
-                G.add_block(row, n + len(contacts) + j, -np.ones((2, 1)))
-                h.append(np.array([highest, -lowest]))
-                row += 2
+        nodes = _phase_nodes(lp, i)
+        if problem.effectors[name].kind != "surface":
+            continue
+        for k, (sign, side) in product(nodes, ((1.0, 1), (-1.0, 0))):
+            height_m = heights_m[min(k, nodes[-2]), side]  # the last node is the end of the phase's last interval
+            if np.isfinite(height_m):
+                G.add_block(row, N_STATE * k + 2, np.array([[sign]]))
+                G.add_block(row, n + len(contacts) + j, -np.ones((1, 1)))
+                h.append(np.array([sign * height_m]))
+                row += 1
     for i in range(len(phases)):
         for k in _phase_nodes(lp, i):
             c, v = about[k, 0:3], about[k, 3:6]
@@ -95,21 +101,6 @@ def max_load_share(problem: CentroidalProblem, effector: str) -> float:
     bound_n = problem.bounds.normal_force_max_n.get(effector, np.inf) * len(problem.points_m(effector))
     usual = MAX_HAND_LOAD_SHARE if problem.effectors[effector].kind == "point" else np.inf
     return float(min(usual, bound_n / problem.weight_n))
-
-
-def com_height_window_m(problem: CentroidalProblem, phase: int) -> tuple[float, float]:
-    """Lowest and highest CoM height above the start by the problem's bounds."""
-    if problem.bounds.com_height_m is None:
-        return -np.inf, np.inf
-    lowest_m, highest_m = problem.bounds.com_height_m
-    soles = [
-        contact.placement.position_m[2]
-        for name in problem.sequence.effectors
-        if problem.effectors[name].kind == "surface"
-        and (contact := problem.sequence.last_contact(name, phase)) is not None
-    ]
-    ground = float(np.mean(soles)) - problem.com_start_m[2] if soles else np.nan
-    return (ground + lowest_m, ground + highest_m) if soles else (-np.inf, np.inf)
 
 
 def contact_force_rows(lp: LinearConstraints, problem: CentroidalProblem) -> tuple[sp.csc_matrix, Vector]:

@@ -10,7 +10,6 @@ from stridelab.centroidal.boundary_conditions import Terminal
 from stridelab.centroidal.control import ContactPatch
 from stridelab.centroidal.force_splines import INNER, touchdowns_and_liftoffs
 from stridelab.centroidal.free_variables import ContactSpan, movable_spans
-from stridelab.centroidal.nlp.transcription import ground_m
 from stridelab.centroidal.placement_windows import placement_window_m
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.dynamics.spatial import Placement
@@ -20,6 +19,8 @@ POINTS_PER_BLOCK: Final = 4
 """Contact points per block; a contact with more points takes several blocks."""
 MIN_WINDOW_M: Final = 1e-6
 """Placement windows up to this size count as empty."""
+FAR_M: Final = 100.0
+"""Replaces the missing one of two bounds on a height: the solver has slacks for both."""
 ENDS: Final[tuple[Terminal, ...]] = ("rest", "capturable", "moving")
 """The ends in the order of their numbers in the C++ solver."""
 MixtureArrays = tuple[Float[np.ndarray, "_"], Float[np.ndarray, "_ 3"], Float[np.ndarray, "_ 3 3"]]
@@ -53,7 +54,7 @@ class NativeInput:
     block_force_limit: Float[np.ndarray, "blocks"]
     phase_layout: Int[np.ndarray, "phases 5"]
     phase_step_s: Float[np.ndarray, "phases"]
-    phase_height: Float[np.ndarray, "phases 2"]
+    heights: Float[np.ndarray, "intervals 2"]
     end: int
     planes: Float[np.ndarray, "planes 5"]
     wrench_cones: Float[np.ndarray, "cones 6 6"]
@@ -139,7 +140,7 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
         ),
         phase_layout=np.array(layout, dtype=np.int32),
         phase_step_s=np.array([p.duration_s / n for p, n in zip(sequence.phases, controls, strict=True)], dtype=float),
-        phase_height=_height_bounds(problem),
+        heights=_height_bounds(problem),
         end=ENDS.index(problem.terminal),
         planes=_capture_planes(problem),
         wrench_cones=wrench_cones,
@@ -231,13 +232,15 @@ def _zero_force_edges(problem: CentroidalProblem, slots: list[tuple[Slot, ...]])
     return np.array(edges, dtype=np.int32).reshape(-1, 2)
 
 
-def _height_bounds(problem: CentroidalProblem) -> Float[np.ndarray, "phases 2"]:
-    """CoM height bounds per phase, relative to the start."""
-    phases = len(problem.sequence.phases)
-    if problem.bounds.com_height_m is None:
-        return np.tile(np.array([-np.inf, np.inf]), (phases, 1))
-    above_m = np.array(problem.bounds.com_height_m) - problem.com_start_m[2]
-    return np.array([ground_m(problem, i) + above_m for i in range(phases)])
+def _height_bounds(problem: CentroidalProblem) -> Float[np.ndarray, "intervals 2"]:
+    """CoM height bounds per interval, relative to the start: both infinite or both finite, as the solver needs them.
+
+    Splines have two intervals between nodes.
+    """
+    windows_m = problem.com_height_windows_m()
+    is_bounded = np.isfinite(windows_m).any(axis=1, keepdims=True)
+    windows_m = np.where(is_bounded, np.clip(windows_m, -FAR_M, FAR_M), windows_m)
+    return np.asarray(np.repeat(windows_m, INNER[problem.shape], axis=0))
 
 
 def _capture_planes(problem: CentroidalProblem) -> Float[np.ndarray, "planes 5"]:

@@ -39,7 +39,6 @@ from stridelab.centroidal.placement_windows import placement_window_m
 from stridelab.centroidal.problem import CentroidalProblem, Grid
 from stridelab.centroidal.state_density import phase_quadratic
 from stridelab.conventions import Series, Vector3
-from stridelab.errors import InvalidInput
 from stridelab.reachability.gaussian_mixture import Mixture
 
 PhaseGenerators = Mapping[str, Generators]
@@ -242,11 +241,8 @@ def _variable_bounds(
         T = problem.sequence.durations_s
         lower[layout.durations] = problem.durations.shortest * T
         upper[layout.durations] = problem.durations.longest * T
-    if problem.bounds.com_height_m is not None:
-        lowest, highest = problem.bounds.com_height_m
-        for k, phase in list(enumerate(grid.phase))[1:]:
-            soles_m = ground_m(problem, int(phase)) - problem.com_start_m[2]
-            lower[layout.state[k] + 2], upper[layout.state[k] + 2] = soles_m + lowest, soles_m + highest
+    for k, window_m in list(enumerate(problem.com_height_windows_m().tolist()))[1:]:
+        lower[layout.state[k] + 2], upper[layout.state[k] + 2] = window_m
     if problem.placements:
         for span, at in zip(spans, layout.shifts, strict=True):
             corners_m = problem.effectors[span.contact.effector].points_m()
@@ -265,20 +261,6 @@ def _zero_force_uses(problem: CentroidalProblem, grid: Grid, layout: Layout) -> 
         if (use.inner == 0 and use.k == begins[use.k] and (use.phase, use.group.name) in comes)
         or (use.inner == 1 and use.k == ends[use.k] and (use.phase, use.group.name) in goes)
     ]
-
-
-def ground_m(problem: CentroidalProblem, phase: int) -> float:
-    """Mean height of the soles at their current or latest contacts.
-
-    Raises ``InvalidInput`` (``no-surface-contact``) if no sole has been in contact so far.
-    """
-    contacts = [problem.sequence.last_contact(name, phase) for name in problem.sequence.effectors]
-    soles = [c for c in contacts if c is not None and problem.effectors[c.effector].kind == "surface"]
-    if not soles:
-        raise InvalidInput(
-            "no-surface-contact", "CoM height bounds are relative to the soles, but none is in contact yet."
-        )
-    return float(np.mean([c.placement.position_m[2] for c in soles]))
 
 
 def _row_bounds(
