@@ -1,4 +1,4 @@
-"""Length of the legs along a centroidal plan, and plans with a CoM low enough for the legs to reach.
+"""Length of the legs along a centroidal plan, and plans with a CoM that legs and ankles can follow.
 
 The plan knows a point mass and learned densities, not knees: where a foot lands below the body, or far from it, the leg
 may have to be longer than it is. With an upright base of the planned heading and legs whose CoM lies between hip h and
@@ -6,10 +6,15 @@ ankle a, ``c_leg = lam h + (1 - lam) a + R o``, the position of the base follows
 
     m c = m_r (p + R o_r) + sum_legs m_l (lam h + (1 - lam) a + R o) ,    h = p + R h_0 ,
 
-and with it the vector ``h - a``, whose length may be at most ``l``, that of the leg with a knee ``BEND_RAD`` from the
-end of its range. The missing height is what the base has to be lower. The lowest height that a phase allows becomes
-an upper bound of its CoM, and the plan is solved again: a few milliseconds, before the whole body. A leg in the air may
-be short by ``AIR_M`` in the middle of its swing, which its detour (``control.swing_detour``) makes up for.
+and with it the vector ``v = h - a``. Its length may be at most ``l``, that of the leg with a knee ``BEND_RAD`` from the
+end of its range, and the shank of a standing leg may lean ahead of the normal of its sole by what the ankle allows,
+
+    |v| <= l ,    atan2(v_x, v_z) + beta(|v|) <= phi ,
+
+``beta`` the angle of shank and ``v``, in the axes of the sole. What is missing of the first is how much lower, of the
+second how much higher the base has to be. These heights become bounds of the CoM at the nodes near them, and the plan
+is solved again: a few milliseconds, before the whole body. A leg in the air may be short by ``AIR_M`` in the middle of
+its swing, which its detour (``control.swing_detour``) makes up for.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -153,7 +158,7 @@ class LegModel:
 def lower_for_legs(
     robot: Robot, problem: CentroidalProblem, plan: CentroidalPlan, solve: Solve
 ) -> tuple[CentroidalProblem, CentroidalPlan]:
-    """The problem and plan with a CoM that is lower where legs are too short; as given where they reach.
+    """The problem and plan with a CoM that legs and ankles can follow; as given where the legs reach.
 
     Bounds are tightened in up to ``MAX_PASSES`` solutions, as long as the plans converge and miss less.
     """
