@@ -233,20 +233,21 @@ class CentroidalProblem:
             )
         return tuple(patches)
 
-    def com_height_windows_m(self) -> Float[np.ndarray, "intervals 2"]:
+    def com_height_windows_m(self, grid: Grid | None = None) -> Float[np.ndarray, "intervals 2"]:
         """Lowest and highest CoM height per interval, above the CoM at the start; infinite where there is no bound.
 
-        They hold at the first node of the interval, except the start. Raises ``InvalidInput`` (``no-surface-contact``)
-        for bounds above the soles if none has been in contact so far.
+        They hold at the first node of the interval, except the start. ``grid`` is the problem's own unless given.
+        Raises ``InvalidInput`` (``no-surface-contact``) for bounds above the soles if none has been in contact so far.
         """
-        phase = self.grid().phase
-        windows_m = np.tile([-np.inf, np.inf], (len(phase), 1))
-        if self.bounds.com_height_m is not None:
-            windows_m = np.array([self._ground_m(i) for i in range(len(self.sequence.phases))])[phase, None] + np.array(
-                self.bounds.com_height_m
-            )
-        if self.bounds.com_between_m is not None:
-            lowest_m, highest_m = self.bounds.com_between_m.T
+        own, bounds = self.grid(), self.bounds
+        grid = grid or own
+        windows_m = np.tile([-np.inf, np.inf], (len(grid.phase), 1))
+        if bounds.com_height_m is not None:
+            ground_m = np.array([self._ground_m(i) for i in range(len(self.sequence.phases))])
+            windows_m = ground_m[grid.phase, None] + np.array(bounds.com_height_m)
+        if bounds.com_between_m is not None:
+            own_interval = np.searchsorted(own.time_s, grid.time_s[:-1] + 1e-9, side="right") - 1
+            lowest_m, highest_m = bounds.com_between_m[own_interval].T
             windows_m = np.column_stack([np.maximum(windows_m[:, 0], lowest_m), np.minimum(windows_m[:, 1], highest_m)])
         return np.asarray(windows_m - self.com_start_m[2])
 

@@ -159,10 +159,11 @@ def test_a_motion_that_goes_on_and_can_be_stopped(problem: CentroidalProblem) ->
 
 def test_bounds_of_the_problem_are_limits_of_the_body() -> None:
     walk = rest_to_rest(two_steps())
-    low = replace(walk, bounds=PathBounds(com_height_m=(0.3, 0.7)))
-    relaxed = solve_elastic(low, body=1.0)
-    assert relaxed is not None
-    assert relaxed.beyond_m[0, "left_foot"] + relaxed.beyond_m[0, "right_foot"] >= COM_HEIGHT_M - 0.7 - 1e-6
+    highest = np.tile([-np.inf, 0.7], (len(walk.grid().phase), 1))
+    for low in (PathBounds(com_height_m=(0.3, 0.7)), PathBounds(com_between_m=highest)):
+        relaxed = solve_elastic(replace(walk, bounds=low), body=1.0)
+        assert relaxed is not None
+        assert relaxed.beyond_m[0, "left_foot"] + relaxed.beyond_m[0, "right_foot"] >= COM_HEIGHT_M - 0.7 - 1e-6
     weak = replace(walk, bounds=PathBounds(normal_force_max_n={"left_foot": 100.0}))
     bearing = solve_elastic(weak, body=1.0, end=1.0)
     assert bearing is not None

@@ -43,7 +43,7 @@ def body_limit_rows(lp: LinearConstraints, problem: CentroidalProblem, about: St
     contacts = [(i, name) for i, phase in enumerate(phases) for name in phase.contacts]
     boxes = {name: reach_box(proxy.mixture) for name, proxy in problem.proxies.items()}
     G, h, row = SparseBlocks(), list[Vector](), 0
-    heights_m = problem.com_height_windows_m()
+    heights_m = problem.com_height_windows_m(lp.grid)
     for j, (i, name) in enumerate(contacts):
         if name not in boxes:
             continue
