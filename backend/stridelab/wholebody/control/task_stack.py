@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.centroidal.plan import CentroidalPlan, Reference
+from stridelab.centroidal.plan import Reference
 from stridelab.contacts.sequence import Contact
 from stridelab.contacts.swing import SwingCurve, SwingPoint
 from stridelab.conventions import Angles, Points, Rotation, Vector3
@@ -103,11 +103,12 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class SampleTargets:
-    """Targets of one sample: the plan's reference and the base's orientation with its rates."""
+    """Targets of one sample: the plan's reference and forces, and the base's orientation with its rates."""
 
     time_s: float
     reference: Reference
     base: tuple[Rotation, Vector3, Vector3]
+    forces_n: Mapping[str, Points]
 
 
 class PhaseHierarchy:
@@ -122,13 +123,12 @@ class PhaseHierarchy:
         body: RigidBody,
         contacts: Mapping[str, Contact],
         swings: Mapping[str, SwingCurve],
-        plan: CentroidalPlan | None,
         settings: Settings,
         avoidance: CollisionAvoidance | None = None,
         rate_hz: float = 250.0,
     ) -> None:
         self._avoidance = avoidance
-        self._body, self._contacts, self._swings, self._plan, self._settings = body, contacts, swings, plan, settings
+        self._body, self._contacts, self._swings, self._settings = body, contacts, swings, settings
         self._surface = {name: robot.effectors[name].kind == "surface" for name in (*contacts, *swings)}
         ends = {True: (CLOSES, None), False: (HAND_CLOSES, HAND_OPENS)}
         self._detours = {
@@ -265,9 +265,7 @@ class PhaseHierarchy:
                 w, w_rate = target.angular_velocity_rad_s, target.angular_acceleration_rad_s2
                 rows = tasks.orientation_task(body.frame_state(name), target.placement.rotation, w, w_rate, s.hand)
                 weighted.append((s.hand_weight, rows))
-        assert self._plan is not None, "only rows without a plan's forces are built without a plan"
-        forces_n = self._plan.forces_at(instant.time_s)
-        planned = np.concatenate([*(forces_n[name].ravel() for name in self._contacts), np.zeros(0)])
+        planned = np.concatenate([*(instant.forces_n[name].ravel() for name in self._contacts), np.zeros(0)])
         weighted.append((self._force_weights, tasks.force_task(planned, self._nv)))
         return tasks.stack_weighted(weighted, self._nz)
 
