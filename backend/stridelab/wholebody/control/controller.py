@@ -235,8 +235,10 @@ class _ControllerRun:
 
     def _check_divergence(self, i: int, com_reference_m: Vector3) -> None:
         """Stop the run if the state has diverged from the plan."""
-        speed = np.abs(self._v[6:])
-        if not (speed.max() <= _MAX_SPEED_RAD_S and np.isfinite(self._v[:6]).all()):  # NaN is not below either
+        v = self._v
+        is_slow = v.dot(v) <= _MAX_SPEED_RAD_S**2  # of all joints together; false for NaN, as below
+        if not is_slow and not (np.abs(v[6:]).max() <= _MAX_SPEED_RAD_S and np.isfinite(v[:6]).all()):
+            speed = np.abs(v[6:])
             joint = self._robot.joint_names[int(np.argmax(np.nan_to_num(speed, nan=np.inf)))]
             raise self._stop_error(i, f"{joint} moves at more than {_MAX_SPEED_RAD_S:g} rad/s", 0, [joint])
         away_m = math.dist(self._body.com_m.tolist(), com_reference_m.tolist())
