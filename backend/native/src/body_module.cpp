@@ -62,7 +62,7 @@ BodyContact contact(nb::handle given) {
 
 // The rows of one phase; the arrays that are filled are held with it.
 class BodyRows {
- public:
+public:
   BodyRows(nb::list contacts, std::vector<bool> swings_surface, nb::dict joints, nb::dict settings, nb::list arrays,
            std::size_t torque_row)
       : torque_row_(torque_row) {
@@ -168,7 +168,7 @@ class BodyRows {
                            held_[5].data(), held_[6].data(), torque_row_});
   }
 
- private:
+private:
   BodyPhase phase_;
   std::vector<Output> held_;
   std::size_t torque_row_, spare_ = 0;

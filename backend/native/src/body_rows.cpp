@@ -38,16 +38,18 @@ View view_of(const std::array<double, 9>& rotation) { return {rotation.data(), 3
 // a_ref + kp (p_ref - p) + kd (v_ref - v) - dJ v
 Vector position_rate(const BodyFrame& frame, const View& p, const View& v, const View& a, const Gain& gain) {
   Vector rate{};
-  for (std::size_t i = 0; i < 3; ++i)
+  for (std::size_t i = 0; i < 3; ++i) {
     rate[i] = a(i) + gain.kp * (p(i) - frame.position(i)) + gain.kd * (v(i) - frame.velocity(i)) - frame.drift(i);
+  }
   return rate;
 }
 
 Vector orientation_rate(const BodyFrame& frame, const View& R, const View& w, const View& w_rate, const Gain& gain) {
   const Vector error = rotation_error(R, frame.rotation);
   Vector rate{};
-  for (std::size_t i = 0; i < 3; ++i)
+  for (std::size_t i = 0; i < 3; ++i) {
     rate[i] = w_rate(i) + gain.kp * error[i] + gain.kd * (w(i) - frame.velocity(3 + i)) - frame.drift(3 + i);
+  }
   return rate;
 }
 
@@ -59,8 +61,9 @@ void fill_force_columns(const BodyPhase& phase, const BodySample& sample, const 
     const BodyFrame& frame = sample.frames[c];
     for (const Vector& point : phase.contacts[c].points) {
       Vector r{};
-      for (std::size_t i = 0; i < 3; ++i)
+      for (std::size_t i = 0; i < 3; ++i) {
         for (std::size_t k = 0; k < 3; ++k) r[i] += frame.rotation(i, k) * point[k];
+      }
       for (std::size_t j = 0; j < nv; ++j) {
         const double w[3] = {frame.J(3, j), frame.J(4, j), frame.J(5, j)};
         const double moved[3] = {frame.J(0, j) + r[2] * w[1] - r[1] * w[2], frame.J(1, j) - r[2] * w[0] + r[0] * w[2],
@@ -89,26 +92,29 @@ void fill_equalities(const BodyPhase& phase, const BodySample& sample, const Bod
       const double error = i < 3 ? contact.position[i] - frame.position(i) : turn[i - 3];
       rate[i] = contact.gain.kp * error - contact.gain.kd * frame.velocity(i) - frame.drift(i);
     }
-    if (contact.surface)
+    if (contact.surface) {
       rows.write(1.0, frame.J, 0, nv, rate);
-    else
+    } else {
       rows.write(1.0, frame.J, 0, nv, Vector{rate[0], rate[1], rate[2]});
+    }
   }
   Vector com_a{};
-  for (std::size_t i = 0; i < 3; ++i)
+  for (std::size_t i = 0; i < 3; ++i) {
     com_a[i] = phase.mass_kg * (sample.com_a_ref(i) + phase.com.kp * (sample.com_ref(i) - sample.com(i)) +
                                 phase.com.kd * (sample.com_v_ref(i) - sample.com_v(i))) -
                sample.A_g_drift(i);
+  }
   rows.write(1.0 / phase.mass_kg, sample.A_g, 0, nv, com_a);
   for (std::size_t s = 0; s < sample.swings.size(); ++s) {
     const BodyFrame& frame = sample.frames[phase.contacts.size() + s];
     const SwingTarget& target = sample.swings[s];
     rows.write(1.0, frame.J, 0, nv,
                position_rate(frame, target.position, target.velocity, target.acceleration, phase.effector));
-    if (phase.swings_surface[s])
+    if (phase.swings_surface[s]) {
       rows.write(1.0, frame.J, 3, nv,
                  orientation_rate(frame, target.rotation, target.angular_velocity, target.angular_acceleration,
                                   phase.effector));
+    }
   }
 }
 
@@ -130,32 +136,39 @@ std::size_t fill_level_2(const BodyPhase& phase, const BodySample& sample, const
   const View zero{none, 1, 0};
   RowWriter rows{arrays.A_2, arrays.b_2, phase.unknowns()};
   Vector l_rate{};
-  for (std::size_t i = 0; i < 3; ++i)
+  for (std::size_t i = 0; i < 3; ++i) {
     l_rate[i] = sample.l_rate_ref(i) + phase.momentum_per_s * (sample.l_ref(i) - sample.l(i)) - sample.A_g_drift(3 + i);
+  }
   rows.write(phase.momentum_weight, sample.A_g, 3, nv, l_rate);
   const BodyFrame& base = sample.frames.back();
   rows.write(phase.base_weight, base.J, 3, nv,
              orientation_rate(base, sample.base_rotation, sample.base_w, sample.base_w_rate, phase.base));
-  for (std::size_t j = 0; j < phase.joints(); ++j)
+  for (std::size_t j = 0; j < phase.joints(); ++j) {
     rows.write_one(phase.posture_weight[j], 6 + j, 1.0,
                    phase.posture.kp * (phase.rest_rad[j] - sample.q(7 + j)) - phase.posture.kd * sample.v(6 + j));
-  for (std::size_t i = 0; i < sample.avoid_rows; ++i)
+  }
+  for (std::size_t i = 0; i < sample.avoid_rows; ++i) {
     rows.write(sample.avoid_weight(i), sample.avoid_A, i, nv, std::array<double, 1>{sample.avoid_b(i)});
+  }
   fill_ankles(phase, sample, rows);
-  for (std::size_t c = 0; c < nc; ++c)
-    if (!phase.contacts[c].surface)
+  for (std::size_t c = 0; c < nc; ++c) {
+    if (!phase.contacts[c].surface) {
       rows.write(phase.hand_weight, sample.frames[c].J, 3, nv,
                  orientation_rate(sample.frames[c], view_of(phase.contacts[c].rotation), zero, zero, phase.hand));
+    }
+  }
   for (std::size_t s = 0; s < sample.swings.size(); ++s) {
     const BodyFrame& frame = sample.frames[nc + s];
     const SwingTarget& target = sample.swings[s];
-    if (!phase.swings_surface[s])
+    if (!phase.swings_surface[s]) {
       rows.write(
           phase.hand_weight, frame.J, 3, nv,
           orientation_rate(frame, target.rotation, target.angular_velocity, target.angular_acceleration, phase.hand));
+    }
   }
-  for (std::size_t f = 0; f < phase.forces(); ++f)
+  for (std::size_t f = 0; f < phase.forces(); ++f) {
     rows.write_one(phase.force_weight[f], nv + f, 1.0, sample.planned_n(f));
+  }
   return static_cast<std::size_t>(rows.b - arrays.b_2);
 }
 
@@ -181,9 +194,11 @@ void fill_bounds(const BodyPhase& phase, const BodySample& sample, const BodyArr
 
 std::array<double, 3> rotation_error(const View& reference, const View& actual) {
   double R[3][3] = {};
-  for (std::size_t i = 0; i < 3; ++i)
-    for (std::size_t j = 0; j < 3; ++j)
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t j = 0; j < 3; ++j) {
       for (std::size_t k = 0; k < 3; ++k) R[i][j] += reference(i, k) * actual(j, k);
+    }
+  }
   // the quaternion by its largest component (Shepperd 1978)
   const double trace = R[0][0] + R[1][1] + R[2][2];
   double w = 0.0;

@@ -1,4 +1,5 @@
-// Rows of the task hierarchy of one contact phase; formulas and order as in wholebody/control/task_stack.py and tasks.py.
+// Rows of the task hierarchy of one contact phase; formulas and order as in wholebody/control/task_stack.py and
+// tasks.py.
 #pragma once
 #include <array>
 #include <cstddef>
