@@ -88,10 +88,16 @@ def test_many_times_at_once_give_the_same_reference(plan: CentroidalPlan) -> Non
     """For splines, and for forces that are constant between the nodes."""
     times_s = np.linspace(-0.5, plan.time_s[-1] + 0.5, 97)
     for one in (plan, replace(plan, curves_n={})):
-        com_m, l_nms = one.com_and_momentum_at(times_s)
-        references = [one.reference_at(float(t)) for t in times_s]
-        assert com_m == pytest.approx(np.array([reference.com_m for reference in references]), abs=1e-12)
-        assert l_nms == pytest.approx(np.array([reference.l_nms for reference in references]), abs=1e-9)
+        batch, forces_n = one.references_at(times_s), one.forces_over(times_s)
+        for i, t in enumerate(times_s.tolist()):
+            single = one.reference_at(t)
+            assert batch[i].interval == single.interval
+            for name in ("com_m", "com_v_m_s", "com_a_m_s2", "l_nms", "l_rate_nm"):
+                assert getattr(batch[i], name) == pytest.approx(getattr(single, name), rel=1e-12, abs=1e-9), name
+            forces_then_n = one.forces_at(t)
+            assert forces_n.keys() == forces_then_n.keys()
+            for name, force_n in forces_then_n.items():
+                assert forces_n[name][i] == pytest.approx(force_n, rel=1e-12, abs=1e-9), name
 
 
 def test_outside_its_time_the_reference_is_at_rest(plan: CentroidalPlan) -> None:

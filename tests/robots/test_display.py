@@ -26,6 +26,7 @@ from stridelab.robots.visuals import (
     link_poses,
     merge_meshes,
     mesh_of,
+    split_glb,
     srgb_to_linear,
 )
 
@@ -280,3 +281,15 @@ def test_a_shape_that_cannot_be_shown_is_reported() -> None:
     plane = pin.GeometryObject("floor", 1, pin.SE3.Identity(), coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0))
     with pytest.raises(Unavailable, match="floor is a Halfspace"):
         mesh_of(plane)
+
+
+def test_a_file_of_all_links_splits_into_the_files_of_each(meshes: tuple[LinkMesh, ...]) -> None:
+    empty = LinkMesh("bare", np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros((0, 4), np.uint8))
+    links = (*meshes, empty)
+    assert split_glb(glb(links)) == {link.name: glb([link]) for link in links}
+
+
+def test_a_cut_file_of_links_is_refused(meshes: tuple[LinkMesh, ...]) -> None:
+    for damaged in (b"", b"glTF", glb(meshes[:2])[:-1]):
+        with pytest.raises(ValueError, match="GLB"):
+            split_glb(damaged)

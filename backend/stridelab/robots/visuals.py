@@ -6,7 +6,7 @@ encodes them as binary glTF 2.0 (GLB) for browsers.
 
 import json
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -155,7 +155,7 @@ def _shape_triangles(geometry: coal.CollisionGeometry, name: str) -> tuple[Point
     return np.array(solid.vertices), np.array(solid.faces, dtype=np.int64)
 
 
-__all__ = ["LinkMesh", "glb", "link_meshes", "link_names", "link_poses"]
+__all__ = ["LinkMesh", "glb", "link_meshes", "link_names", "link_poses", "split_glb"]
 
 
 def link_names(robot: Robot) -> tuple[str, ...]:
@@ -180,8 +180,13 @@ def link_meshes(robot: Robot) -> tuple[LinkMesh, ...]:
     """
     visual = visual_shapes(robot)
     for tolerance_m in TOLERANCES_M:
-        shapes = [(shape.parentJoint, mesh_of(shape, tolerance_m)) for shape in visual.geometryObjects]
-        if sum(len(mesh.faces) for _, mesh in shapes) <= _MAX_TRIANGLES:
+        shapes, triangles = [], 0
+        for shape in visual.geometryObjects:
+            shapes.append((shape.parentJoint, mesh_of(shape, tolerance_m)))
+            triangles += len(shapes[-1][1].faces)
+            if triangles > _MAX_TRIANGLES and tolerance_m != TOLERANCES_M[-1]:
+                break
+        else:
             break
     return tuple(
         merge_meshes(name, [mesh for parent, mesh in shapes if parent == joint])
@@ -233,12 +238,37 @@ def glb(meshes: Sequence[LinkMesh]) -> bytes:
         shapes.append(
             {"name": mesh.name, "primitives": [{"attributes": attributes, "indices": indices, "material": 0}]}
         )
+    return _encode_glb(nodes, shapes, buffer)
+
+
+def split_glb(data: bytes) -> dict[str, bytes]:
+    """One GLB per node of a file of ``glb``, by its name: what ``glb`` writes of its mesh alone.
+
+    Raises ``ValueError`` for any other content.
+    """
+    document, binary = _decode_glb(data)
+    return {node["name"]: _glb_of_node(node, document, binary) for node in document["nodes"]}
+
+
+def _glb_of_node(node: Mapping[str, Any], document: Mapping[str, Any], binary: bytes) -> bytes:
+    buffer = _Buffer()
+    if "mesh" not in node:
+        return _encode_glb([node], [], buffer)
+    mesh = document["meshes"][node["mesh"]]
+    primitive = mesh["primitives"][0]
+    attributes = {name: buffer.copy_array(document, binary, k) for name, k in primitive["attributes"].items()}
+    indices = buffer.copy_array(document, binary, primitive["indices"])
+    alone = {**mesh, "primitives": [{**primitive, "attributes": attributes, "indices": indices}]}
+    return _encode_glb([{**node, "mesh": 0}], [alone], buffer)
+
+
+def _encode_glb(nodes: Sequence[Mapping[str, Any]], meshes: Sequence[Mapping[str, Any]], buffer: "_Buffer") -> bytes:
     document = {
         "asset": {"version": "2.0", "generator": "stridelab"},
         "scene": 0,
         "scenes": [{"nodes": list(range(len(nodes)))}],
         "nodes": nodes,
-        "meshes": shapes,
+        "meshes": meshes,
         "materials": [_MATT],
         "accessors": buffer.accessors,
         "bufferViews": buffer.views,
@@ -247,6 +277,15 @@ def glb(meshes: Sequence[LinkMesh]) -> bytes:
     text = json.dumps(document, separators=(",", ":")).encode()
     chunks = _glb_chunk(b"JSON", text + b" " * (-len(text) % 4)) + _glb_chunk(b"BIN\0", bytes(buffer.data))
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def _decode_glb(data: bytes) -> tuple[dict[str, Any], bytes]:
+    """Document and binary chunk of a file of ``glb``. Raises ``ValueError``."""
+    if len(data) < 20 or data[:4] != b"glTF" or int.from_bytes(data[8:12], "little") != len(data):
+        raise ValueError("not a whole GLB file")
+    end = 20 + int.from_bytes(data[12:16], "little")
+    document: dict[str, Any] = json.loads(data[20:end])
+    return document, data[end + 8 :]
 
 
 def srgb_to_linear(colours: UInt8[np.ndarray, "n 4"]) -> UInt8[np.ndarray, "n 4"]:
@@ -272,6 +311,15 @@ class _Buffer:
         self.views.append(view)
         self.accessors.append(accessor | extra)
         self.data += raw
+        return len(self.accessors) - 1
+
+    def copy_array(self, document: Mapping[str, Any], binary: bytes, accessor: int) -> int:
+        """Append the array of an accessor of another file; return its accessor index."""
+        of_array = document["accessors"][accessor]
+        view = document["bufferViews"][of_array["bufferView"]]
+        self.accessors.append({**of_array, "bufferView": len(self.views)})
+        self.views.append({**view, "byteOffset": len(self.data)})
+        self.data += binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
         return len(self.accessors) - 1
 
 

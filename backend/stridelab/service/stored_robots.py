@@ -1,5 +1,7 @@
 """Robots of users: their rows, and their files as a job's child needs them."""
 
+import asyncio
+import contextlib
 import hashlib
 import json
 import re
@@ -10,9 +12,12 @@ from typing import Any, Final
 from sqlalchemy import select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from stridelab.errors import StridelabError
 from stridelab.schemas.robots import NAME_PATTERN
-from stridelab.service.filenames import BUNDLE_FILE, LEARNED_FILE, STAGED_ROBOT
+from stridelab.service.filenames import BUNDLE_FILE, LEARNED_FILE, LINKS_FILE, STAGED_ROBOT
 from stridelab.service.kinds.base import Blobs
+from stridelab.service.source_hash import LINKS_FILE as CACHED_LINKS_FILE
+from stridelab.service.source_hash import cached_files_prefix
 from stridelab.service.storage.tables import robot
 
 ROBOT_FOLDER: Final = "own-robots"
@@ -49,6 +54,21 @@ async def stage_robot(connection: AsyncConnection, blobs: Blobs, name: str | Non
         await blobs.get_file(row["learned_key"], folder / LEARNED_FILE)
     write_staged_robot(folder, row["name"], row["card"])
     return robot_version(row)
+
+
+async def stage_links(connection: AsyncConnection, blobs: Blobs, name: str, folder: Path) -> None:
+    """Fetch the display meshes of the robot ``name`` into ``folder``, if they are stored.
+
+    A run without them makes them anew.
+    """
+    row = await find_robot(connection, name)
+    with contextlib.suppress(StridelabError):  # the run says what is wrong with the robot
+        if row is None:
+            key = f"{await asyncio.to_thread(cached_files_prefix, name)}/{CACHED_LINKS_FILE}"
+        else:
+            key = row["links_key"]
+        if await blobs.exists(key):
+            await blobs.get_file(key, folder / LINKS_FILE)
 
 
 async def stored_bytes(blobs: Blobs, row: Mapping[str, Any]) -> int:

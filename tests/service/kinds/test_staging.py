@@ -18,11 +18,12 @@ from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingTask
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
 from stridelab.schemas.robots import LearnReachabilityInput, LearnReachabilityTask
 from stridelab.schemas.tasks import EstimateComTask, SimulateRecordingTask
-from stridelab.service.filenames import SIMULATED_FACTS_FILE
+from stridelab.service.filenames import LINKS_FILE, SIMULATED_FACTS_FILE
 from stridelab.service.kinds import staging
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.kinds.simulate_recording.kind import publish
 from stridelab.service.samples.scenario_bodies import ONE_STEP, STANDING, STANDING_AHEAD
+from stridelab.service.source_hash import cached_files_prefix
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.tables import job, recording, scenario, subject
 from support.robots.plans import short_walk
@@ -219,6 +220,25 @@ def test_a_scenario_in_the_input_needs_no_row(database_url: str, blobs: BlobStor
         return await KINDS["plan-motion"].stage(connection, blobs, PlanMotionInput(scenario=short_walk()), folder)
 
     assert PlanMotionTask.model_validate(within(database_url, act)).scenario == short_walk()
+
+
+def test_a_plan_of_the_whole_body_gets_the_stored_meshes_of_its_robot(
+    database_url: str, blobs: BlobStore, folder: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "stored").write_bytes(b"meshes")
+    bodiless = PlanMotionInput(scenario=short_walk(), whole_body=False)
+
+    async def act(connection: AsyncConnection) -> None:
+        stage = KINDS["plan-motion"].stage
+        await stage(connection, blobs, PlanMotionInput(scenario=short_walk()), folder)
+        assert not any(folder.iterdir()), "not stored yet"
+        await blobs.put_file(f"{cached_files_prefix(short_walk().robot)}/links.glb", tmp_path / "stored")
+        await stage(connection, blobs, bodiless, folder)
+        assert not any(folder.iterdir()), "without a body there is no file that shows it"
+        await stage(connection, blobs, PlanMotionInput(scenario=short_walk()), folder)
+
+    within(database_url, act)
+    assert (folder / LINKS_FILE).read_bytes() == b"meshes"
 
 
 def test_a_scenario_deleted_meanwhile_is_named(database_url: str, blobs: BlobStore, folder: Path) -> None:

@@ -135,10 +135,10 @@ def test_a_hand_does_not_correct_the_momentum_of_the_limbs(
     body.update(talos.q_reference, v)
     hand = Contact("right_hand", Placement(body.frame_state("right_hand").position_m, np.eye(3)), "rail", 0.5, "point")
     contacts = {"left_foot": plan.sequence.phases[0].contacts["left_foot"], "right_hand": hand}
-    forces_n = {**plan.forces_n, "right_hand": np.zeros((len(plan.com_a_m_s2), 1, 3))}
+    forces_n = {**plan.forces_at(0.0), "right_hand": np.zeros((1, 3))}
     settings, still = replace(Settings(), hand_force_weight=weight), np.zeros(3)
-    programme = PhaseHierarchy(talos, body, contacts, {}, replace(plan, forces_n=forces_n), settings)
-    targets = SampleTargets(0.0, plan.reference_at(0.0), (np.eye(3), still, still))
+    programme = PhaseHierarchy(talos, body, contacts, {}, settings)
+    targets = SampleTargets(0.0, plan.reference_at(0.0), (np.eye(3), still, still), forces_n)
     result = solve_hierarchy(*programme.build_rows(targets))
     assert result.failure is None
     assert np.linalg.norm(body.l_nms) > 2.0
@@ -150,10 +150,10 @@ def test_without_contacts_the_body_falls(talos: Robot) -> None:
     body = RigidBody(talos)
     body.update(talos.q_reference, np.zeros(talos.model.nv))
     plan = sway(talos)
-    programme = PhaseHierarchy(talos, body, {}, {}, plan, Settings())
+    programme = PhaseHierarchy(talos, body, {}, {}, Settings())
     still = np.zeros(3)
     equality, levels, bounds = programme.build_rows(
-        SampleTargets(0.0, plan.reference_at(0.0), (np.eye(3), still, still))
+        SampleTargets(0.0, plan.reference_at(0.0), (np.eye(3), still, still), {})
     )
     result = solve_hierarchy(equality, levels, bounds)
     assert result.failure is None

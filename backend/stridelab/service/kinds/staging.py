@@ -16,7 +16,7 @@ from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidTask
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import MeasuresMember
 from stridelab.schemas.methods import Method
-from stridelab.schemas.plans import PlanMotionTask
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
 from stridelab.schemas.receding import PlanRecedingTask, PushBasinTask
 from stridelab.schemas.recordings import SubjectFields
 from stridelab.schemas.scenarios import Scenario, ScenarioSource
@@ -26,7 +26,7 @@ from stridelab.service.kinds.base import Blobs, Json, Stage
 from stridelab.service.kinds.session_staging import session_of
 from stridelab.service.storage.tables import recording, scenario, subject
 from stridelab.service.stored_marker_sets import source_marker_sets
-from stridelab.service.stored_robots import stage_robot
+from stridelab.service.stored_robots import stage_links, stage_robot
 
 
 def stated_subject(recording_fields: Mapping[str, Any], subject_fields: Mapping[str, Any] | None) -> SubjectFields:
@@ -86,7 +86,10 @@ def stage_scenario(task_model: type[PlanMotionTask | PlanRecedingTask | PushBasi
         if not isinstance(request, ScenarioSource):
             raise TypeError(f"{type(request).__name__} has no scenario")
         scenario = request.scenario or await _stored_scenario(connection, request.scenario_id)
-        await stage_robot(connection, blobs, getattr(request, "robot", None) or scenario.robot, folder)
+        name = getattr(request, "robot", None) or scenario.robot
+        await stage_robot(connection, blobs, name, folder)
+        if isinstance(request, PlanMotionInput) and request.whole_body:  # writes files with the robot's shape
+            await stage_links(connection, blobs, name, folder)
         return task_model.model_validate({"scenario": scenario, "input": request}).model_dump(mode="json")
 
     return stage

@@ -74,8 +74,8 @@ def _all_checks(
     worst = WorstValues(motion.time_s, recomputed.phase)
     samples, at_times = thin_samples(motion.time_s, recomputed.phase, max(1, round(COLLISION_STEP_S * motion.rate_hz)))
     yield _solver_failures(motion)
-    planned_com_m, planned_l_nms = plan.com_and_momentum_at(motion.time_s)
-    yield _com_error(planned_com_m, recomputed, worst)
+    planned = plan.references_at(motion.time_s)
+    yield _com_error(planned.com_m, recomputed, worst)
     yield from touch_downs(robot, sequence, motion, recomputed, worst)
     yield from _joint_limits(robot, motion, worst)
     yield from hand_loads(robot, sequence, motion, samples, at_times)
@@ -87,7 +87,7 @@ def _all_checks(
     yield self_collision(robot, motion.q[samples], at_times)
     yield from terrain_distances(robot, sequence, motion.q[samples], at_times)
     yield from _reachability_margin(sequence, proxies, recomputed, worst)
-    yield _momentum_mismatch(robot, planned_l_nms, recomputed, worst)
+    yield _momentum_mismatch(robot, planned.l_nms, recomputed, worst)
 
 
 def _solver_failures(motion: WholeBodyMotion) -> Check:

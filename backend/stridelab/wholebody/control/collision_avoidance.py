@@ -88,6 +88,7 @@ class CollisionAvoidance:
         }
         self._moves_target = self._pairs.kind == "hand"
         self._watched_hands: frozenset[int] = frozenset()
+        self._no_rows = Rows(np.zeros((0, robot.model.nv)), np.zeros(0)), np.zeros(0)
 
     def watch_hands(self, swinging: Iterable[str]) -> None:
         """Monitor the hands among the ``swinging`` effectors, and no other hands, from the next ``update`` on."""
@@ -104,6 +105,8 @@ class CollisionAvoidance:
             pairs.update_watched(settings.near_m)
         self._calls += 1
         near = self._near = pairs.nearest_pairs(settings.acts_m, settings.most)
+        if not near.pair.size:  # at most samples
+            return
         d, scale = near.distance_m, pairs.scale[near.pair]
         n = self._normals = _contact_normals(near)
         # n' J_p of a point p: the wrench of n at p times the columns of the joints that move p
@@ -121,6 +124,8 @@ class CollisionAvoidance:
 
     def task_rows(self) -> tuple[Rows, Angles]:
         """Task rows of the active pairs, and their weights; valid after ``update``."""
+        if not self._near.pair.size:
+            return self._no_rows
         tasks = ~self._moves_target[self._near.pair]
         settings, A = self._avoid, (self._J * self._moving_joints[self._near.pair])[tasks]
         lever_m = np.maximum(np.linalg.norm(A, axis=1), _TINY_M)
@@ -130,6 +135,8 @@ class CollisionAvoidance:
 
     def push_m_s2(self, effector: str) -> Vector3:
         """Acceleration that keeps foot and shank of a swinging sole off everything but arms, never downwards."""
+        if not self._near.pair.size:
+            return np.zeros(3)
         side = self._lower_legs[effector][self._near.pair]
         push = (side * self._nearness**2 * self._b) @ self._normals
         push[2] = max(0.0, push[2])
@@ -140,6 +147,8 @@ class CollisionAvoidance:
 
         It has the stiffness of the tasks and no damping: a hand approaches the surface that it will hold.
         """
+        if not self._near.pair.size:
+            return np.zeros(3)
         settings, near, scale = self._avoid, self._near, self._pairs.scale[self._near.pair]
         firm = settings.kp * np.minimum(1.0 / scale, settings.firmest)
         gap_m = np.maximum(0.0, scale * settings.apart_m - near.distance_m)

@@ -97,6 +97,9 @@ class PairDistances(NamedTuple):
     p_2_m: Points
 
 
+_NO_PAIRS = PairDistances(np.zeros(0, dtype=int), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+
+
 class CollisionPairs:
     """The pairs of one robot on one terrain.
 
@@ -184,11 +187,13 @@ class CollisionPairs:
             self._lower_bound_m[k] = d + self.reach_m[k] @ self._joint_travel
             if d < acts_m * self.scale[k]:
                 distances[k] = d
+        if not distances:
+            return _NO_PAIRS
         nearest = sorted(distances, key=lambda k: distances[k] / self.scale[k])
         chosen = [k for kind in KINDS for k in [k for k in nearest if self._kinds[k] == kind][:most]]
-        results = self._distances
-        points = np.array([(results[k].getNearestPoint1(), results[k].getNearestPoint2()) for k in chosen])
-        p_1_m, p_2_m = points.reshape(-1, 2, 3).swapaxes(0, 1)
+        p_1_m, p_2_m = np.empty((2, len(chosen), 3))
+        for i, k in enumerate(chosen):
+            p_1_m[i], p_2_m[i] = self._distances[k].getNearestPoint1(), self._distances[k].getNearestPoint2()
         return PairDistances(np.array(chosen, dtype=int), np.array([distances[k] for k in chosen]), p_1_m, p_2_m)
 
     def _compute_distance(self, k: int) -> float:

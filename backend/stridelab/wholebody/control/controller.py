@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from stridelab.centroidal.plan import CentroidalPlan, Reference
+from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.sequence_swings import swing_of
 from stridelab.contacts.swing import SwingCurve
@@ -104,7 +104,7 @@ class _ControllerRun:
         plan: CentroidalPlan,
         allocate: Allocate,
     ) -> None:
-        self._controller, self._robot, self._sequence, self._plan = controller, robot, sequence, plan
+        self._controller, self._robot, self._sequence = controller, robot, sequence
         n = round(sequence.duration_s * controller.rate_hz) + 1
         if n < 2:
             raise InvalidInput(
@@ -128,6 +128,12 @@ class _ControllerRun:
         widths = {"q": robot.model.nq, "v": nv, "a": nv, "tau_nm": nv - 6, **dict.fromkeys(_CENTROIDAL, 3)}
         self._record = {name: allocate((n, width)) for name, width in widths.items()}
         self._forces = {name: allocate((n, len(points), 3)) for name, points in self._points.items()}
+        self._references, self._planned_n = plan.references_at(self.times), plan.forces_over(self.times)
+        self._record["com_reference_m"][:], self._record["l_reference_nms"][:] = (
+            self._references.com_m,
+            self._references.l_nms,
+        )
+        self._record["com_v_reference_m_s"][:] = self._references.com_v_m_s
         self._reported = 0
 
     def run_sample(self, i: int) -> None:
@@ -137,9 +143,10 @@ class _ControllerRun:
         phase = self._sequence.phase_at(t + 1e-9)
         if phase != self._phase:
             self._enter_phase(phase, t)
-        reference = self._plan.reference_at(t)
+        reference, base = self._references[i], self._heading.orientation_at(phase, t)
         self._check_divergence(i, reference.com_m)
-        rows = self._programme.build_rows(SampleTargets(t, reference, self._heading.orientation_at(phase, t)))
+        planned_n = {name: forces_n[i] for name, forces_n in self._planned_n.items()}
+        rows = self._programme.build_rows(SampleTargets(t, reference, base, planned_n))
         result = solve_hierarchy(*rows)
         if result.failure is None:
             z = result.z
@@ -161,7 +168,7 @@ class _ControllerRun:
                     i, f"{len(self._failures)} samples had no solution", self._level, self._exhausted
                 )
             z = self._programme.stack_unknowns(self._last.a, self._last.forces_n)
-        self._store_sample(i, reference, z)
+        self._store_sample(i, z)
         dt = 1.0 / self._controller.rate_hz
         a = self._last.a
         self._q = pin.integrate(body.model, self._q, dt * self._v + 0.5 * dt**2 * a)
@@ -196,7 +203,7 @@ class _ControllerRun:
         }
         settings = self._controller.settings
         self._programme = PhaseHierarchy(
-            self._robot, self._body, contacts, swings, self._plan, settings, self._avoidance, self._controller.rate_hz
+            self._robot, self._body, contacts, swings, settings, self._avoidance, self._controller.rate_hz
         )
         self._phase = phase
 
@@ -218,20 +225,20 @@ class _ControllerRun:
         kind = self._robot.effectors[name].kind
         return SwingCurve(Placement(frame.position_m, frame.rotation), landing.placement, duration_s, kind, t)
 
-    def _store_sample(self, i: int, reference: Reference, z: np.ndarray) -> None:
+    def _store_sample(self, i: int, z: np.ndarray) -> None:
         body, record = self._body, self._record
         record["q"][i], record["v"][i], record["a"][i] = self._q, self._v, self._last.a
         record["tau_nm"][i] = self._programme.torques_nm(z)
         record["com_m"][i], record["com_v_m_s"][i], record["l_nms"][i] = body.com_m, body.com_v_m_s, body.l_nms
-        record["com_reference_m"][i], record["com_v_reference_m_s"][i] = reference.com_m, reference.com_v_m_s
-        record["l_reference_nms"][i] = reference.l_nms
         for name, forces_n in self._programme.forces_n(z).items():
             self._forces[name][i] = forces_n
 
     def _check_divergence(self, i: int, com_reference_m: Vector3) -> None:
         """Stop the run if the state has diverged from the plan."""
-        speed = np.abs(self._v[6:])
-        if not (speed.max() <= _MAX_SPEED_RAD_S and np.isfinite(self._v[:6]).all()):  # NaN is not below either
+        v = self._v
+        is_slow = v.dot(v) <= _MAX_SPEED_RAD_S**2  # of all joints together; false for NaN, as below
+        if not is_slow and not (np.abs(v[6:]).max() <= _MAX_SPEED_RAD_S and np.isfinite(v[:6]).all()):
+            speed = np.abs(v[6:])
             joint = self._robot.joint_names[int(np.argmax(np.nan_to_num(speed, nan=np.inf)))]
             raise self._stop_error(i, f"{joint} moves at more than {_MAX_SPEED_RAD_S:g} rad/s", 0, [joint])
         away_m = math.dist(self._body.com_m.tolist(), com_reference_m.tolist())

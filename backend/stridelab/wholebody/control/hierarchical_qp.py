@@ -155,6 +155,8 @@ def _solve_exactly(equality: Rows, levels: Sequence[Rows]) -> tuple[Unknowns, Ba
     """Solution set of the equalities and the upper levels together, or None if they are inconsistent."""
     blocks = (equality, *levels)
     z, Z, off = _solve_linear(Rows(np.concatenate([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])))
+    if not off.any():  # independent rows
+        return z, Z
     row = 0
     for _, b in blocks:
         if not _is_negligible(off[row : row + len(b)], b):

@@ -14,11 +14,13 @@ The actuated rows of the equations of motion, apart from those of the base (2.2)
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.centroidal.plan import CentroidalPlan, Reference
+from stridelab.centroidal.native.availability import NativeSolver, native_availability
+from stridelab.centroidal.plan import Reference
 from stridelab.contacts.sequence import Contact
 from stridelab.contacts.swing import SwingCurve, SwingPoint
 from stridelab.conventions import Angles, Points, Rotation, Vector3
@@ -27,6 +29,7 @@ from stridelab.wholebody.control import tasks
 from stridelab.wholebody.control.collision_avoidance import AvoidanceSettings, CollisionAvoidance
 from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows
 from stridelab.wholebody.control.joint_limits import JointLimits
+from stridelab.wholebody.control.native_rows import NativeRows, SwingTarget
 from stridelab.wholebody.control.rigid_body import RigidBody
 from stridelab.wholebody.control.swing_detour import (
     CLOSES,
@@ -103,11 +106,12 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class SampleTargets:
-    """Targets of one sample: the plan's reference and the base's orientation with its rates."""
+    """Targets of one sample: the plan's reference and forces, and the base's orientation with its rates."""
 
     time_s: float
     reference: Reference
     base: tuple[Rotation, Vector3, Vector3]
+    forces_n: Mapping[str, Points]
 
 
 class PhaseHierarchy:
@@ -122,13 +126,12 @@ class PhaseHierarchy:
         body: RigidBody,
         contacts: Mapping[str, Contact],
         swings: Mapping[str, SwingCurve],
-        plan: CentroidalPlan | None,
         settings: Settings,
         avoidance: CollisionAvoidance | None = None,
         rate_hz: float = 250.0,
     ) -> None:
         self._avoidance = avoidance
-        self._body, self._contacts, self._swings, self._plan, self._settings = body, contacts, swings, plan, settings
+        self._body, self._contacts, self._swings, self._settings = body, contacts, swings, settings
         self._surface = {name: robot.effectors[name].kind == "surface" for name in (*contacts, *swings)}
         ends = {True: (CLOSES, None), False: (HAND_CLOSES, HAND_OPENS)}
         self._detours = {
@@ -175,9 +178,38 @@ class PhaseHierarchy:
         body, nv = self._body, self._nv
         if self._avoidance is not None:
             self._avoidance.update(body)
+        if self._native is not None:
+            avoidance = None if self._avoidance is None else self._avoidance.task_rows()
+            swings = [self._native_target(name, curve, instant.time_s) for name, curve in self._swings.items()]
+            return self._native.build_rows(instant, swings, self._planned_forces(instant), avoidance)
         J = [force_jacobian(body.frame_state(name), points) for name, points in self._points.items()]
         J_f = np.concatenate(J) if J else np.zeros((0, nv))
         return self._level_0(J_f), [self._level_1(instant), self._level_2(instant)], self._inequality_rows(J_f)
+
+    @cached_property
+    def _native(self) -> NativeRows | None:
+        """The same rows by the C++ module, where that is available."""
+        if not isinstance(native_availability(), NativeSolver):
+            return None
+        joints = {
+            "rest_rad": self._rest,
+            "posture_weight": self._posture_weights,
+            "force_weight": self._force_weights,
+            "ankles": list(self._ankles),
+        }
+        swings = {name: self._surface[name] for name in self._swings}
+        bounds = Inequalities(self._G, self._lower, self._upper)
+        return NativeRows(
+            self._body,
+            self._settings,
+            self._contacts,
+            self._points,
+            swings,
+            self._limits,
+            joints,
+            bounds,
+            self._torque.start,
+        )
 
     def torques_nm(self, z: Float[np.ndarray, "nz"]) -> Angles:
         """Actuator torques of a solution; valid after ``rows`` at the same state."""
@@ -241,6 +273,17 @@ class PhaseHierarchy:
 
         return self._detours[name].next_state(time_s, push)
 
+    def _native_target(self, name: str, curve: SwingCurve, time_s: float) -> SwingTarget:
+        """The target of an effector on its curve; the orientation of a hand has no detour."""
+        target = self._swing_target(name, curve, time_s)
+        turning = target if self._surface[name] else curve.state_at(time_s - curve.starts_s)
+        moving = target.placement.position_m, target.velocity_m_s, target.acceleration_m_s2
+        w, w_rate = turning.angular_velocity_rad_s, turning.angular_acceleration_rad_s2
+        return *moving, turning.placement.rotation, w, w_rate
+
+    def _planned_forces(self, instant: SampleTargets) -> Float[np.ndarray, "nf"]:
+        return np.concatenate([*(instant.forces_n[name].ravel() for name in self._contacts), np.zeros(0)])
+
     def _level_2(self, instant: SampleTargets) -> Rows:
         body, s = self._body, self._settings
         weighted: list[tuple[tasks.Weight, Rows]] = [
@@ -265,10 +308,7 @@ class PhaseHierarchy:
                 w, w_rate = target.angular_velocity_rad_s, target.angular_acceleration_rad_s2
                 rows = tasks.orientation_task(body.frame_state(name), target.placement.rotation, w, w_rate, s.hand)
                 weighted.append((s.hand_weight, rows))
-        assert self._plan is not None, "only rows without a plan's forces are built without a plan"
-        forces_n = self._plan.forces_at(instant.time_s)
-        planned = np.concatenate([*(forces_n[name].ravel() for name in self._contacts), np.zeros(0)])
-        weighted.append((self._force_weights, tasks.force_task(planned, self._nv)))
+        weighted.append((self._force_weights, tasks.force_task(self._planned_forces(instant), self._nv)))
         return tasks.stack_weighted(weighted, self._nz)
 
     def _inequality_rows(self, J_f: Float[np.ndarray, "nf nv"]) -> Inequalities:

@@ -107,7 +107,7 @@ class BalanceRows(PhaseHierarchy):
         avoidance: CollisionAvoidance | None,
         driven: DrivenJoints | None = None,
     ) -> None:
-        super().__init__(robot, body, contacts, {}, None, settings, avoidance)
+        super().__init__(robot, body, contacts, {}, settings, avoidance)
         self._weights, self._driven = weights, driven
         if driven is not None:
             self._posture_weights[driven.at] = 0.0

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from stridelab.robots import card, data_files
-from stridelab.service.api.robots import source_hash
+from stridelab.service import source_hash
 from stridelab.service.api.robots.children import RobotChildren
-from stridelab.service.api.robots.source_hash import source_sha256
 from stridelab.service.processes.pool import IsolatedPool
+from stridelab.service.source_hash import source_sha256
 
 
 def test_the_libraries_leave_memory_when_nothing_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,10 +17,10 @@ from stridelab.robots import card
 from stridelab.service.api.robots import cache as shelf_module
 from stridelab.service.api.robots import endpoints
 from stridelab.service.api.robots.cache import RobotCache
-from stridelab.service.api.robots.source_hash import source_sha256
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.priority import NICENESS
 from stridelab.service.samples.scenario_bodies import ONE_STEP
+from stridelab.service.source_hash import source_sha256
 from support.service.processes import crowding
 from support.service.robot_children import FACTS, GLB, REACH
 from support.service.web_server import Served, refusal_code

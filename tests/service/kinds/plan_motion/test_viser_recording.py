@@ -1,5 +1,6 @@
 """``motion.viser`` holds the scene once and every pose at its time; making it prints nothing and keeps no door open."""
 
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -9,8 +10,12 @@ import pytest
 import viser
 import zstandard
 
-from stridelab.robots.visuals import link_meshes
+from stridelab.contacts.terrain import Terrain
+from stridelab.robots.visuals import glb, link_meshes, link_names
+from stridelab.service.filenames import LINKS_FILE
+from stridelab.service.kinds.plan_motion import files
 from stridelab.service.kinds.plan_motion.display_tracks import display_poses
+from stridelab.service.kinds.plan_motion.files import write_motion
 from stridelab.service.kinds.plan_motion.viser_recording import player_page, record_scene
 from support.robots.plans import made_up_motion, one_step, talos
 
@@ -31,7 +36,7 @@ def recorded() -> tuple[dict[str, Any], np.ndarray]:
     links = link_meshes(robot)
     chosen = [i for i, link in enumerate(links) if link.name in LINKS]
     poses = display_poses(robot, motion.q[::10])[:, chosen]
-    return read(record_scene(one_step().terrain, tuple(links[i] for i in chosen), poses, 25.0)), poses
+    return read(record_scene(one_step().terrain, {links[i].name: glb([links[i]]) for i in chosen}, poses, 25.0)), poses
 
 
 def moves(document: dict[str, Any], kind: str, node: str, field: str) -> dict[float, list[float]]:
@@ -69,10 +74,30 @@ def test_the_surroundings_stand_where_the_terrain_has_them(recorded) -> None:  #
 
 def test_nothing_is_printed_and_nothing_listens_afterwards(capfd: pytest.CaptureFixture[str]) -> None:
     before = {c.laddr for c in psutil.Process().net_connections("tcp") if c.status == psutil.CONN_LISTEN}
-    link = link_meshes(talos())[:1]
-    record_scene(one_step().terrain, link, np.tile([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0], (3, 1, 1)), 25.0)
+    link = link_meshes(talos())[0]
+    record_scene(
+        one_step().terrain, {link.name: glb([link])}, np.tile([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0], (3, 1, 1)), 25.0
+    )
     assert {c.laddr for c in psutil.Process().net_connections("tcp") if c.status == psutil.CONN_LISTEN} == before
     assert capfd.readouterr() == ("", "")
+
+
+def test_the_stored_meshes_of_a_service_are_not_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot, motion, recorded = talos(), made_up_motion(), []
+
+    def note(_terrain: Terrain, links: dict[str, bytes], *_: object) -> bytes:
+        recorded.append(links)
+        return b""
+
+    monkeypatch.setattr(files, "record_scene", note)
+    write_motion(tmp_path, robot, motion)
+    (tmp_path / LINKS_FILE).write_bytes(glb(link_meshes(robot))[:-1])  # damaged
+    write_motion(tmp_path, robot, motion)
+    (tmp_path / LINKS_FILE).write_bytes(glb(link_meshes(robot)))
+    monkeypatch.setattr(files, "link_meshes", lambda _robot: pytest.fail("made anew"))
+    write_motion(tmp_path, robot, motion)
+    assert recorded[0] == recorded[1] == recorded[2]
+    assert tuple(recorded[2]) == link_names(robot)
 
 
 def test_the_page_is_the_player_that_viser_would_have_made() -> None:

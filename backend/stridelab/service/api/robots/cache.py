@@ -23,9 +23,9 @@ from stridelab.errors import NotFound, StridelabError, Unavailable
 from stridelab.robots.card import robot_names
 from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation
 from stridelab.service.api.robots.children import DESCRIBE, LINKS, REACH, Progress, RobotChildren
-from stridelab.service.api.robots.source_hash import source_sha256
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.sandbox import STRICT, Sandbox
+from stridelab.service.source_hash import LINKS_FILE, cached_files_prefix
 from stridelab.service.storage.blobs import BlobInfo, BlobStore
 from stridelab.service.stored_robots import find_robot
 
@@ -72,7 +72,6 @@ async def _start_work(work: Callable[[], Awaitable[T]]) -> T:
 log = structlog.get_logger(__name__)
 
 FACTS_FILE: Final = "facts.json"
-LINKS_FILE: Final = "links.glb"
 REACH_FILE: Final = "reachability.json.gz"
 DESCRIBE_TIMEOUT_S: Final = 60.0
 LINKS_TIMEOUT_S: Final = 180.0
@@ -262,11 +261,7 @@ class RobotCache:
 
     async def _key_prefix(self, name: str) -> str:
         """Key prefix of the files of a robot."""
-
-        async def compute_prefix() -> str:
-            return f"robots/{name}/{await asyncio.to_thread(source_sha256, name)}"
-
-        return await self._prefixes.get(name, compute_prefix)
+        return await self._prefixes.get(name, lambda: asyncio.to_thread(cached_files_prefix, name))
 
     async def _read_stored(self, key: str) -> bytes | None:
         """Content of a stored file; None if it does not exist or the store does not answer."""

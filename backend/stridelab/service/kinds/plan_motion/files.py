@@ -1,5 +1,6 @@
 """Writes the files of ``plan-motion``: tables, arrays, and tracks for viewers."""
 
+import contextlib
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,8 +13,9 @@ from pydantic import BaseModel
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.robots.robot import Robot
-from stridelab.robots.visuals import link_meshes, link_names
+from stridelab.robots.visuals import glb, link_meshes, link_names, split_glb
 from stridelab.schemas.plans import Film
+from stridelab.service.filenames import LINKS_FILE
 from stridelab.service.kinds.base import ArtifactFile
 from stridelab.service.kinds.plan_motion.display_tracks import (
     HTML,
@@ -79,12 +81,21 @@ def write_motion(folder: Path, robot: Robot, motion: WholeBodyMotion) -> tuple[A
     arrays = write_arrays(folder / "motion.npz", motion_arrays(robot, motion))
     trajectory = write_trajectory(folder, robot, motion)
     filmed = shown.poses[:: _film_stride(motion, frames)]
-    recording = record_scene(sequence.terrain, link_meshes(robot), filmed, RECORDING_HZ)
+    recording = record_scene(sequence.terrain, _link_files(folder, robot), filmed, RECORDING_HZ)
     write_atomically(folder / RECORDING_FILE, lambda path: path.write_bytes(recording))
     write_text_atomically(folder / PAGE_FILE, player_page(recording))
     shutil.copyfile(Path(__file__).with_name(PLAYER), folder / PLAYER)
     player = [ArtifactFile(RECORDING_FILE, RAW), ArtifactFile(PAGE_FILE, HTML), ArtifactFile(PLAYER, PYTHON)]
     return (*display, *tables, arrays, *trajectory, *player)
+
+
+def _link_files(folder: Path, robot: Robot) -> dict[str, bytes]:
+    """GLB file of every link by its name: from the staged file of the service, or else made anew in some seconds."""
+    with contextlib.suppress(OSError, ValueError):
+        links = split_glb((folder / LINKS_FILE).read_bytes())
+        if tuple(links) == link_names(robot):
+            return links
+    return {mesh.name: glb([mesh]) for mesh in link_meshes(robot)}
 
 
 def write_motion_film(

@@ -7,7 +7,7 @@ recording as messages, whole: through the handles of its nodes, the recording of
 import base64
 import contextlib
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,7 +20,6 @@ from scipy.spatial.transform import Rotation
 
 from stridelab.contacts.terrain import Rail, Terrain
 from stridelab.conventions import Points
-from stridelab.robots.visuals import LinkMesh, glb
 
 RECORDING_FILE: Final = "motion.viser"
 PAGE_FILE: Final = "motion.html"
@@ -34,15 +33,18 @@ BOX_COLOUR, RAIL_COLOUR = (206, 212, 218), (120, 130, 140)
 
 
 def record_scene(
-    terrain: Terrain, links: tuple[LinkMesh, ...], poses: Float[np.ndarray, "f links 7"], rate_hz: float
+    terrain: Terrain, links: Mapping[str, bytes], poses: Float[np.ndarray, "f links 7"], rate_hz: float
 ) -> bytes:
-    """Content of a ``.viser`` file that shows frames ``poses`` (``px py pz qw qx qy qz`` per link) at ``rate_hz``."""
+    """Content of a ``.viser`` file that shows frames ``poses`` (``px py pz qw qx qy qz`` per link) at ``rate_hz``.
+
+    ``links`` are the GLB files of the links by their names.
+    """
     with contextlib.redirect_stdout(io.StringIO()):  # viser prints a banner even with verbose=False
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
         _add_lights_and_terrain(server, terrain)
         _set_camera(server, poses[:, :, :3].reshape(-1, 3))
-        nodes = [server.scene.add_glb(f"/robot/{link.name}", glb([link]), cast_shadow=False) for link in links]
+        nodes = [server.scene.add_glb(f"/robot/{name}", mesh, cast_shadow=False) for name, mesh in links.items()]
         scene = bytes(server.get_scene_serializer().serialize())
     finally:
         with contextlib.redirect_stdout(io.StringIO()):

@@ -16,6 +16,13 @@ EDITION: Final = 4
 """Incremented when the computation of facts, meshes or densities changes within one version of this program."""
 LIBRARIES: Final = ("pin", "fast-simplification", "scikit-image", "trimesh")
 """Distributions whose versions affect the files."""
+LINKS_FILE: Final = "links.glb"
+"""The cached display meshes of a robot."""
+
+
+def cached_files_prefix(name: str) -> str:
+    """Key prefix of the cached files of the robot ``name``. Raises as ``source_sha256``."""
+    return f"robots/{name}/{source_sha256(name)}"
 
 
 def source_sha256(name: str) -> str:

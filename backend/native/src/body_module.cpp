@@ -1,0 +1,187 @@
+// Python binding of the rows of the whole body: arrays of numpy are read and filled in place.
+#include "stridelab_native/body_rows.hpp"
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/vector.h>
+
+#include "body_module.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace stridelab {
+
+namespace {
+
+using Input = nb::ndarray<const double, nb::device::cpu>;
+using Output = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
+
+void require(bool holds, const char* what) {
+  if (!holds) throw nb::value_error(what);
+}
+
+// A view of an array of the given shape; ``columns`` 0: a vector. The caller keeps the array.
+View view(nb::handle given, std::size_t rows, std::size_t columns, const char* what) {
+  const auto array = nb::cast<Input>(given, false);
+  const bool is_matrix = columns > 0;
+  require(array.ndim() == (is_matrix ? 2u : 1u) && array.shape(0) == rows && (!is_matrix || array.shape(1) == columns),
+          what);
+  return {array.data(), array.stride(0), is_matrix ? array.stride(1) : 0};
+}
+
+std::vector<double> numbers(nb::handle given, std::size_t n, const char* what) {
+  const View v = view(given, n, 0, what);
+  std::vector<double> copy(n);
+  for (std::size_t i = 0; i < n; ++i) copy[i] = v(i);
+  return copy;
+}
+
+Gain gain(nb::handle given) {
+  const auto pair = nb::cast<nb::tuple>(given);
+  return {nb::cast<double>(pair[0]), nb::cast<double>(pair[1])};
+}
+
+BodyContact contact(nb::handle given) {
+  const auto fields = nb::cast<nb::tuple>(given);
+  BodyContact made;
+  made.surface = nb::cast<bool>(fields[0]);
+  made.gain = gain(fields[1]);
+  const View position = view(fields[2], 3, 0, "positions of contacts have the shape (3,)");
+  const View rotation = view(fields[3], 3, 3, "rotations of contacts have the shape (3, 3)");
+  const auto points = nb::cast<Input>(fields[4]);
+  require(points.ndim() == 2, "points have the shape (k, 3)");
+  const View at = view(fields[4], points.shape(0), 3, "points have the shape (k, 3)");
+  for (std::size_t i = 0; i < 3; ++i) {
+    made.position[i] = position(i);
+    for (std::size_t j = 0; j < 3; ++j) made.rotation[3 * i + j] = rotation(i, j);
+  }
+  for (std::size_t p = 0; p < points.shape(0); ++p) made.points.push_back({at(p, 0), at(p, 1), at(p, 2)});
+  return made;
+}
+
+// The rows of one phase; the arrays that are filled are held with it.
+class BodyRows {
+public:
+  BodyRows(nb::list contacts, std::vector<bool> swings_surface, nb::dict joints, nb::dict settings, nb::list arrays,
+           std::size_t torque_row)
+      : torque_row_(torque_row) {
+    for (const nb::handle one : contacts) phase_.contacts.push_back(contact(one));
+    phase_.swings_surface = std::move(swings_surface);
+    const std::size_t na = nb::len(nb::handle(joints["rest_rad"])), nf = nb::len(nb::handle(joints["force_weight"]));
+    const auto per_joint = [&](const char* name) { return numbers(joints[name], na, "one number per joint"); };
+    phase_.lower_rad = per_joint("lower_rad");
+    phase_.upper_rad = per_joint("upper_rad");
+    phase_.velocity_rad_s = per_joint("velocity_rad_s");
+    phase_.torque_nm = per_joint("torque_nm");
+    phase_.rest_rad = per_joint("rest_rad");
+    phase_.posture_weight = per_joint("posture_weight");
+    phase_.force_weight = numbers(joints["force_weight"], nf, "one weight per force");
+    phase_.ankles = nb::cast<std::vector<std::size_t>>(joints["ankles"]);
+    for (const std::size_t column : phase_.ankles) require(column >= 6 && column < 6 + na, "ankles are joints");
+    phase_.com = gain(settings["com"]);
+    phase_.effector = gain(settings["effector"]);
+    phase_.base = gain(settings["base"]);
+    phase_.posture = gain(settings["posture"]);
+    phase_.hand = gain(settings["hand"]);
+    phase_.ankle = gain(settings["ankle"]);
+    const auto number = [&](const char* name) { return nb::cast<double>(settings[name]); };
+    phase_.mass_kg = number("mass_kg");
+    phase_.momentum_weight = number("momentum_weight");
+    phase_.momentum_per_s = number("momentum_per_s");
+    phase_.base_weight = number("base_weight");
+    phase_.hand_weight = number("hand_weight");
+    phase_.ankle_weight = number("ankle_weight");
+    phase_.ankle_acts_rad = number("ankle_acts_rad");
+    phase_.ankle_ahead_s = number("ankle_ahead_s");
+    phase_.barrier_per_s = number("barrier_per_s");
+    phase_.velocity_rate_per_s = number("velocity_rate_per_s");
+    phase_.acceleration_rad_s2 = number("acceleration_rad_s2");
+
+    std::size_t points = 0, fixed = 6 + 3, free = 3 + 3 + na + phase_.ankles.size() + nf;
+    for (const BodyContact& one : phase_.contacts) {
+      points += one.points.size();
+      fixed += one.surface ? 6 : 3;
+      free += one.surface ? 0 : 3;
+    }
+    for (const bool surface : phase_.swings_surface) {
+      fixed += surface ? 6 : 3;
+      free += surface ? 0 : 3;
+    }
+    require(nf == 3 * points, "three weights of forces per point");
+    require(nb::len(arrays) == 7, "seven arrays are filled");
+    for (const nb::handle one : arrays) held_.push_back(nb::cast<Output>(one, false));
+    const std::size_t nz = phase_.unknowns(), bounds = held_[5].size();
+    require(held_[0].size() == fixed * nz && held_[1].size() == fixed, "rows of levels 0 and 1");
+    require(held_[3].size() >= free && held_[2].size() == held_[3].size() * nz, "rows of level 2");
+    require(held_[4].size() == bounds * nz && held_[6].size() == bounds && torque_row + 2 * na == bounds,
+            "rows of the inequalities");
+    spare_ = held_[3].size() - free;
+  }
+
+  // ``state``: q, v, M, h, A_g, A_g_drift, com, com_v, l; ``frames``: position, rotation, J, velocity, drift of each;
+  // ``reference``: com, com_v, com_a, l, l_rate; ``base``: rotation, angular velocity and acceleration; ``swings``:
+  // position, velocity, acceleration, rotation, angular velocity and acceleration of each; ``avoid``: A, b, weights.
+  std::size_t fill(nb::tuple state, nb::list frames, nb::tuple reference, nb::tuple base, nb::list swings,
+                   nb::handle planned_n, nb::tuple avoid) {
+    const std::size_t na = phase_.joints(), nv = 6 + na;
+    const char* const shape = "the state of the body has another shape";
+    BodySample s;
+    require(nb::len(state) == 9 && nb::len(reference) == 5 && nb::len(base) == 3 && nb::len(avoid) == 3, shape);
+    s.q = view(state[0], nv + 1, 0, shape);
+    s.v = view(state[1], nv, 0, shape);
+    s.M = view(state[2], nv, nv, shape);
+    s.h = view(state[3], nv, 0, shape);
+    s.A_g = view(state[4], 6, nv, shape);
+    s.A_g_drift = view(state[5], 6, 0, shape);
+    s.com = view(state[6], 3, 0, shape);
+    s.com_v = view(state[7], 3, 0, shape);
+    s.l = view(state[8], 3, 0, shape);
+    require(nb::len(frames) == phase_.contacts.size() + phase_.swings_surface.size() + 1, "one frame per effector");
+    for (const nb::handle one : frames) {
+      const auto fields = nb::cast<nb::tuple>(one);
+      require(nb::len(fields) == 5, "a frame has five fields");
+      s.frames.push_back({view(fields[0], 3, 0, shape), view(fields[1], 3, 3, shape), view(fields[2], 6, nv, shape),
+                          view(fields[3], 6, 0, shape), view(fields[4], 6, 0, shape)});
+    }
+    View* const references[5] = {&s.com_ref, &s.com_v_ref, &s.com_a_ref, &s.l_ref, &s.l_rate_ref};
+    for (std::size_t i = 0; i < 5; ++i) *references[i] = view(reference[i], 3, 0, "references have the shape (3,)");
+    s.base_rotation = view(base[0], 3, 3, "the base's rotation has the shape (3, 3)");
+    s.base_w = view(base[1], 3, 0, "the base's rates have the shape (3,)");
+    s.base_w_rate = view(base[2], 3, 0, "the base's rates have the shape (3,)");
+    require(nb::len(swings) == phase_.swings_surface.size(), "one target per swing");
+    for (const nb::handle one : swings) {
+      const auto fields = nb::cast<nb::tuple>(one);
+      require(nb::len(fields) == 6, "a target has six fields");
+      const char* const wrong = "targets have vectors (3,) and a rotation (3, 3)";
+      s.swings.push_back({view(fields[0], 3, 0, wrong), view(fields[1], 3, 0, wrong), view(fields[2], 3, 0, wrong),
+                          view(fields[3], 3, 3, wrong), view(fields[4], 3, 0, wrong), view(fields[5], 3, 0, wrong)});
+    }
+    s.planned_n = view(planned_n, phase_.forces(), 0, "three numbers per point");
+    s.avoid_rows = nb::len(nb::handle(avoid[1]));
+    require(s.avoid_rows <= spare_, "too many rows of the avoidance");
+    s.avoid_A = view(avoid[0], s.avoid_rows, nv, "the avoidance has a row per pair");
+    s.avoid_b = view(avoid[1], s.avoid_rows, 0, "the avoidance has a row per pair");
+    s.avoid_weight = view(avoid[2], s.avoid_rows, 0, "the avoidance has a row per pair");
+    return fill_body_rows(phase_, s,
+                          {held_[0].data(), held_[1].data(), held_[2].data(), held_[3].data(), held_[4].data(),
+                           held_[5].data(), held_[6].data(), torque_row_});
+  }
+
+private:
+  BodyPhase phase_;
+  std::vector<Output> held_;
+  std::size_t torque_row_, spare_ = 0;
+};
+
+}  // namespace
+
+void bind_body_rows(nb::module_& module) {
+  nb::class_<BodyRows>(module, "BodyRows")
+      .def(nb::init<nb::list, std::vector<bool>, nb::dict, nb::dict, nb::list, std::size_t>(), "contacts"_a,
+           "swings_surface"_a, "joints"_a, "settings"_a, "arrays"_a, "torque_row"_a)
+      .def("fill", &BodyRows::fill, "state"_a, "frames"_a, "reference"_a, "base"_a, "swings"_a, "planned_n"_a,
+           "avoid"_a);
+}
+
+}  // namespace stridelab
