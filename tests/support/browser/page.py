@@ -217,6 +217,32 @@ def focus_by_tab(page: Page, target: Locator, at_most: int = 120) -> None:
     raise AssertionError(f"{target} is not reached by Tab")
 
 
+class Mouse:
+    """Clicks as a person does, counts them, and fails at the first one beyond ``at_most``."""
+
+    def __init__(self, at_most: int) -> None:
+        self.at_most = at_most
+        self.clicks = 0
+
+    def click(self, target: Locator) -> None:
+        self._count(1)
+        target.click()
+
+    def choose(self, target: Locator, value: str) -> None:
+        """Opening a list is one click and its option another."""
+        self._count(2)
+        target.select_option(value)
+
+    def fill(self, target: Locator, value: str) -> None:
+        """One click into the field; the keys are not counted."""
+        self._count(1)
+        target.fill(value)
+
+    def _count(self, number: int) -> None:
+        self.clicks += number
+        assert self.clicks <= self.at_most, f"click {self.clicks} of at most {self.at_most}"
+
+
 def until(page: Page, holds: Callable[[], bool]) -> None:
     """Wait for what comes with one of the next pictures."""
     for _ in range(150):
