@@ -53,7 +53,7 @@ def run(work: Coroutine[None, None, Answer]) -> Answer:
 
 TEN_PICTURES_A_SECOND = """
     const draw = window.requestAnimationFrame.bind(window);
-    window.requestAnimationFrame = (picture) => setTimeout(() => draw(picture), window.top.pictureMs ?? 90);
+    window.requestAnimationFrame = (picture) => setTimeout(() => draw(picture), window.top?.pictureMs ?? 90);
     window.cancelAnimationFrame = clearTimeout;
 """
 """Or as many as there is processor for, without a graphics card, and nothing left for what is tested."""
