@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect
 
-from support.browser.page import Tab, opened, until
+from support.browser.page import Mouse, Tab, opened, until
 from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab", "drawn")
@@ -53,14 +53,15 @@ def tab(open_tab: Callable[..., Tab]) -> Tab:
 
 
 def film(page: Page, folder: Path, **fields: str) -> Path:
-    """The film of the dialog with these fields."""
-    page.get_by_role("button", name="Film…").click()
+    """The film of the dialog with these fields: two clicks, if none is changed."""
+    mouse = Mouse(at_most=2)
+    mouse.click(page.get_by_role("button", name="Film…"))
     dialog = page.get_by_role("dialog", name="Film of the scene")
     for name, value in fields.items():
         field = dialog.locator(f"[name={name}]")
         field.fill(value) if name in ("from", "to") else field.select_option(value)
     with page.expect_download(timeout=90_000) as saved:
-        dialog.get_by_role("button", name="Save film").click()
+        mouse.click(dialog.get_by_role("button", name="Save film"))
     path = folder / saved.value.suggested_filename
     saved.value.save_as(path)
     expect(dialog).to_be_hidden()
@@ -133,7 +134,7 @@ def test_a_link_shows_what_was_seen_after_one_click(tab: Tab, open_tab: Callable
     page.get_by_label("Forces", exact=True).uncheck()
     page.get_by_label("Cones").check()
     page.get_by_role("slider", name="Time").fill("150")
-    page.get_by_role("button", name="Copy link").click()
+    Mouse(at_most=1).click(page.get_by_role("button", name="Copy link"))
     expect(page.locator("[data-said-link]")).to_have_text("Copied.")
     link = page.evaluate("() => navigator.clipboard.readText()")
     seen = page.evaluate(CAMERA)

@@ -53,7 +53,7 @@ def run(work: Coroutine[None, None, Answer]) -> Answer:
 
 TEN_PICTURES_A_SECOND = """
     const draw = window.requestAnimationFrame.bind(window);
-    window.requestAnimationFrame = (picture) => setTimeout(() => draw(picture), window.top.pictureMs ?? 90);
+    window.requestAnimationFrame = (picture) => setTimeout(() => draw(picture), window.top?.pictureMs ?? 90);
     window.cancelAnimationFrame = clearTimeout;
 """
 """Or as many as there is processor for, without a graphics card, and nothing left for what is tested."""
@@ -215,6 +215,32 @@ def focus_by_tab(page: Page, target: Locator, at_most: int = 120) -> None:
         if target.evaluate("(one) => one === document.activeElement"):
             return
     raise AssertionError(f"{target} is not reached by Tab")
+
+
+class Mouse:
+    """Clicks as a person does, counts them, and fails at the first one beyond ``at_most``."""
+
+    def __init__(self, at_most: int) -> None:
+        self.at_most = at_most
+        self.clicks = 0
+
+    def click(self, target: Locator) -> None:
+        self._count(1)
+        target.click()
+
+    def choose(self, target: Locator, value: str) -> None:
+        """Opening a list is one click and its option another."""
+        self._count(2)
+        target.select_option(value)
+
+    def fill(self, target: Locator, value: str) -> None:
+        """One click into the field; the keys are not counted."""
+        self._count(1)
+        target.fill(value)
+
+    def _count(self, number: int) -> None:
+        self.clicks += number
+        assert self.clicks <= self.at_most, f"click {self.clicks} of at most {self.at_most}"
 
 
 def until(page: Page, holds: Callable[[], bool]) -> None:

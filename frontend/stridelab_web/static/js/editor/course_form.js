@@ -1,6 +1,7 @@
 // The page "New scenario": obstacles in a row, drawn while they change by typing or by handles; then contacts, and on request
 // the motion. Every change can be undone.
 import { createElement, smallButton } from "../shared/elements.js";
+import { focusRow, replaceRows, setActive } from "../shared/focus.js";
 import { courseBody, dragElement, KINDS, moveItem, newElement } from "./course_fields.js";
 import { CourseHistory } from "./course_history.js";
 import { bindCourseButton, planningUrl, startPlan } from "./planning_jobs.js";
@@ -63,21 +64,26 @@ function change(next) {
   showElements();
 }
 
+function showHistory() {
+  setActive(undo, history.canUndo);
+  setActive(redo, history.canRedo);
+}
+
 function record() {
   history.record(structuredClone({ head: readHead(), elements }));
-  [undo.disabled, redo.disabled] = [!history.canUndo, !history.canRedo];
+  showHistory();
 }
 
 // Shows a state of the history.
 function show(state) {
   for (const name of HEAD) form.elements[name].value = state.head[name];
   elements = structuredClone(state.elements);
-  [undo.disabled, redo.disabled] = [!history.canUndo, !history.canRedo];
+  showHistory();
   showElements();
 }
 
 function showElements() {
-  list.replaceChildren(...elements.map(elementRow));
+  replaceRows(list, elements.map(elementRow));
   drawSoon();
 }
 
@@ -99,11 +105,20 @@ function elementRow(element, index) {
       createElement("span", { className: "with-unit" }, input, ` ${unit}`),
     );
   });
+  const move = (by) => {
+    const place = index + by;
+    change(moveItem(elements, index, by));
+    focusRow(list, Math.max(place, 0), inputs.length + (by < 0 ? 0 : 1)); // its own button, where it is now
+  };
+  const remove = () => {
+    change(elements.filter((_, k) => k !== index));
+    focusRow(list, index, Infinity, part("add").querySelector("button"));
+  };
   /** @type {[string, string, () => void][]} */
   const actions = [
-    ["↑", "Earlier", () => change(moveItem(elements, index, -1))],
-    ["↓", "Later", () => change(moveItem(elements, index, 1))],
-    ["Remove", "Remove", () => change(elements.filter((_, k) => k !== index))],
+    ["↑", "Earlier", () => move(-1)],
+    ["↓", "Later", () => move(1)],
+    ["Remove", "Remove", () => remove()],
   ];
   const buttons = actions.map(([text, label, onClick]) => {
     const button = smallButton(text, `${label}: ${place}`);

@@ -1,6 +1,5 @@
-// The scenario editor: 3D scene, phase timeline, phase form and contact list. Contacts and phases are changed by dragging,
-// typing or keys; every change is stored in the service through one queue and can be undone. What the first view does not
-// need (the JSON dialog, the terrain, the playback of a plan) is loaded when it is used first.
+// The scenario editor: 3D scene, phase timeline, phase form and contact list. Changes by dragging, typing or keys are
+// stored in the service through one queue and can be undone. What the first view does not need is loaded on first use.
 import { ValidationView } from "./validation_view.js";
 import { LivePreview } from "./live_preview.js";
 import { PhaseForm } from "./phase_form.js";
@@ -9,6 +8,7 @@ import { bindContactsButton, bindPlanButton } from "./planning_jobs.js";
 import { ContactList } from "./contact_list.js";
 import { ScenarioStore, moveContact, sameJson } from "./scenario_store.js";
 import { contactOf } from "./phase_edits.js";
+import { setActive } from "../shared/focus.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
 import { PhaseTimeline } from "./phase_timeline.js";
 import { rotateAboutZ, yawDegrees } from "../viewer/quaternions.js";
@@ -112,7 +112,7 @@ function run(promise) {
 async function showTerrain() {
   const { TerrainList } = await import("./terrain_list.js");
   terrainList = new TerrainList(root, { onCommit: commitEdit });
-  if (currentScenario()) terrainList.show(currentScenario());
+  if (store.scenario) terrainList.show(currentScenario());
 }
 
 async function openJson() {
@@ -174,7 +174,8 @@ function render() {
   if (sceneView.isReady) nodes.draw();
   validation.validate(scenario);
   preview.update(scenario);
-  [undo.disabled, redo.disabled] = [store.past.length === 0, store.future.length === 0];
+  setActive(undo, store.past.length > 0);
+  setActive(redo, store.future.length > 0);
 }
 
 // Shows the stored scenario with `edit` applied, without storing it.
@@ -279,15 +280,14 @@ async function storeScenario(scenario) {
   await flushPending();
   queue = queue.then(() => storeEdit(() => scenario, "Stored."));
   const failure = await queue;
-  if (!failure) return;
-  setStatus("", false); // the dialog shows the error
-  throw failure;
+  if (failure) setStatus("", false); // the dialog shows the error
+  if (failure) throw failure;
 }
 
 // The edit that moves a contact to the numbers of its row; null while the input is not a number.
 function editFromInput(number, input) {
-  const touch = touchOf(number),
-    value = input.valueAsNumber;
+  const touch = touchOf(number);
+  const value = input.valueAsNumber;
   if (!Number.isFinite(value)) return null;
   return (scenario) => {
     const { position_m, orientation_wxyz } = contactOf(scenario, touch);

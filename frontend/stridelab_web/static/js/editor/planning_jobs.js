@@ -1,6 +1,8 @@
 // Buttons that start a planning job, follow it and open its result: those of the editor and of new scenarios.
 import { call, followJob, jobHeadline, problemSentence, startJob } from "../shared/api.js";
 import { createElement } from "../shared/elements.js";
+import { setActive } from "../shared/focus.js";
+import { notifyOfEnd } from "../shared/job_notice.js";
 import { CONTACTS_SUFFIX, openAsNewScenario } from "./scenario_store.js";
 
 const FEET = ["left_foot", "right_foot"];
@@ -127,36 +129,39 @@ function bindJobButton(
   );
 
   async function run(begin) {
-    button.disabled = true;
+    setActive(button, false);
     problem.textContent = "";
     try {
       job = await begin();
       onJob(job.id);
       show(job);
-      live.hidden = cancel.disabled = false;
+      live.hidden = false;
+      setActive(cancel, true);
       let lastMessage = "";
       const finished = await followJob(job.id, (current) => {
         lastMessage = current.progress.message || lastMessage;
         show(current);
         onProgress();
       });
+      notifyOfEnd(finished);
       if (finished.state === "succeeded") return void (await onSuccess(finished));
       problem.textContent = failureReason(finished, lastMessage);
       if (finished.has_result) problem.append(" ", partialResultLink(finished));
     } catch (error) {
       problem.textContent = error.message;
     }
+    if (live.contains(document.activeElement)) button.focus();
     live.hidden = true;
-    button.disabled = false;
+    setActive(button, true);
     onEnd();
   }
 
   cancel.addEventListener("click", async () => {
-    cancel.disabled = true;
+    setActive(cancel, false);
     message.textContent = "cancelling…";
     await call("DELETE", `/jobs/${job.id}?cancel_only=true`).catch((error) => {
       problem.textContent = error.message;
-      cancel.disabled = false;
+      setActive(cancel, true);
     });
   });
 

@@ -1,5 +1,6 @@
 // The list of a scenario's surfaces, one row each, which expands to its numbers, and buttons that add and remove them.
 import { createElement, smallButton } from "../shared/elements.js";
+import { replaceRows } from "../shared/focus.js";
 import {
   addSurface,
   removeSurface,
@@ -42,7 +43,10 @@ export class TerrainList {
     this.shown = key;
     this.head.elements.name.value = scenario.name;
     this.head.elements.friction.value = String(scenario.friction);
-    this.list.replaceChildren(...scenario.terrain.map((surface, k) => this.createRow(surface, k)));
+    replaceRows(
+      this.list,
+      scenario.terrain.map((surface, k) => this.createRow(surface, k)),
+    );
   }
 
   createRow(surface, k) {

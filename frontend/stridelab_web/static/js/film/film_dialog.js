@@ -1,5 +1,6 @@
 // A dialog that saves a film of a range of the timeline in a chosen format, size, rate and speed.
 import { saveBlob } from "../shared/elements.js";
+import { setActive } from "../shared/focus.js";
 import { pictureSize } from "../viewer/snapshot.js";
 import { frameTimes, makeFilm, videoCodec } from "./film.js";
 import { translate } from "../shared/translate.js";
@@ -66,7 +67,7 @@ export class FilmDialog {
   describe() {
     const n = this.times_s().length,
       rate_hz = Number(this.form.elements.rate.value);
-    this.saveButton.disabled = n === 0 || this.isFilming;
+    setActive(this.saveButton, n > 0 && !this.isFilming);
     this.status.textContent = n
       ? translate("%(frames)s frames, %(duration)s s", { frames: n, duration: (n / rate_hz).toFixed(1) })
       : translate("The range is empty.");
@@ -75,7 +76,7 @@ export class FilmDialog {
   async saveFilm() {
     const { format, size, rate } = this.form.elements;
     Object.assign(this, { isFilming: true, isStopped: false });
-    this.saveButton.disabled = true;
+    setActive(this.saveButton, false);
     this.bar.hidden = false;
     try {
       const wanted = {
@@ -92,7 +93,7 @@ export class FilmDialog {
       this.status.textContent = error.message;
     } finally {
       this.isFilming = false;
-      this.saveButton.disabled = false;
+      setActive(this.saveButton, true);
       this.bar.hidden = true;
       this.source.restore();
     }

@@ -1,6 +1,7 @@
 // The page of one job: follows its progress, cancels and deletes it, and stores its result as a scenario.
 import { call, confirmDeletion, followJob, jobHeadline, onClick, openNewJob, showJobState } from "../shared/api.js";
 import { CONTACTS_SUFFIX, DURATIONS_SUFFIX, scenarioFields, openAsNewScenario } from "../editor/scenario_store.js";
+import { notifyOfEnd } from "../shared/job_notice.js";
 import { translate } from "../shared/translate.js";
 
 const card = document.querySelector("[data-live]");
@@ -11,6 +12,7 @@ if (card.dataset.final !== "true") followJob(id, showProgress).then(finish);
 
 // Opens the result if the page was opened for it; a failed job stays here, with its reason.
 function finish(job) {
+  notifyOfEnd(job);
   if (job.state === "succeeded" && card.dataset.then) location.replace(card.dataset.then);
   else location.reload();
 }

@@ -1,5 +1,6 @@
 // Updates the rows of job tables by polling the jobs that are not finished.
 import { FINAL_STATES, call, jobHeadline, onClick, showJobOutcome, showJobState } from "../shared/api.js";
+import { isNoticeWanted, notifyOfEnd } from "../shared/job_notice.js";
 
 const POLL_MS = 1000;
 const rows = [...document.querySelectorAll("tr[data-job]")];
@@ -22,12 +23,13 @@ async function refreshRow(row) {
   row.querySelector("[data-message]").textContent = jobHeadline(job);
   showJobOutcome(row.querySelector("[data-outcome]"), job);
   row.dataset.final = FINAL_STATES.has(job.state);
+  if (FINAL_STATES.has(job.state)) notifyOfEnd(job, row.querySelector("td").textContent.replace(/\s+/g, " ").trim());
   row.querySelector("[data-cancel]").hidden = FINAL_STATES.has(job.state);
 }
 
 async function pollOpenJobs() {
   const open = rows.filter((row) => row.dataset.final !== "true");
-  if (!document.hidden) await Promise.allSettled(open.map(refreshRow));
+  if (!document.hidden || isNoticeWanted()) await Promise.allSettled(open.map(refreshRow));
   if (open.length) setTimeout(pollOpenJobs, POLL_MS);
 }
 pollOpenJobs();

@@ -1,4 +1,5 @@
 // The form of a receding-horizon plan; each row is a push.
+import { removeRow } from "../shared/focus.js";
 import { onSubmit, openNewJob } from "../shared/api.js";
 
 const AXES = ["x", "y", "z"];
@@ -7,7 +8,7 @@ const rows = form?.querySelector("[data-pushes]");
 
 form?.querySelector("[data-add]").addEventListener("click", () => {
   const row = form.querySelector("template").content.firstElementChild.cloneNode(true);
-  row.querySelector("[data-remove]").addEventListener("click", () => row.remove());
+  row.querySelector("[data-remove]").addEventListener("click", () => removeRow(row, form.querySelector("[data-add]")));
   rows.append(row);
   row.querySelector("input").focus();
 });

@@ -1,5 +1,6 @@
 // The forms of the page of a recording; each sends only its own fields.
 import { call, confirmDeletion, onSubmit, openNewJob } from "../shared/api.js";
+import { setActive } from "../shared/focus.js";
 import { setUpMarkerNames } from "./marker_names.js";
 import { translate, translateServed } from "../shared/translate.js";
 
@@ -115,13 +116,13 @@ const startOnClick = (selector, kind, adapt) => {
   for (const button of root.querySelectorAll(selector))
     button.addEventListener("click", async () => {
       const status = button.parentElement.querySelector("[data-said]");
-      button.disabled = true;
+      setActive(button, false);
       try {
         status.textContent = await openNewJob(kind, adapt(jobInput(new FormData(estimate)), button));
       } catch (error) {
         status.textContent = error.message;
       } finally {
-        button.disabled = false;
+        setActive(button, true);
         showRefusals(estimate.method.value);
       }
     });

@@ -1,4 +1,5 @@
 // Starts the reproduction of one item, or of all without a result, and reports new results that the page does not show yet.
+import { setActive } from "../shared/focus.js";
 import { onSubmit, openNewJob, startJob } from "../shared/api.js";
 
 const POLL_MS = 1000;
@@ -18,7 +19,7 @@ onSubmit(form, (data) => openNewJob("reproduce", itemInput(data.get("item"))));
 
 // Starts items one after the other; if the queue is full, those started so far continue.
 async function startItems(button, items) {
-  button.disabled = true;
+  setActive(button, false);
   let started = 0;
   try {
     for (const item of items) {
@@ -30,7 +31,7 @@ async function startItems(button, items) {
   } catch (error) {
     status.textContent =
       items.length > 1 ? `${started} of ${items.length} were started. ${error.message}` : error.message;
-    button.disabled = false;
+    setActive(button, true);
   }
 }
 

@@ -1,6 +1,7 @@
 // The tokens of the service, for admins: list, create, revoke. A secret is shown once and not stored.
 import { call, onSubmit } from "../shared/api.js";
 import { createElement } from "../shared/elements.js";
+import { replaceRows } from "../shared/focus.js";
 import { localTime } from "../shared/local_times.js";
 
 const card = document.querySelector("[data-tokens]"),
@@ -51,7 +52,7 @@ function setStatus(text) {
 async function refresh() {
   try {
     const { items } = await call("GET", "/tokens?limit=200");
-    rows.replaceChildren(...items.map(createRow));
+    replaceRows(rows, items.map(createRow));
     find("[data-admin]").hidden = false;
     setStatus(items.length ? "" : "No tokens yet: all users would share the admin’s.");
   } catch (error) {

@@ -1,5 +1,6 @@
 // A tour of four steps on the home page, shown at the first visit and with `?tour=1`; it can be left at any step.
 import { createElement } from "../shared/elements.js";
+import { setActive } from "../shared/focus.js";
 import { translate } from "../shared/translate.js";
 
 const KEY = "stridelab-tour",
@@ -81,7 +82,7 @@ function start() {
     text.textContent = STEPS[k].text;
     place.textContent = translate("%(step)s of %(number)s", { step: k + 1, number: STEPS.length });
     next.textContent = k + 1 < STEPS.length ? translate("Next") : translate("Done");
-    back.disabled = k === 0;
+    setActive(back, k > 0);
     mark(document.querySelector(STEPS[k].target));
   }
 
@@ -91,9 +92,17 @@ function start() {
     target?.scrollIntoView({ block: "nearest" });
   }
 
+  // The keyboard goes on at what the last step showed.
+  function focusShown(selector) {
+    const shown = /** @type {PageElement | null} */ (document.querySelector(selector));
+    const inside = /** @type {PageElement | null} */ (shown?.querySelector("a[href], button, input"));
+    (inside ?? shown)?.focus();
+  }
+
   function end() {
     storage.write();
     mark(null);
+    if (card.contains(document.activeElement)) focusShown(STEPS[step].target);
     card.remove();
   }
 }

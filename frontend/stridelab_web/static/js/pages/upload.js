@@ -3,6 +3,7 @@
 import { responseJson, problemSentence } from "../shared/api.js";
 import { checkConnection } from "../shared/connection_notice.js";
 import { createElement, smallButton } from "../shared/elements.js";
+import { removeRow } from "../shared/focus.js";
 import { refreshRecordings } from "./recordings_list.js";
 import { localTime } from "../shared/local_times.js";
 import { translate, translateCount } from "../shared/translate.js";
@@ -71,7 +72,7 @@ function cancel(upload) {
     index = waiting.indexOf(upload);
   if (index >= 0) waiting.splice(index, 1);
   upload.request?.abort();
-  row.stop.remove();
+  removeStop(row);
   row.bar.hidden = true;
   row.state.textContent = translate("cancelled");
   row.state.setAttribute("role", "status");
@@ -104,7 +105,7 @@ function sendFile(upload) {
             ? `${Math.round((100 * event.loaded) / event.total)} %`
             : translate("checking the file…");
       });
-      request.upload.addEventListener("load", () => row.stop.remove());
+      request.upload.addEventListener("load", () => removeStop(row));
       request.addEventListener("abort", () => resolve());
       request.addEventListener("load", () => {
         const response = responseJson(request);
@@ -145,11 +146,7 @@ function onKnownFile(upload, recording) {
     translate("Upload as a second recording"),
     translate("Upload %(file)s as a second recording", { file: file.name }),
   );
-  uploadAgain.addEventListener("click", () => {
-    row.row.remove();
-    enqueue({ file, row: createRow(file.name), single: false, reuse: false });
-    startNext();
-  });
+  uploadAgain.addEventListener("click", () => sendAgain({ ...upload, single: false, reuse: false }));
   row.state.replaceChildren(
     translate("already uploaded on %(time)s:", { time: localTime(recording.created_at) }),
     " ",
@@ -175,16 +172,26 @@ function onFailed(upload, status, response) {
   showRefusal(row, file.name, text);
   row.state.textContent = translate("not uploaded");
   const again = smallButton(translate("Try again"), translate("Try to upload %(file)s again", { file: file.name }));
-  again.addEventListener("click", () => {
-    row.row.remove();
-    enqueue({ ...upload, row: createRow(file.name) });
-    startNext();
-  });
+  again.addEventListener("click", () => sendAgain(upload));
   row.state.after(again);
 }
 
+// Sends a file in a new row, whose button has the focus.
+function sendAgain(upload) {
+  upload.row.row.remove();
+  const again = { ...upload, row: createRow(upload.file.name) };
+  again.row.stop.focus();
+  enqueue(again);
+  startNext();
+}
+
+function removeStop({ stop }) {
+  if (stop === document.activeElement) picker.focus();
+  stop.remove();
+}
+
 function showRefusal(row, name, text) {
-  row.stop.remove();
+  removeStop(row);
   row.bar.hidden = true;
   row.state.textContent = translate("refused");
   const dismiss = smallButton(translate("Dismiss"), translate("Dismiss the refusal of %(file)s", { file: name }));
@@ -193,7 +200,7 @@ function showRefusal(row, name, text) {
       index = remaining.findIndex((one) => one.name === name && one.text === text);
     if (index >= 0) remaining.splice(index, 1);
     storeRefusals(remaining);
-    row.row.remove();
+    removeRow(row.row, picker);
   });
   row.state.after(dismiss);
   row.row.append(createElement("p", { className: "wrong", role: "alert" }, text));

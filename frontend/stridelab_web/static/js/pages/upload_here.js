@@ -1,5 +1,6 @@
 // Uploads a small recording within the viewer, which then shows it; large ones have a page with a progress bar.
 import { call } from "../shared/api.js";
+import { setActive } from "../shared/focus.js";
 import { translate } from "../shared/translate.js";
 
 const MAX_BYTES = 30e6;
@@ -21,13 +22,13 @@ picker?.addEventListener("change", async () => {
   }
   const form = new FormData();
   form.append("file", file);
-  button.disabled = true;
+  setActive(button, false);
   status.textContent = translate("Uploading %(file)s…", { file: file.name });
   try {
     const { id } = await call("POST", "/recordings?reuse=true", form);
     location.assign(`/view/?recording=${encodeURIComponent(id)}`);
   } catch (error) {
     status.textContent = `${file.name}: ${error.message}`;
-    button.disabled = false;
+    setActive(button, true);
   }
 });

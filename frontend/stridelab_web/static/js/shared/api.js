@@ -1,5 +1,6 @@
 // Requests to /api/v1; every failure becomes an error with a sentence.
 import { checkConnection, isLoggedOut } from "./connection_notice.js";
+import { setActive } from "./focus.js";
 import { translate, translateServed } from "./translate.js";
 
 class ApiError extends Error {
@@ -144,35 +145,35 @@ export function showJobOutcome(node, job) {
   node.textContent = translateServed(job.verdict?.message ?? "");
 }
 
-// Runs `action` on submit with the button disabled, and shows its result or its error beside the button.
+// Runs `action` on submit with the button inactive, and shows its result or its error beside the button.
 /** @param {PageElement} form @param {(data: FormData) => string | Promise<string>} action */
 export function onSubmit(form, action) {
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     const status = form.querySelector("[data-said]");
     const button = form.querySelector("button:not([type=button])");
-    button.disabled = true;
+    setActive(button, false);
     status.textContent = "…";
     try {
       status.textContent = (await action(new FormData(/** @type {any} */ (form)))) || "";
     } catch (error) {
       status.textContent = /** @type {Error} */ (error).message;
     } finally {
-      button.disabled = false;
+      setActive(button, true);
     }
   });
 }
 
-// Runs `action` at each click with the button disabled, which it stays if the page is left; shows an error in `status`.
+// Runs `action` at each click with the button inactive, which it stays if the page is left; shows an error in `status`.
 /** @param {any} button @param {PageElement} status @param {() => unknown} action */
 export function onClick(button, status, action) {
   button?.addEventListener("click", async () => {
-    button.disabled = true;
+    setActive(button, false);
     try {
       await action();
     } catch (error) {
       status.textContent = /** @type {Error} */ (error).message;
-      button.disabled = false;
+      setActive(button, true);
     }
   });
 }

@@ -1,5 +1,6 @@
 // A dialog that saves a picture of the scene in a chosen size and with or without background.
 import { saveBlob } from "../shared/elements.js";
+import { setActive } from "../shared/focus.js";
 import { MAX_SCALE, pictureSize, snapshot } from "./snapshot.js";
 import { translate } from "../shared/translate.js";
 
@@ -40,7 +41,7 @@ export class PictureDialog {
   }
 
   async savePicture() {
-    this.saveButton.disabled = true;
+    setActive(this.saveButton, false);
     this.status.textContent = translate("Drawing…");
     await new Promise((done) => setTimeout(done, 50)); // shows the text first: drawing a large picture blocks the page
     try {
@@ -50,7 +51,7 @@ export class PictureDialog {
     } catch (error) {
       this.status.textContent = error.message;
     } finally {
-      this.saveButton.disabled = false;
+      setActive(this.saveButton, true);
     }
   }
 }

@@ -1,0 +1,185 @@
+"""States that a page comes to by use, at four sizes and in light and dark: axe-core has nothing serious to say of them.
+
+``test_every_page.py`` looks at the pages as they are loaded. Each state here is reached once, and its window is then
+made larger and smaller.
+"""
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Page, Route, expect
+
+from support.browser.page import Tab, opened
+from support.fakes.web_app import Lab
+
+pytestmark = pytest.mark.usefixtures("lab")
+
+SIZES = ((1400, 850), (2560, 1440), (800, 600), (390, 844))
+TWO_PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+FAULTS = """async ([options, counted]) => {
+    const part = document.querySelector("dialog[open]") ?? document;
+    const { violations } = await axe.run(part, options);
+    const wide = document.documentElement.scrollWidth - innerWidth;
+    return [
+        ...wide > 0 ? [`${wide} pixels too wide`] : [],
+        ...violations.filter(({ impact }) => counted.includes(impact))
+            .flatMap(({ id, nodes }) => nodes.map((node) => `${id} at ${node.target}: ${node.failureSummary}`)),
+    ];
+}"""
+"""What is wrong with the open dialog, or with the page."""
+SHEET = """(open) => document.querySelectorAll("[data-sheet]").forEach((sheet) => {
+    sheet.toggleAttribute("data-open", open);
+})"""
+EVERYTHING: dict[str, Any] = {"resultTypes": ["violations"], "iframes": False}
+COLOURS = {**EVERYTHING, "runOnly": ["color-contrast"]}
+COUNTED = ("serious", "critical")
+
+
+def first_tour(page: Page) -> None:
+    expect(page.get_by_role("region", name="Tour")).to_be_visible()
+
+
+def refused_and_waiting_uploads(page: Page) -> None:
+    """One file refused for good, one that may be tried again, and one on its way."""
+    problem = {"title": "Unprocessable", "detail": "This is neither a C3D file nor a ZIP.", "code": "unknown-format"}
+
+    def answer(route: Route) -> None:
+        body = route.request.post_data_buffer or b""
+        if b"bad.c3d" in body:
+            route.fulfill(status=422, content_type="application/problem+json", body=json.dumps(problem))
+        elif b"later.c3d" in body:
+            route.abort()
+
+    page.route("**/api/v1/recordings?reuse=true", answer)
+    files = [{"name": f"{name}.c3d", "mimeType": "", "buffer": b"x"} for name in ("bad", "later", "slow", "next")]
+    page.locator("[data-upload] input[type=file]").set_input_files(files)  # type: ignore[arg-type]
+    expect(page.locator("[data-uploads] [role=alert]")).to_have_count(2)
+    expect(page.locator("[data-uploads] progress:not([hidden])")).to_have_count(2)
+
+
+def chosen_recordings(page: Page) -> None:
+    for box in page.locator("input[name=recording]").all()[:2]:
+        box.check()
+
+
+def wanted_notification(page: Page) -> None:
+    """As in a browser with windows, which offers it."""
+    page.evaluate("() => document.querySelectorAll('[data-notify]').forEach((one) => { one.hidden = false; })")
+    expect(page.get_by_role("checkbox", name="Notify me")).to_be_visible()
+
+
+def lost_connection(page: Page) -> None:
+    page.route("**/api/**", lambda route: route.abort())
+    page.get_by_label("Height").fill("1.8")
+    page.get_by_role("button", name="Save subject").click()
+    expect(page.get_by_role("complementary", name="Connection")).to_be_visible()
+
+
+def ended_login(page: Page) -> None:
+    refusal = {"title": "Unauthenticated", "status": 401, "detail": "This service needs a token."}
+
+    def refuse(route: Route) -> None:
+        if route.request.url.endswith("/health"):
+            route.fallback()
+        else:
+            route.fulfill(status=401, content_type="application/problem+json", body=json.dumps(refusal))
+
+    page.route("**/api/**", refuse)
+    page.get_by_label("Height").fill("1.8")
+    page.get_by_role("button", name="Save subject").click()
+    expect(page.get_by_role("complementary", name="Connection").get_by_role("link", name="Log in")).to_be_visible()
+
+
+def film_dialog(page: Page) -> None:
+    page.keyboard.press("f")
+    expect(page.get_by_role("dialog", name="Film of the scene")).to_be_visible()
+
+
+def empty_film(page: Page) -> None:
+    film_dialog(page)
+    page.locator("dialog[open] [name=to]").fill("0")
+    expect(page.get_by_role("button", name="Save film")).to_be_disabled()
+
+
+def picture_dialog(page: Page) -> None:
+    page.keyboard.press("p")
+    expect(page.get_by_role("dialog", name="Picture of the scene")).to_be_visible()
+
+
+def shortcuts(page: Page) -> None:
+    page.keyboard.press("?")
+    expect(page.get_by_role("dialog", name="Keyboard shortcuts")).to_be_visible()
+
+
+def copied_link(page: Page) -> None:
+    page.keyboard.press("l")
+    expect(page.locator("[data-said-link]")).not_to_be_empty()
+
+
+def open_editor(page: Page) -> None:
+    """A contact, the terrain with a surface, and the push are open."""
+    page.locator("[data-touches] button").first.click()
+    page.locator("details.terrain summary").click()
+    page.locator("[data-surfaces] button").first.click()
+    page.get_by_text("Apply a push").click()
+    expect(page.locator("[data-surfaces] input").first).to_be_visible()
+
+
+def refused_json(page: Page) -> None:
+    page.get_by_role("button", name="JSON").click()
+    page.get_by_label("JSON of the scenario").fill("{")
+    page.locator("[data-json-store]").click()
+    expect(page.locator("[data-json-said]")).to_have_text("This is not JSON.")
+
+
+def obstacles_of_all_kinds(page: Page) -> None:
+    for button in page.locator("[data-add] button").all():
+        button.click()
+    page.get_by_label("Rise in cm of Stairs, obstacle 1").fill("900")
+    page.get_by_role("button", name="Plan the motion").click()
+    expect(page.locator("[data-plan-said]")).not_to_be_empty()
+
+
+STATES: dict[str, tuple[str, tuple[Callable[[Page], None], ...]]] = {
+    "first visit": ("/?tour=1", (first_tour,)),
+    "uploads": ("home", (refused_and_waiting_uploads,)),
+    "chosen recordings": ("recordings", (chosen_recordings,)),
+    "running job": ("running", (wanted_notification,)),
+    "connection": ("recording", (lost_connection,)),
+    "login": ("recording", (ended_login,)),
+    "viewer": ("view-plan", (copied_link, film_dialog, empty_film, picture_dialog, shortcuts)),
+    "editor": ("view-scenario", (open_editor, shortcuts, refused_json)),
+    "robot in 3D": ("view-robot", (shortcuts,)),
+    "new scenario": ("new scenario", (obstacles_of_all_kinds,)),
+}
+"""Pages, and the states that each comes to one after the other; a dialog is closed before the next."""
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("name", STATES)
+def test_a_state_is_accessible_at_every_size(tab: Tab, lab: Lab, addresses: dict[str, str], name: str) -> None:
+    address, states = STATES[name]
+    where = addresses.get(address, address)
+    page = opened(tab, where) if address.startswith("view-") else tab.go(where)
+    page.evaluate(Axe().axe_script)
+    result: dict[str, list[str]] = {}
+    for reach in states:
+        page.set_viewport_size({"width": SIZES[0][0], "height": SIZES[0][1]})
+        reach(page)
+        for width, height in SIZES:
+            page.set_viewport_size({"width": width, "height": height})
+            page.evaluate(SHEET, width < 800)
+            for scheme, options in (("light", EVERYTHING), ("dark", COLOURS)):
+                page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+                page.evaluate(TWO_PICTURES)
+                if wrong := page.evaluate(FAULTS, [options, COUNTED]):
+                    result[f"{reach.__name__}, {width}, {scheme}"] = wrong
+        page.evaluate(SHEET, False)
+        if page.locator("dialog[open]").count():
+            page.keyboard.press("Escape")
+            expect(page.locator("dialog[open]")).to_have_count(0)
+    tab.missteps = [misstep for misstep in tab.missteps if "Failed to load resource" not in misstep]
+    assert result == {}
