@@ -126,6 +126,16 @@ def test_a_hand_that_slides_or_lets_go_for_a_moment_is_drawn_back_to_where_it_la
     assert moved_m == pytest.approx(LANDED_M, abs=2e-3)
 
 
+def test_a_hand_searches_its_surface_at_the_same_speed_for_any_force(posed: LimbKinematics) -> None:
+    """A light robot's reference of a few newtons would take seconds for a centimetre."""
+    above, still = sensed(posed, np.zeros(3), np.zeros(3), np.zeros(3)), {"right_hand": np.zeros(3)}
+    hands = HandForceControl(Grip(), posed, ("right_hand",), DT_S)
+    for _ in range(round(0.25 / DT_S)):
+        angles, _ = hands.compute_corrections(above, {"right_hand": on_top(posed)}, still, {"right_hand": 4.0}, 32)
+    moved_m = posed.limb_jacobian("right_hand")[:3] @ angles[posed.limb["right_hand"]]
+    assert moved_m == pytest.approx([0.0, 0.0, -0.25 * Grip().search_m_s], abs=1.5e-3)
+
+
 def test_after_a_longer_moment_a_hand_lands_anew(posed: LimbKinematics) -> None:
     landed, elsewhere = (sensed(posed, np.zeros(3), off_m, PRESSED_N) for off_m in (LANDED_M, SLID_M))
     let_go = sensed(posed, np.zeros(3), SLID_M, np.zeros(3))

@@ -47,7 +47,8 @@ class Grip:
     Without contact delta decays within ``release_s``. ``touching_n``: force above which a hand is in contact;
     ``rate_n_s`` limits the rate of the added force. Along the surface, corrections are limited to ``aside_m_s`` and
     ``most_aside_m``. Contact is lost after ``lost_s`` without force; a hand farther than ``beside_m`` from its position
-    is then lifted by up to ``lift_m`` at ``lift_m_s``.
+    is then lifted by up to ``lift_m`` at ``lift_m_s``. A hand that touches nothing moves towards its surface at
+    ``search_m_s`` at least, however small its force reference.
     """
 
     least_n: float = 25.0
@@ -63,6 +64,7 @@ class Grip:
     beside_m: float = 0.02
     lift_m: float = 0.05
     lift_m_s: float = 0.2
+    search_m_s: float = 0.06
 
     def force_reference_n(self, planned_n: float, hand: Contact, soles_m: Vector3, weight_n: float) -> float:
         """Normal force reference (N) of a hand of a robot with soles around ``soles_m``."""
@@ -152,6 +154,8 @@ class _Hand:
             rate_m_s = g.lift_m_s
         else:
             rate_m_s = g.gain_m_per_ns * (reference_n - pressed_n)
+            if not in_contact:
+                rate_m_s = max(rate_m_s, g.search_m_s)
         self._delta_m = float(np.clip(self._delta_m + self._dt_s * rate_m_s, -g.lift_m, g.most_m))
 
     def update_in_swing(self, home_m: Vector3) -> None:
