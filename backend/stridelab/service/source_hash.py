@@ -16,7 +16,7 @@ EDITION: Final = 4
 """Incremented when the computation of facts, meshes or densities changes within one version of this program."""
 LIBRARIES: Final = ("pin", "fast-simplification", "scikit-image", "trimesh")
 """Distributions whose versions affect the files."""
-LINKS_FILE: Final = "links.glb"
+CACHED_LINKS_FILE: Final = "links.glb"
 """The cached display meshes of a robot."""
 
 

@@ -16,8 +16,7 @@ from stridelab.errors import StridelabError
 from stridelab.schemas.robots import NAME_PATTERN
 from stridelab.service.filenames import BUNDLE_FILE, LEARNED_FILE, LINKS_FILE, STAGED_ROBOT
 from stridelab.service.kinds.base import Blobs
-from stridelab.service.source_hash import LINKS_FILE as CACHED_LINKS_FILE
-from stridelab.service.source_hash import cached_files_prefix
+from stridelab.service.source_hash import CACHED_LINKS_FILE, cached_files_prefix
 from stridelab.service.storage.tables import robot
 
 ROBOT_FOLDER: Final = "own-robots"

@@ -25,7 +25,7 @@ from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation
 from stridelab.service.api.robots.children import DESCRIBE, LINKS, REACH, Progress, RobotChildren
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.sandbox import STRICT, Sandbox
-from stridelab.service.source_hash import LINKS_FILE, cached_files_prefix
+from stridelab.service.source_hash import CACHED_LINKS_FILE, cached_files_prefix
 from stridelab.service.storage.blobs import BlobInfo, BlobStore
 from stridelab.service.stored_robots import find_robot
 
@@ -147,14 +147,14 @@ class RobotCache:
     async def link_meshes(self, name: str) -> BlobInfo:
         """File with one named mesh per link (GLB), created if it does not exist. Raises the errors of ``facts``."""
         await self.facts(name)
-        key = f"{await self._key_prefix(name)}/{LINKS_FILE}"
+        key = f"{await self._key_prefix(name)}/{CACHED_LINKS_FILE}"
 
         async def make_meshes() -> BlobInfo:
             info = await self.blobs.info(key)
             if info is None:
                 progress = self._progress_callback(name, FACTS_FRACTION, MESHES_FRACTION)
                 async with self._run_child(self.draw, {"robot": name}, LINKS_TIMEOUT_S, progress) as (_, folder):
-                    await self.blobs.put_file(key, folder / LINKS_FILE)
+                    await self.blobs.put_file(key, folder / CACHED_LINKS_FILE)
                 info = await self.blobs.info(key)
             if info is None:
                 raise Unavailable("storage-unavailable", "The file store has lost a file that was just stored.")
