@@ -62,9 +62,9 @@ survey shows the program before hands searched their rails [at a set speed](whol
 
 Former draws, each of another state of the program and with no failure mended before it was counted: 191 of 200 (seed
 730451: TALOS 66 of 67, HRP-2 67 of 67, G1 58 of 66, five of whose failures were stones; then plans got
-[bounds from legs and ankles](whole-body.md), tuned on seed 501 and two scenarios of 94127), 46 of 48 (seed 94127), 39 of
-45 (second draw of seed 2026; G1 9 of 15), 43 of 45 (seed 8123), and of G1 alone 13 of 15 twice (seeds 7311 and 8124).
-None was certified and fell.
+[bounds from legs and ankles](whole-body.md), tuned on seed 501 and two scenarios of 94127), 46 of 48 (seed 94127),
+39 of 45 (second draw of seed 2026; G1 9 of 15), 43 of 45 (seed 8123), and of G1 alone 13 of 15 twice (seeds 7311 and
+8124). None was certified and fell.
 """
 SHARE = """
 They are the first {count} of {all} in a random order that was fixed before; the survey ended with the time for it."""
