@@ -31,7 +31,7 @@ def page(tab: Tab) -> Page:
     return tab.page
 
 
-def notices(page: Page) -> Any:
+def sent_notices(page: Page) -> Any:
     return page.evaluate("() => JSON.parse(sessionStorage.getItem('notices') ?? '[]')")
 
 
@@ -48,7 +48,7 @@ def test_the_page_of_a_plan_notifies_with_its_verdict(page: Page, tab: Tab, lab:
     look_elsewhere(page)
     lab.fake.change(job.id, state="succeeded", verdict=FELL, progress=Progress(fraction=1.0))
     expect(page.locator("[data-outcome]")).to_contain_text(FELL.message)
-    assert notices(page) == ([["Plan", f"✗ {FELL.message}"]] if asked else [])
+    assert sent_notices(page) == ([["Plan", f"✗ {FELL.message}"]] if asked else [])
 
 
 def test_the_list_of_jobs_notifies_in_the_background_only(page: Page, tab: Tab, lab: Lab) -> None:
@@ -59,13 +59,13 @@ def test_the_list_of_jobs_notifies_in_the_background_only(page: Page, tab: Tab, 
     rows = {job.id: page.locator(f"tr[data-job='{job.id}']") for job in (first, second)}
     lab.fake.change(first.id, state="succeeded", verdict=FELL)
     expect(rows[first.id].locator("[data-outcome]")).to_have_text(FELL.message)
-    assert notices(page) == []
+    assert sent_notices(page) == []
     look_elsewhere(page)
     lab.fake.change(
         second.id, state="succeeded", verdict=JobVerdict(outcome="passed", code="certified", message="Certified")
     )
     expect(rows[second.id].locator("[data-outcome]")).to_have_text("Certified")
-    assert notices(page) == [["Motion plan far", "✓ Certified"]]
+    assert sent_notices(page) == [["Motion plan far", "✓ Certified"]]
 
 
 def test_a_browser_that_refuses_is_believed(page: Page, tab: Tab, lab: Lab) -> None:

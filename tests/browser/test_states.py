@@ -46,14 +46,14 @@ def refused_and_waiting_uploads(page: Page) -> None:
     """One file refused for good, one that may be tried again, and one on its way."""
     problem = {"title": "Unprocessable", "detail": "This is neither a C3D file nor a ZIP.", "code": "unknown-format"}
 
-    def answer(route: Route) -> None:
+    def answer_upload(route: Route) -> None:
         body = route.request.post_data_buffer or b""
         if b"bad.c3d" in body:
             route.fulfill(status=422, content_type="application/problem+json", body=json.dumps(problem))
         elif b"later.c3d" in body:
             route.abort()
 
-    page.route("**/api/v1/recordings?reuse=true", answer)
+    page.route("**/api/v1/recordings?reuse=true", answer_upload)
     files = [{"name": f"{name}.c3d", "mimeType": "", "buffer": b"x"} for name in ("bad", "later", "slow", "next")]
     page.locator("[data-upload] input[type=file]").set_input_files(files)  # type: ignore[arg-type]
     expect(page.locator("[data-uploads] [role=alert]")).to_have_count(2)
@@ -81,13 +81,13 @@ def lost_connection(page: Page) -> None:
 def ended_login(page: Page) -> None:
     refusal = {"title": "Unauthenticated", "status": 401, "detail": "This service needs a token."}
 
-    def refuse(route: Route) -> None:
+    def refuse_token(route: Route) -> None:
         if route.request.url.endswith("/health"):
             route.fallback()
         else:
             route.fulfill(status=401, content_type="application/problem+json", body=json.dumps(refusal))
 
-    page.route("**/api/**", refuse)
+    page.route("**/api/**", refuse_token)
     page.get_by_label("Height").fill("1.8")
     page.get_by_role("button", name="Save subject").click()
     expect(page.get_by_role("complementary", name="Connection").get_by_role("link", name="Log in")).to_be_visible()
@@ -109,7 +109,7 @@ def picture_dialog(page: Page) -> None:
     expect(page.get_by_role("dialog", name="Picture of the scene")).to_be_visible()
 
 
-def shortcuts(page: Page) -> None:
+def shortcuts_dialog(page: Page) -> None:
     page.keyboard.press("?")
     expect(page.get_by_role("dialog", name="Keyboard shortcuts")).to_be_visible()
 
@@ -150,9 +150,9 @@ STATES: dict[str, tuple[str, tuple[Callable[[Page], None], ...]]] = {
     "running job": ("running", (wanted_notification,)),
     "connection": ("recording", (lost_connection,)),
     "login": ("recording", (ended_login,)),
-    "viewer": ("view-plan", (copied_link, film_dialog, empty_film, picture_dialog, shortcuts)),
-    "editor": ("view-scenario", (open_editor, shortcuts, refused_json)),
-    "robot in 3D": ("view-robot", (shortcuts,)),
+    "viewer": ("view-plan", (copied_link, film_dialog, empty_film, picture_dialog, shortcuts_dialog)),
+    "editor": ("view-scenario", (open_editor, shortcuts_dialog, refused_json)),
+    "robot in 3D": ("view-robot", (shortcuts_dialog,)),
     "new scenario": ("new scenario", (obstacles_of_all_kinds,)),
 }
 """Pages, and the states that each comes to one after the other; a dialog is closed before the next."""

@@ -171,7 +171,7 @@ def lower_for_legs(
         if float(high_m.max()) <= ENOUGH_M:
             break
         com_m = np.array([plan.reference_at(t).com_m[2] for t in time_s.tolist()])
-        between_m = _tighten(between_m, fixed.grid().time_s, time_s, com_m, high_m, low_m)
+        between_m = _tighten_bounds(between_m, fixed.grid().time_s, time_s, com_m, high_m, low_m)
         lower = replace(fixed, bounds=replace(problem.bounds, com_between_m=between_m))
         lowered = solve(lower)
         remaining_m = legs.missing_heights_m(lowered, time_s)
@@ -181,7 +181,7 @@ def lower_for_legs(
     return problem, plan
 
 
-def _tighten(
+def _tighten_bounds(
     between_m: Float[np.ndarray, "m 2"],
     nodes_s: Float[np.ndarray, "nodes"],
     time_s: Series,

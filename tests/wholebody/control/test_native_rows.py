@@ -46,16 +46,16 @@ class Comparison:
                 targets[name] = advance(phase, name, curve, time_s)
             return targets[name]
 
-        native = phase._native
+        native = phase._native_rows
         phase.__dict__["_swing_target"] = once
         rows = BUILD(phase, instant)
         if len(self.differences) * EVERY <= round(250.0 * instant.time_s):
             copied = [array.copy() for array in flat(rows)]
-            phase.__dict__["_native"] = None
+            phase.__dict__["_native_rows"] = None
             with pytest.MonkeyPatch.context() as patch:  # nearest points may not be unique
                 patch.setattr(CollisionAvoidance, "update", lambda _self, _body: None)
                 expected = flat(BUILD(phase, instant))
-            phase.__dict__["_native"] = native
+            phase.__dict__["_native_rows"] = native
             assert [a.shape for a in copied] == [a.shape for a in expected]
             self.differences.append(max(relative(a, b) for a, b in zip(copied, expected, strict=True)))
             self.avoided += len(phase._avoidance.task_rows()[1]) if phase._avoidance is not None else 0

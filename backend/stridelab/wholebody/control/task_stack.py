@@ -178,16 +178,16 @@ class PhaseHierarchy:
         body, nv = self._body, self._nv
         if self._avoidance is not None:
             self._avoidance.update(body)
-        if self._native is not None:
+        if self._native_rows is not None:
             avoidance = None if self._avoidance is None else self._avoidance.task_rows()
             swings = [self._native_target(name, curve, instant.time_s) for name, curve in self._swings.items()]
-            return self._native.build_rows(instant, swings, self._planned_forces(instant), avoidance)
+            return self._native_rows.build_rows(instant, swings, self._planned_forces(instant), avoidance)
         J = [force_jacobian(body.frame_state(name), points) for name, points in self._points.items()]
         J_f = np.concatenate(J) if J else np.zeros((0, nv))
         return self._level_0(J_f), [self._level_1(instant), self._level_2(instant)], self._inequality_rows(J_f)
 
     @cached_property
-    def _native(self) -> NativeRows | None:
+    def _native_rows(self) -> NativeRows | None:
         """The same rows by the C++ module, where that is available."""
         if not isinstance(native_availability(), NativeSolver):
             return None

@@ -85,11 +85,11 @@ def test_nothing_is_printed_and_nothing_listens_afterwards(capfd: pytest.Capture
 def test_the_stored_meshes_of_a_service_are_not_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot, motion, recorded = talos(), made_up_motion(), []
 
-    def note(_terrain: Terrain, links: dict[str, bytes], *_: object) -> bytes:
+    def keep_links(_terrain: Terrain, links: dict[str, bytes], *_: object) -> bytes:
         recorded.append(links)
         return b""
 
-    monkeypatch.setattr(files, "record_scene", note)
+    monkeypatch.setattr(files, "record_scene", keep_links)
     write_motion(tmp_path, robot, motion)
     (tmp_path / LINKS_FILE).write_bytes(glb(link_meshes(robot))[:-1])  # damaged
     write_motion(tmp_path, robot, motion)

@@ -12,8 +12,8 @@ from stridelab.robots.visuals import glb, link_meshes
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import write_atomically
 from stridelab.service.kinds.robots.description import RobotTask
+from stridelab.service.source_hash import CACHED_LINKS_FILE
 
-LINKS_FILE: Final = "links.glb"
 GLTF: Final = "model/gltf-binary"
 
 
@@ -28,7 +28,7 @@ def run(task: RobotTask, folder: Path, progress: ProgressCallback) -> Outcome:
     meshes = link_meshes(robot)
     progress(0.9, "writing them")
     data = glb(meshes)
-    write_atomically(folder / LINKS_FILE, lambda path: path.write_bytes(data))
+    write_atomically(folder / CACHED_LINKS_FILE, lambda path: path.write_bytes(data))
     progress(1.0, "done")
     summary = {"robot": robot.name, "sha256": robot.sha256, "links": [mesh.name for mesh in meshes]}
-    return Outcome(summary, (), (ArtifactFile(LINKS_FILE, GLTF),))
+    return Outcome(summary, (), (ArtifactFile(CACHED_LINKS_FILE, GLTF),))
