@@ -3,9 +3,15 @@
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
+#include <optional>
+
+#include "arrays.hpp"
 #include "body_module.hpp"
+#include "stridelab_native/reduced_level.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -13,22 +19,6 @@ using namespace nb::literals;
 namespace stridelab {
 
 namespace {
-
-using Input = nb::ndarray<const double, nb::device::cpu>;
-using Output = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
-
-void require(bool holds, const char* what) {
-  if (!holds) throw nb::value_error(what);
-}
-
-// A view of an array of the given shape; ``columns`` 0: a vector. The caller keeps the array.
-View view(nb::handle given, std::size_t rows, std::size_t columns, const char* what) {
-  const auto array = nb::cast<Input>(given, false);
-  const bool is_matrix = columns > 0;
-  require(array.ndim() == (is_matrix ? 2u : 1u) && array.shape(0) == rows && (!is_matrix || array.shape(1) == columns),
-          what);
-  return {array.data(), array.stride(0), is_matrix ? array.stride(1) : 0};
-}
 
 std::vector<double> numbers(nb::handle given, std::size_t n, const char* what) {
   const View v = view(given, n, 0, what);
@@ -174,9 +164,43 @@ private:
   std::size_t torque_row_, spare_ = 0;
 };
 
+std::size_t rows_of(nb::handle vector) { return nb::cast<Input>(vector, false).size(); }
+
+LinearRows linear_rows(nb::handle given, std::size_t n) {
+  const auto fields = nb::cast<nb::tuple>(given);
+  const char* const shape = "rows have a matrix (m, n) and a vector (m,)";
+  require(nb::len(fields) == 2, shape);
+  const std::size_t m = rows_of(fields[1]);
+  return {view(fields[0], m, n, shape), view(fields[1], m, 0, shape), m};
+}
+
+// ``above``: (A, b) of each block; ``level``: (A, b); ``bounds``: (G, lower, upper). Writes z, Z, H, f, C, lower and
+// upper one after the other into ``values``; the number of columns of Z, or None if the rows above contradict each
+// other.
+std::optional<std::size_t> reduced_level(nb::sequence above, nb::tuple level, nb::tuple bounds, nb::handle values) {
+  const char* const shape = "bounds have a matrix (m, n) and two vectors (m,)";
+  require(nb::len(bounds) == 3, shape);
+  const auto matrix = nb::cast<Input>(bounds[0], false);
+  require(matrix.ndim() == 2, shape);
+  const std::size_t n = matrix.shape(1), m = matrix.shape(0);
+  std::vector<LinearRows> blocks;
+  for (const nb::handle block : above) blocks.push_back(linear_rows(block, n));
+  const BoundRows rows{view(bounds[0], m, n, shape), view(bounds[1], m, 0, shape), view(bounds[2], m, 0, shape), m};
+  auto written = nb::cast<Output>(values, false);
+  require(written.size() >= 2 * n * (n + 1) + m * (n + 2), "too few values for a level of as many unknowns and bounds");
+  ReducedLevel made;
+  if (!reduce_level(n, blocks, linear_rows(level, n), rows, made)) return {};
+  double* next = written.data();
+  for (const auto* part : {&made.z, &made.Z, &made.H, &made.f, &made.C, &made.lower, &made.upper}) {
+    next = std::copy(part->begin(), part->end(), next);
+  }
+  return made.k;
+}
+
 }  // namespace
 
-void bind_body_rows(nb::module_& module) {
+void bind_body(nb::module_& module) {
+  module.def("reduced_level", &reduced_level, "above"_a, "level"_a, "bounds"_a, "values"_a);
   nb::class_<BodyRows>(module, "BodyRows")
       .def(nb::init<nb::list, std::vector<bool>, nb::dict, nb::dict, nb::list, std::size_t>(), "contacts"_a,
            "swings_surface"_a, "joints"_a, "settings"_a, "arrays"_a, "torque_row"_a)

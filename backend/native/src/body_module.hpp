@@ -3,6 +3,6 @@
 
 namespace stridelab {
 
-void bind_body_rows(nanobind::module_& module);
+void bind_body(nanobind::module_& module);
 
 }  // namespace stridelab

@@ -4,9 +4,19 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from stridelab.centroidal.native.availability import NativeSolver, NativeUnavailable, native_availability
+from stridelab.wholebody.control import hierarchical_qp
 from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows, minimum_violations, solve_hierarchy
 
 N = 12
+needs_module = pytest.mark.skipif(not isinstance(native_availability(), NativeSolver), reason="the module is not built")
+
+
+@pytest.fixture(autouse=True, params=[pytest.param("module", marks=needs_module), "numpy"])
+def reduction(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every test runs with the C++ module and without it."""
+    if request.param == "numpy":
+        monkeypatch.setattr(hierarchical_qp, "native_availability", lambda: NativeUnavailable("not in this test"))
 
 
 def problem(seed: int, tight: float) -> tuple[Rows, list[Rows], Inequalities]:

@@ -5,16 +5,9 @@
 #include <cstddef>
 #include <vector>
 
-namespace stridelab {
+#include "stridelab_native/view.hpp"
 
-// A vector or matrix of the caller, with strides in elements.
-struct View {
-  const double* data = nullptr;
-  std::ptrdiff_t row = 0, column = 0;
-  double operator()(std::size_t i, std::size_t j = 0) const {
-    return data[static_cast<std::ptrdiff_t>(i) * row + static_cast<std::ptrdiff_t>(j) * column];
-  }
-};
+namespace stridelab {
 
 // Stiffness (1/s^2) and damping (1/s) of an error.
 struct Gain {

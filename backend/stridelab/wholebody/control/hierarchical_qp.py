@@ -9,10 +9,13 @@ level cannot disturb a higher one. The inequalities are the same on every level.
 An exact shortcut first assumes that the residuals of the upper levels can be zero: they are factorised together with
 the equalities, and only the last level's quadratic program is solved. If it has a solution, zero is optimal for the
 upper levels, and the result is that of the whole cascade; otherwise the cascade is solved level by level. On a motion
-without saturation this takes one quadratic program per sample.
+without saturation this takes one quadratic program per sample. Where the C++ module is built, it makes that program
+(``reduced_level``), to rounding that of ``_reduced_exactly`` in another basis of the null space: a third of the time of
+numpy, which multiplies the zeros of the rows of single joints and forces as well.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,6 +23,8 @@ import daqp
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.linalg import lapack
+
+from stridelab.centroidal.native.availability import NativeSolver, native_availability
 
 Unknowns = Float[np.ndarray, "n"]
 Basis = Float[np.ndarray, "n k"]
@@ -72,19 +77,18 @@ class HierarchyResult(NamedTuple):
 def solve_hierarchy(equality: Rows, levels: Sequence[Rows], bounds: Inequalities) -> HierarchyResult:
     """Solve the hierarchy; a failure is returned with its level, never raised."""
     n_solved = 0
-    shortcut = _solve_exactly(equality, levels[:-1])
+    shortcut = _reduced_exactly((equality, *levels[:-1]), levels[-1], bounds)
     if shortcut is not None:
-        z, Z = shortcut
-        solution = _solve_level(z, Z, levels[-1], bounds)
+        solution = _solve_level(shortcut)
         n_solved = 1
         if solution.flag > 0:
-            return HierarchyResult(z + Z @ solution.w, None, n_solved)
+            return HierarchyResult(shortcut.z + shortcut.Z @ solution.w, None, n_solved)
     z, Z, residual = _solve_linear(equality)
     if not _is_negligible(residual, equality.b):
         reason = f"the equalities contradict each other by {np.abs(residual).max():.2g}"
         return HierarchyResult(z, HierarchyFailure(0, reason), 0)
     for number, level in enumerate(levels, start=1):
-        solution = _solve_level(z, Z, level, bounds)
+        solution = _solve_level(_reduced_level(z, Z, level, bounds))
         n_solved += 1
         if solution.flag < 1:
             reason = _REASONS.get(solution.flag, f"solver flag {solution.flag}")
@@ -151,18 +155,51 @@ def _is_negligible(residual: Float[np.ndarray, "m"], b: Float[np.ndarray, "m"]) 
     return float(np.abs(residual).max(initial=0.0)) <= _CONSISTENT * (1.0 + float(np.abs(b).max(initial=0.0)))
 
 
-def _solve_exactly(equality: Rows, levels: Sequence[Rows]) -> tuple[Unknowns, Basis] | None:
-    """Solution set of the equalities and the upper levels together, or None if they are inconsistent."""
-    blocks = (equality, *levels)
-    z, Z, off = _solve_linear(Rows(np.concatenate([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])))
-    if not off.any():  # independent rows
-        return z, Z
+class _ReducedLevel(NamedTuple):
+    """A level for ``z + Z w``: ``min_w w' H w / 2 + f' w`` under ``lower <= C w <= upper``."""
+
+    z: Unknowns
+    Z: Basis
+    H: Float[np.ndarray, "k k"]
+    f: Float[np.ndarray, "k"]
+    C: Float[np.ndarray, "m k"]
+    lower: Float[np.ndarray, "m"]
+    upper: Float[np.ndarray, "m"]
+
+
+def _reduced_exactly(above: Sequence[Rows], level: Rows, bounds: Inequalities) -> _ReducedLevel | None:
+    """``level`` over the solutions of all rows above it together, or None if these are inconsistent."""
+    native = native_availability()
+    if isinstance(native, NativeSolver):
+        m, n = bounds.G.shape
+        values = np.empty(2 * n * (n + 1) + m * (n + 2))
+        k = native.module.reduced_level(above, level, bounds, values)
+        return None if k is None else _ReducedLevel(*_split(values, (n,), (n, k), (k, k), (k,), (m, k), (m,), (m,)))
+    z, Z, off = _solve_linear(Rows(np.concatenate([A for A, _ in above]), np.concatenate([b for _, b in above])))
     row = 0
-    for _, b in blocks:
+    for _, b in above if off.any() else ():
         if not _is_negligible(off[row : row + len(b)], b):
             return None
         row += len(b)
-    return z, Z
+    return _reduced_level(z, Z, level, bounds)
+
+
+def _split(values: Float[np.ndarray, "_"], *shapes: tuple[int, ...]) -> Iterator[Float[np.ndarray, "..."]]:
+    """Views of ``values``, one after the other."""
+    start = 0
+    for shape in shapes:
+        end = start + math.prod(shape)
+        yield values[start:end].reshape(shape)
+        start = end
+
+
+def _reduced_level(z: Unknowns, Z: Basis, level: Rows, bounds: Inequalities) -> _ReducedLevel:
+    B = level.A @ Z
+    if np.abs(B).max(initial=0.0) <= _ROUNDING * np.abs(level.A).max(initial=0.0):
+        B = np.zeros_like(B)  # the level is decided above; rounding errors would drive w until the bounds stop it
+    off = bounds.G @ z
+    lower, upper = np.maximum(bounds.lower - off, -_NO_BOUND), np.minimum(bounds.upper - off, _NO_BOUND)
+    return _ReducedLevel(z, Z, B.T @ B, B.T @ (level.A @ z - level.b), bounds.G @ Z, lower, upper)
 
 
 class _LevelSolution(NamedTuple):
@@ -171,23 +208,13 @@ class _LevelSolution(NamedTuple):
     multipliers: Float[np.ndarray, "m"]
 
 
-def _solve_level(z: Unknowns, Z: Basis, level: Rows, bounds: Inequalities) -> _LevelSolution:
-    """``min_w |A (z + Z w) - b|^2`` under the inequalities; the solver's flag (positive: solved), multipliers."""
-    if not Z.shape[1]:
-        return _LevelSolution(np.zeros(0), 1, np.zeros(len(bounds.upper)))
-    B = level.A @ Z
-    if np.abs(B).max(initial=0.0) <= _ROUNDING * np.abs(level.A).max(initial=0.0):
-        B = np.zeros_like(B)  # the level is decided above; rounding errors would drive w until the bounds stop it
-    off = bounds.G @ z
-    w, _, flag, info = daqp.solve(
-        B.T @ B,
-        B.T @ (level.A @ z - level.b),
-        bounds.G @ Z,
-        np.minimum(bounds.upper - off, _NO_BOUND),
-        np.maximum(bounds.lower - off, -_NO_BOUND),
-        np.zeros(len(off), np.int32),
-        eps_prox=_PROXIMAL,
-    )
+def _solve_level(level: _ReducedLevel) -> _LevelSolution:
+    """Optimal ``w``; the solver's flag (positive: solved), multipliers."""
+    m = len(level.upper)
+    if not len(level.f):
+        return _LevelSolution(np.zeros(0), 1, np.zeros(m))
+    equal = np.zeros(m, np.int32)
+    w, _, flag, info = daqp.solve(level.H, level.f, level.C, level.upper, level.lower, equal, eps_prox=_PROXIMAL)
     return _LevelSolution(np.asarray(w), int(flag), np.abs(np.asarray(info["lam"])))
 
 
