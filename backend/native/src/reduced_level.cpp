@@ -115,15 +115,26 @@ void null_space(Factorisation& qr, std::vector<double>& Z) {
   }
 }
 
+void copy_row(const View& rows, std::size_t i, std::vector<double>& row) {
+  if (rows.column == 1) {
+    const double* const first = rows.data + static_cast<std::ptrdiff_t>(i) * rows.row;
+    std::copy(first, first + row.size(), row.begin());
+    return;
+  }
+  for (std::size_t j = 0; j < row.size(); ++j) row[j] = rows(i, j);
+}
+
 // ``rows Z`` row by row, and ``rows z``; most entries of the rows are zero.
 void multiply_sparse(const View& rows, std::size_t m, const ReducedLevel& made, std::vector<double>& product,
                      std::vector<double>& at) {
   const std::size_t k = made.k;
   product.assign(m * k, 0.0);
   at.assign(m, 0.0);
+  std::vector<double> row(made.n);
   for (std::size_t i = 0; i < m; ++i) {
+    copy_row(rows, i, row);
     for (std::size_t j = 0; j < made.n; ++j) {
-      const double entry = rows(i, j);
+      const double entry = row[j];
       if (entry == 0.0) continue;
       at[i] += entry * made.z[j];
       add_multiple(product.data() + i * k, entry, made.Z.data() + j * k, k);
@@ -132,9 +143,16 @@ void multiply_sparse(const View& rows, std::size_t m, const ReducedLevel& made, 
 }
 
 double largest(const std::vector<double>& values) {
-  double most = 0.0;
-  for (const double x : values) most = std::max(most, std::fabs(x));
-  return most;
+  v4 most = splat4(0.0);
+  std::size_t i = 0;
+  for (; i + 4 <= values.size(); i += 4) {
+    v4 x;
+    std::memcpy(&x, values.data() + i, sizeof x);
+    most = larger(larger(x, -x), most);
+  }
+  double whole = std::max(std::max(most[0], most[1]), std::max(most[2], most[3]));
+  for (; i < values.size(); ++i) whole = std::max(whole, std::fabs(values[i]));
+  return whole;
 }
 
 // H = B' B and f = B' (A z - b); four rows at a time.
@@ -143,9 +161,11 @@ void fill_objective(const LinearRows& level, ReducedLevel& made) {
   std::vector<double> B, off;
   multiply_sparse(level.A, m, made, B, off);
   double most = 0.0;
+  std::vector<double> row(made.n);
   for (std::size_t i = 0; i < m; ++i) {
     off[i] -= level.b(i);
-    for (std::size_t j = 0; j < made.n; ++j) most = std::max(most, std::fabs(level.A(i, j)));
+    copy_row(level.A, i, row);
+    most = std::max(most, largest(row));
   }
   made.H.assign(k * k, 0.0);
   made.f.assign(k, 0.0);

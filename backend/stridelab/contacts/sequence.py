@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Int
 
 from stridelab.contacts.terrain import Terrain
 from stridelab.conventions import Series
@@ -92,8 +93,11 @@ class ContactSequence:
 
     def phase_at(self, time_s: float) -> int:
         """Index of the phase at ``time_s``; a boundary belongs to the phase that begins there."""
-        index = int(np.searchsorted(self.ends_s, time_s, side="right"))
-        return min(index, len(self.phases) - 1)
+        return int(self.phases_at(np.array([time_s]))[0])
+
+    def phases_at(self, time_s: Series) -> Int[np.ndarray, "n"]:
+        """Indices of the phases at ``time_s`` ``(n,)``, as ``phase_at``."""
+        return np.minimum(np.searchsorted(self.ends_s, time_s, side="right"), len(self.phases) - 1)
 
     def last_contact(self, effector: str, phase: int) -> Contact | None:
         """The contact of ``effector`` in ``phase``, or its last one before."""

@@ -200,21 +200,25 @@ class SwingCurve:
         return np.asarray(ScipyRotation.from_matrix(self.start.rotation.T @ self.end.rotation).as_rotvec())
 
     @cached_property
+    def _turns(self) -> bool:
+        return bool(self._rotation_vector.any())
+
+    @cached_property
     def _rotation_axis(self) -> Vector3:
         """``_rotation_vector`` in world axes."""
         return np.asarray(self.start.rotation @ self._rotation_vector)
 
     def state_at(self, t_s: float) -> SwingPoint:
         """State ``t_s`` seconds after lift-off; before and after the swing, at rest at its ends."""
-        scalings = [quintic_scaling(t_s, window, self.duration_s) for window in self.profile]
-        p, v, a = np.array(scalings).T @ self.parts_m
-        s_move, axis = scalings[1], self._rotation_axis
+        up, move, down = (quintic_scaling(t_s, window, self.duration_s) for window in self.profile)
+        p, v, a = np.array((up, move, down)).T @ self.parts_m
+        axis = self._rotation_axis
         return SwingPoint(
-            placement=Placement(self.start.position_m + p, self._rotation_at(s_move[0])),
+            placement=Placement(self.start.position_m + p, self._rotation_at(move[0])),
             velocity_m_s=v,
             acceleration_m_s2=a,
-            angular_velocity_rad_s=axis * s_move[1],
-            angular_acceleration_rad_s2=axis * s_move[2],
+            angular_velocity_rad_s=axis * move[1],
+            angular_acceleration_rad_s2=axis * move[2],
         )
 
     def poses_at(self, shares: Series) -> tuple[Points, Rotations]:
@@ -228,6 +232,6 @@ class SwingCurve:
         return np.asarray(self.start.rotation @ turns)
 
     def _rotation_at(self, share: float) -> Rotation:
-        if not self._rotation_vector.any():
+        if not self._turns:
             return self.start.rotation
         return np.asarray(self.start.rotation @ ScipyRotation.from_rotvec(share * self._rotation_vector).as_matrix())

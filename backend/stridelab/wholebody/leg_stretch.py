@@ -126,9 +126,9 @@ class LegModel:
         At ``time_s`` (n,); zero where they do. Ankles count while their soles are in contact.
         """
         sequence, heading = plan.sequence, Heading.of_sequence(plan.sequence)
-        phase = np.array([sequence.phase_at(t + 1e-9) for t in time_s.tolist()])
+        phase = sequence.phases_at(time_s + 1e-9)
         com = np.array([plan.reference_at(t).com_m for t in time_s.tolist()])
-        R = np.array([heading.orientation_at(k, t)[0] for k, t in zip(phase.tolist(), time_s.tolist(), strict=True)])
+        R = heading.orientations_at(phase, time_s)[0]
         feet = {name: _ankle_path(sequence, name, leg.ankle_m, phase, time_s) for name, leg in self.legs.items()}
         base, base_share = self._base_m(com, R, {name: ankle for name, (ankle, _) in feet.items()})
         high_m, low_m = np.zeros(len(time_s)), np.zeros(len(time_s))

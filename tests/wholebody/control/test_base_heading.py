@@ -34,14 +34,10 @@ def test_it_follows_the_mean_of_the_feet_without_a_jump() -> None:
 @pytest.mark.parametrize("time_s", [0.6, 0.75, 0.9, 1.7])
 def test_its_rates_are_derivatives(time_s: float) -> None:
     heading, h = turning(), 1e-5
-    phase = heading.sequence.phase_at(time_s)
-
-    def yaw(t: float) -> float:
-        R, _, _ = heading.orientation_at(phase, t)
-        return float(np.arctan2(R[1, 0], R[0, 0]))
-
-    R, w, w_rate = heading.orientation_at(phase, time_s)
-    assert np.allclose(R @ R.T, np.eye(3))
-    assert w[2] == pytest.approx((yaw(time_s + h) - yaw(time_s - h)) / (2 * h), abs=1e-6)
-    assert w_rate[2] == pytest.approx((yaw(time_s + h) - 2 * yaw(time_s) + yaw(time_s - h)) / h**2, abs=1e-3)
-    assert np.all(w[:2] == 0.0)
+    phase = np.full(3, heading.sequence.phase_at(time_s))
+    R, w, w_rate = heading.orientations_at(phase, time_s + h * np.array([-1.0, 0.0, 1.0]))
+    before, yaw, after = np.arctan2(R[:, 1, 0], R[:, 0, 0])
+    assert np.allclose(R @ R.transpose(0, 2, 1), np.eye(3))
+    assert w[1, 2] == pytest.approx((after - before) / (2 * h), abs=1e-6)
+    assert w_rate[1, 2] == pytest.approx((after - 2 * yaw + before) / h**2, abs=1e-3)
+    assert np.all(w[:, :2] == 0.0)

@@ -138,7 +138,8 @@ def test_a_hand_does_not_correct_the_momentum_of_the_limbs(
     forces_n = {**plan.forces_at(0.0), "right_hand": np.zeros((1, 3))}
     settings, still = replace(Settings(), hand_force_weight=weight), np.zeros(3)
     programme = PhaseHierarchy(talos, body, contacts, {}, settings)
-    targets = SampleTargets(0.0, plan.reference_at(0.0), (np.eye(3), still, still), forces_n)
+    stacked = programme.stack_forces_n({name: forces[None] for name, forces in forces_n.items()})[0]
+    targets = SampleTargets(0.0, plan.reference_at(0.0), (np.eye(3), still, still), stacked)
     result = solve_hierarchy(*programme.build_rows(targets))
     assert result.failure is None
     assert np.linalg.norm(body.l_nms) > 2.0
@@ -153,7 +154,7 @@ def test_without_contacts_the_body_falls(talos: Robot) -> None:
     programme = PhaseHierarchy(talos, body, {}, {}, Settings())
     still = np.zeros(3)
     equality, levels, bounds = programme.build_rows(
-        SampleTargets(0.0, plan.reference_at(0.0), (np.eye(3), still, still), {})
+        SampleTargets(0.0, plan.reference_at(0.0), (np.eye(3), still, still), np.zeros(0))
     )
     result = solve_hierarchy(equality, levels, bounds)
     assert result.failure is None

@@ -112,7 +112,8 @@ class _ControllerRun:
             )
         self.times = np.arange(n) / controller.rate_hz
         self._body = RigidBody(robot)
-        self._heading = Heading.of_sequence(sequence)
+        self._phases = sequence.phases_at(self.times + 1e-9)
+        self._bases = Heading.of_sequence(sequence).orientations_at(self._phases, self.times)
         avoid = controller.settings.avoid
         self._avoidance = None if avoid is None else CollisionAvoidance(robot, sequence.terrain, avoid)
         self._q, self._v = _initial_posture(robot, sequence, plan, controller.settings), np.zeros(robot.model.nv)
@@ -140,13 +141,13 @@ class _ControllerRun:
         """Solve sample ``i``, store it, integrate to the next one."""
         t, body = float(self.times[i]), self._body
         body.update(self._q, self._v)
-        phase = self._sequence.phase_at(t + 1e-9)
+        phase = int(self._phases[i])
         if phase != self._phase:
             self._enter_phase(phase, t)
-        reference, base = self._references[i], self._heading.orientation_at(phase, t)
+        reference, (R, w, w_rate) = self._references[i], self._bases
         self._check_divergence(i, reference.com_m)
-        planned_n = {name: forces_n[i] for name, forces_n in self._planned_n.items()}
-        rows = self._programme.build_rows(SampleTargets(t, reference, base, planned_n))
+        targets = SampleTargets(t, reference, (R[i], w[i], w_rate[i]), self._phase_forces_n[i])
+        rows = self._programme.build_rows(targets)
         result = solve_hierarchy(*rows)
         if result.failure is None:
             z = result.z
@@ -205,6 +206,7 @@ class _ControllerRun:
         self._programme = PhaseHierarchy(
             self._robot, self._body, contacts, swings, settings, self._avoidance, self._controller.rate_hz
         )
+        self._phase_forces_n = self._programme.stack_forces_n(self._planned_n)
         self._phase = phase
 
     def _swing_curve(self, name: str, phase: int, t: float) -> SwingCurve | None:
@@ -259,7 +261,7 @@ class _ControllerRun:
 
     def _stop_error(self, i: int, reason: str, level: int, exhausted: list[str]) -> WholeBodyStopped:
         t = float(self.times[i])
-        phase = self._sequence.phase_at(t + 1e-9)
+        phase = int(self._phases[i])
         message = (
             f"The whole body cannot follow the plan beyond {t:.2f} s (phase {phase}): {reason}; the first level "
             "that is "

@@ -66,7 +66,6 @@ class RigidBody:
         if name not in self._frame_states:
             index, model, data = self._frames[name], self.model, self._data
             placement = pin.updateFramePlacement(model, data, index)
-            pin.updateFramePlacement(model, self._drift, index)
             J = pin.getFrameJacobian(model, data, index, pin.LOCAL_WORLD_ALIGNED)
             drift = pin.getFrameClassicalAcceleration(model, self._drift, index, pin.LOCAL_WORLD_ALIGNED).vector
             R = placement.rotation @ self._R_base_trunk if name == "base" else placement.rotation.copy()

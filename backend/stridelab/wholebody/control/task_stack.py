@@ -106,12 +106,15 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class SampleTargets:
-    """Targets of one sample: the plan's reference and forces, and the base's orientation with its rates."""
+    """Targets of one sample: the plan's reference and forces, and the base's orientation with its rates.
+
+    ``forces_n`` are those of all contact points, in the order of ``PhaseHierarchy.stack_forces_n``.
+    """
 
     time_s: float
     reference: Reference
     base: tuple[Rotation, Vector3, Vector3]
-    forces_n: Mapping[str, Points]
+    forces_n: Float[np.ndarray, "nf"]
 
 
 class PhaseHierarchy:
@@ -181,7 +184,7 @@ class PhaseHierarchy:
         if self._native_rows is not None:
             avoidance = None if self._avoidance is None else self._avoidance.task_rows()
             swings = [self._native_target(name, curve, instant.time_s) for name, curve in self._swings.items()]
-            return self._native_rows.build_rows(instant, swings, self._planned_forces(instant), avoidance)
+            return self._native_rows.build_rows(instant, swings, instant.forces_n, avoidance)
         J = [force_jacobian(body.frame_state(name), points) for name, points in self._points.items()]
         J_f = np.concatenate(J) if J else np.zeros((0, nv))
         return self._level_0(J_f), [self._level_1(instant), self._level_2(instant)], self._inequality_rows(J_f)
@@ -223,6 +226,11 @@ class PhaseHierarchy:
             forces[name] = z[column : column + 3 * len(points)].reshape(-1, 3)
             column += 3 * len(points)
         return forces
+
+    def stack_forces_n(self, forces_n: Mapping[str, Float[np.ndarray, "n k 3"]]) -> Float[np.ndarray, "n nf"]:
+        """Forces of ``n`` samples ``(n, k, 3)`` per effector, those of the contacts side by side."""
+        n = len(next(iter(forces_n.values()), ()))
+        return np.concatenate([np.zeros((n, 0)), *(forces_n[name].reshape(n, -1) for name in self._contacts)], axis=1)
 
     def stack_unknowns(self, a: Float[np.ndarray, "nv"], forces_n: Mapping[str, Points]) -> Float[np.ndarray, "nz"]:
         """``z`` of an acceleration and of forces; missing effectors get zero force."""
@@ -281,9 +289,6 @@ class PhaseHierarchy:
         w, w_rate = turning.angular_velocity_rad_s, turning.angular_acceleration_rad_s2
         return *moving, turning.placement.rotation, w, w_rate
 
-    def _planned_forces(self, instant: SampleTargets) -> Float[np.ndarray, "nf"]:
-        return np.concatenate([*(instant.forces_n[name].ravel() for name in self._contacts), np.zeros(0)])
-
     def _level_2(self, instant: SampleTargets) -> Rows:
         body, s = self._body, self._settings
         weighted: list[tuple[tasks.Weight, Rows]] = [
@@ -308,7 +313,7 @@ class PhaseHierarchy:
                 w, w_rate = target.angular_velocity_rad_s, target.angular_acceleration_rad_s2
                 rows = tasks.orientation_task(body.frame_state(name), target.placement.rotation, w, w_rate, s.hand)
                 weighted.append((s.hand_weight, rows))
-        weighted.append((self._force_weights, tasks.force_task(self._planned_forces(instant), self._nv)))
+        weighted.append((self._force_weights, tasks.force_task(instant.forces_n, self._nv)))
         return tasks.stack_weighted(weighted, self._nz)
 
     def _inequality_rows(self, J_f: Float[np.ndarray, "nf nv"]) -> Inequalities:

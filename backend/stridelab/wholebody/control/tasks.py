@@ -26,11 +26,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from stridelab.centroidal.plan import Reference
 from stridelab.contacts.sequence import Contact, ContactSequence
-from stridelab.conventions import Angles, Points, Rotation, Vector3
+from stridelab.conventions import Angles, Points, Rotation, Rotations, Series, Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows
 from stridelab.wholebody.control.joint_limits import JointLimits
@@ -184,14 +184,17 @@ class Heading:
         """Headings of the phases; the last one holds until the end."""
         return Heading(sequence, np.append(sequence.headings_rad, sequence.headings_rad[-1]))
 
-    def orientation_at(self, phase: int, time_s: float) -> tuple[Rotation, Vector3, Vector3]:
-        """Rotation, angular velocity and acceleration in world axes."""
-        T = self.sequence.phases[phase].duration_s
-        x = min(max((time_s - float(self.sequence.starts_s[phase])) / T, 0.0), 1.0)
+    def orientations_at(self, phase: Int[np.ndarray, "m"], time_s: Series) -> tuple[Rotations, Points, Points]:
+        """Rotations ``(m, 3, 3)``, angular velocities and accelerations ``(m, 3)`` in world axes."""
+        T = np.array([one.duration_s for one in self.sequence.phases])[phase]
+        x = np.clip((time_s - self.sequence.starts_s[phase]) / T, 0.0, 1.0)
         turn = self.yaw_rad[phase + 1] - self.yaw_rad[phase]
         yaw = self.yaw_rad[phase] + turn * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
-        rate = turn * 30.0 * x**2 * (1.0 - x) ** 2 / T
-        rate_rate = turn * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / T**2
-        c, s = np.cos(yaw), np.sin(yaw)
-        R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        return R, np.array([0.0, 0.0, rate]), np.array([0.0, 0.0, rate_rate])
+        R, rate, rate_rate = np.zeros((len(x), 3, 3)), np.zeros((len(x), 3)), np.zeros((len(x), 3))
+        R[:, 0, 0] = R[:, 1, 1] = np.cos(yaw)
+        R[:, 1, 0] = np.sin(yaw)
+        R[:, 0, 1] = -R[:, 1, 0]
+        R[:, 2, 2] = 1.0
+        rate[:, 2] = turn * 30.0 * x**2 * (1.0 - x) ** 2 / T
+        rate_rate[:, 2] = turn * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / T**2
+        return R, rate, rate_rate

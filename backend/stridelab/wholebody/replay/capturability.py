@@ -76,10 +76,10 @@ class Capturability:
         share = {name: np.zeros(n) for name in half_size_m}
         touches = {name: np.zeros(n, dtype=int) for name in half_size_m}
         phase = np.full(n, -1)
-        phase[first:known] = [sequence.phase_at(float(t) + 1e-9) for t in motion.time_s[first:known]]
+        phase[first:known] = sequence.phases_at(motion.time_s[first:known] + 1e-9)
         for k in np.unique(phase[first:known]):
             inside = phase == k
-            x, y = heading.orientation_at(int(k), float(sequence.starts_s[k]))[0][:2, :2].T
+            x, y = heading.orientations_at(np.array([k]), sequence.starts_s[[k]])[0][0, :2, :2].T
             towards[inside] = [x, y, -x, -y]
             soles = {name: c for name, c in sequence.phases[k].contacts.items() if name in half_size_m}
             if not soles:

@@ -64,8 +64,8 @@ def executed_columns(sequence: ContactSequence, execution: RecedingMotion) -> Co
     times_s = np.array([time_s for _, time_s, _ in moments])
     states = [plan.reference_at(at_s) for at_s, plan in read]
     forces_at_rows = [plan.forces_at(at_s) for at_s, plan in read]
-    phases = [sequence.phase_at(time_s + AFTER_NODE_S) for time_s in times_s]
-    columns: Columns = {"time_s": times_s, "phase": np.array(phases)}
+    phases = sequence.phases_at(times_s + AFTER_NODE_S)
+    columns: Columns = {"time_s": times_s, "phase": phases}
     columns |= track_columns("com_{}_m", np.array([state.com_m for state in states]))
     columns |= track_columns("com_v{}_m_s", np.array([state.com_v_m_s for state in states]))
     columns |= track_columns("com_a{}_m_s2", np.array([state.com_a_m_s2 for state in states]))
