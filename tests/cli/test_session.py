@@ -72,6 +72,13 @@ def test_every_walk_of_a_folder_has_a_result_with_the_values_of_the_session(resu
         assert "static-from-session" in {remark["code"] for remark in one["warnings"]}
 
 
+def test_measures_name_the_static_trial_as_such(folder: Path, tmp_path: Path) -> None:
+    answer = CliRunner().invoke(app, ["measures", str(folder), "--out", str(tmp_path / "measures"), *QUICK])
+    assert answer.exit_code == 0, answer.output
+    left_out = summary(tmp_path / "measures")["left_out"]
+    assert [(one["filename"], one["code"]) for one in left_out] == [("standing.c3d", "static-trial")]
+
+
 def test_a_single_file_uses_its_own(folder: Path, results: Path, tmp_path: Path) -> None:
     answer = run(folder / "walk1.c3d", "--out", tmp_path / "one")
     assert answer.exit_code == 0, answer.output

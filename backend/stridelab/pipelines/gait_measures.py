@@ -103,14 +103,16 @@ class GaitMeasuresResult:
 def gait_measures(task: GaitMeasuresTask, folder: Path, progress: ProgressCallback) -> GaitMeasuresResult:
     """Measure every recording of ``task``, whose files are in sub-folders of ``folder``; 0.0 to 0.95 of the progress.
 
-    Recordings that cannot be measured, or whose sensors contradict each other, are listed with the reason. Where the
-    plates carry too little weight for the body, as with a walking aid, the measures are those of the markers alone.
+    Recordings that cannot be measured, or whose sensors contradict each other, are listed with the reason, the static
+    trial of the others as such (``static-trial``). Where the plates carry too little weight for the body, as with a
+    walking aid, the measures are those of the markers alone.
 
     Raises ``NotEstimable`` (``nothing-measured``) if no recording of several has a whole step; the error of a single
     one is raised as it is.
     """
     measured: list[MeasuredRecording] = []
     left_out: list[LeftOut] = []
+    static_ids = {one.task.session.static_recording_id for one in task.members if one.task.session is not None}
     for index, member in enumerate(task.members):
         progress(0.95 * index / len(task.members), member.task.recording.filename)
         identity = {"recording_id": member.recording_id, "filename": member.task.recording.filename}
@@ -119,7 +121,10 @@ def gait_measures(task: GaitMeasuresTask, folder: Path, progress: ProgressCallba
         except StridelabError as error:
             if len(task.members) == 1:
                 raise
-            left_out.append(LeftOut(**identity, code=error.code, message=error.message))
+            code, message = error.code, error.message
+            if member.recording_id in static_ids:
+                code, message = "static-trial", "This is the static trial of the other recordings, without steps."
+            left_out.append(LeftOut(**identity, code=code, message=message))
             continue
         if one.quality.quality.verdict == CONTRADICTED:
             one = _without_plates(one, member, folder) or one
