@@ -186,17 +186,16 @@ void fill_objective(const LinearRows& level, ReducedLevel& made) {
   for (std::size_t r = 0; r < m; ++r) add_multiple(made.f.data(), off[r], B.data() + r * k, k);
 }
 
-// Whether each block is met up to rounding, relative to its own right-hand side.
+// Whether each block is met up to rounding, relative to its own right-hand side; NaN is not.
 bool are_met(const std::vector<LinearRows>& above, const std::vector<double>& z) {
   for (const LinearRows& block : above) {
-    double residual = 0.0, size = 0.0;
+    double size = 0.0;
+    for (std::size_t i = 0; i < block.m; ++i) size = std::max(size, std::fabs(block.b(i)));
     for (std::size_t i = 0; i < block.m; ++i) {
       double off = -block.b(i);
       for (std::size_t j = 0; j < z.size(); ++j) off += block.A(i, j) * z[j];
-      residual = std::max(residual, std::fabs(off));
-      size = std::max(size, std::fabs(block.b(i)));
+      if (!(std::fabs(off) <= consistent * (1.0 + size))) return false;
     }
-    if (!(residual <= consistent * (1.0 + size))) return false;
   }
   return true;
 }
@@ -219,7 +218,8 @@ bool reduce_level(std::size_t n, const std::vector<LinearRows>& above, const Lin
   }
   factorise(qr);
   smallest_solution(qr, b, made.z);
-  if (qr.rank < m && !are_met(above, made.z)) return false;
+  const bool is_finite = std::all_of(made.z.begin(), made.z.end(), [](double x) { return std::isfinite(x); });
+  if (!is_finite || (qr.rank < m && !are_met(above, made.z))) return false;
   made.n = n;
   made.k = n - qr.rank;
   null_space(qr, made.Z);

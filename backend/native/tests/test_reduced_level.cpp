@@ -103,6 +103,11 @@ void contradictions_are_seen() {
   against.b[2] += 1e-3;
   ReducedLevel made;
   expect(!reduce_level(n, {first.rows(), against.rows()}, level.rows(), {}, made), "a row cannot have two values");
+  for (const bool in_row : {true, false}) {
+    Matrix unknown(6, random, 1.0);
+    (in_row ? unknown.A[n + 3] : unknown.b[1]) = std::numeric_limits<double>::quiet_NaN();
+    expect(!reduce_level(n, {first.rows(), unknown.rows()}, level.rows(), {}, made), "NaN is no value of a row");
+  }
 }
 
 // What the rows above decide leaves no objective, not one made of rounding errors.

@@ -27,7 +27,7 @@ struct ReducedLevel {
   std::vector<double> z, Z, H, f, C, lower, upper;
 };
 
-// Fills ``made``; false if the rows of one of the blocks ``above`` contradict those of others.
+// Fills ``made``; false if the rows of one of the blocks ``above`` contradict those of others, or are not finite.
 bool reduce_level(std::size_t n, const std::vector<LinearRows>& above, const LinearRows& level, const BoundRows& bounds,
                   ReducedLevel& made);
 
