@@ -64,7 +64,7 @@ class ReplayControl:
             for joint, limit in ankle_limits(robot).items():
                 softer[joint] *= min(1.0, limit / max(full[joint] * softer[joint], 1e-9))
         arms = np.array([robot.group[joint] == "arm" for joint in joints])
-        softer[arms] = np.minimum(1.0, robot.model.effortLimit[6:][arms] / (YIELD_RAD * full[arms]))
+        softer[arms] = np.minimum(1.0, robot.model.effortLimit[6:][arms] / np.maximum(YIELD_RAD * full[arms], 1e-9))
         damping = np.minimum(self.damping * size * share * np.sqrt(softer), joint_inertias(robot) / timestep_s)
         return full * softer, _stable_damping(damping, timestep_s * _joint_mobility(robot))
 
