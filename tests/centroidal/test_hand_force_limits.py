@@ -33,7 +33,7 @@ def held_out(robot: Robot, friction: float) -> Contact:
 
 
 def ratios(robot: Robot, contact: Contact, force_n: np.ndarray) -> np.ndarray:
-    """Torque over limit of every joint of the arms, by Newton and Euler with the force on the hand's joint."""
+    """Torque and friction over limit of every joint of the arms, by Newton and Euler with the hand's force."""
     model, frames = with_contact_frames(robot)
     data = model.createData()
     pin.framesForwardKinematics(model, data, robot.q_reference)
@@ -46,7 +46,7 @@ def ratios(robot: Robot, contact: Contact, force_n: np.ndarray) -> np.ndarray:
     )
     tau = pin.rnea(model, data, robot.q_reference, np.zeros(model.nv), np.zeros(model.nv), external)
     arm = [i for i, name in enumerate(robot.joint_names) if robot.group[name] == "arm"]
-    return np.asarray(np.abs(tau[6:][arm]) / model.effortLimit[6:][arm])
+    return np.asarray((np.abs(tau[6:][arm]) + model.friction[6:][arm]) / model.effortLimit[6:][arm])
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.6])

@@ -3,11 +3,12 @@
 With the arm at rest in a posture q in contact (J the Jacobian of the contact point, g(q) the gravity torques, both for
 the joints between trunk and hand), a force f on the hand needs the torques
 
-    tau = g(q) - J^T f,        |tau_i| <= s tau_max,i
+    tau = g(q) - J^T f,        |tau_i| <= s tau_max,i - d_i
 
-with s < 1, which reserves torque for motion. The largest lambda for which this holds along every ray of the friction
-cone with normal component lambda bounds the normal force, for any tangential force within friction. The postures are
-those of the robot standing over its soles in the first and the last phase of each hand contact; the minimum is used.
+with s < 1, which reserves torque for motion, and the dry friction d_i of the joint. The largest lambda for which this
+holds along every ray of the friction cone with normal component lambda bounds the normal force, for any tangential
+force within friction. The postures are those of the robot standing over its soles in the first and the last phase of
+each hand contact; the minimum is used.
 """
 
 from collections.abc import Iterator
@@ -46,7 +47,7 @@ def max_normal_force_n(robot: Robot, q: Float[np.ndarray, "nq"], contact: Contac
     arm = [i for i in _chain_to_trunk(model, frame) if robot.group[model.names[i]] == "arm"]
     columns = [model.joints[i].idx_v for i in arm]
     gravity = pin.computeGeneralizedGravity(model, data, q)[columns]
-    torque_limit = TORQUE_SHARE * model.effortLimit[columns]
+    torque_limit = TORQUE_SHARE * model.effortLimit[columns] - model.friction[columns]
     friction_rays = pyramid_rays(contact.friction / np.cos(np.pi / N_RAYS), N_RAYS)  # a pyramid that contains the cone
     torque_per_n = -J[:, columns].T @ contact.placement.rotation @ friction_rays
     remaining_torque = torque_limit[:, None] - np.sign(torque_per_n) * gravity[:, None]

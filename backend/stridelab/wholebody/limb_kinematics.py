@@ -46,9 +46,13 @@ class LimbKinematics:
         J = pin.getFrameJacobian(self._model, self._data, self._frames[effector], pin.LOCAL_WORLD_ALIGNED)
         return np.asarray(J[:, 6 + self.limb[effector]])
 
+    def torque_limits_nm(self, effector: str) -> Float[np.ndarray, "k"]:
+        """Torque limits of the joints of an effector's limb."""
+        return np.asarray(self._model.effortLimit[6 + self.limb[effector]])
+
     def strengths(self, effector: str) -> Float[np.ndarray, "k"]:
         """Torque limits of the joints of an effector's limb, relative to their mean."""
-        limits_nm = self._model.effortLimit[6 + self.limb[effector]]
+        limits_nm = self.torque_limits_nm(effector)
         return np.asarray(limits_nm / limits_nm.mean())
 
     def torques_nm(self, effector: str, force_n: Vector3) -> Float[np.ndarray, "k"]:

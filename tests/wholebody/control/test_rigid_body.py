@@ -89,7 +89,7 @@ def test_points_of_a_surface_do_not_share_their_pyramids() -> None:
 
 def test_a_joint_brakes_before_its_limit() -> None:
     """Pushed towards its limit as hard as the bounds allow, a joint stays inside it, and so does its speed."""
-    limits = JointLimits(np.array([-1.0]), np.array([1.0]), np.array([5.0]), np.array([1.0]))
+    limits = JointLimits(np.array([-1.0]), np.array([1.0]), np.array([5.0]), np.array([1.0]), np.zeros(1))
     for side in (1.0, -1.0):
         q, v, dt = np.zeros(1), np.zeros(1), 0.004
         fastest = 0.0
@@ -106,7 +106,7 @@ def test_a_joint_brakes_before_its_limit() -> None:
 def test_bounds_never_cross() -> None:
     rng = np.random.default_rng(1)
     n = 500
-    limits = JointLimits(np.full(n, -1.0), np.full(n, 1.0), np.full(n, 2.0), np.ones(n))
+    limits = JointLimits(np.full(n, -1.0), np.full(n, 1.0), np.full(n, 2.0), np.ones(n), np.zeros(n))
     lower, upper = limits.acceleration_bounds(1.2 * rng.normal(size=n), 4.0 * rng.normal(size=n), 25.0, 50.0, 300.0)
     assert np.all(lower <= upper)
 
@@ -118,4 +118,13 @@ def test_limits_to_plan_with_lie_inside(talos: Robot) -> None:
     assert np.allclose(inner.upper_rad, true.upper_rad - margin_rad)
     assert np.allclose(inner.lower_rad, true.lower_rad + margin_rad)
     assert np.allclose(inner.velocity_rad_s, 0.9 * true.velocity_rad_s)
-    assert np.allclose(inner.torque_nm, 0.8 * true.torque_nm)
+    assert np.allclose(inner.torque_nm, 0.8 * true.torque_nm - true.friction_nm)
+
+
+def test_a_motor_overcomes_the_friction_of_its_joint(talos: Robot) -> None:
+    """TALOS' forearm has 1 N m of dry friction and 3 N m of torque; its legs' description states none."""
+    true = JointLimits.of_model(talos.model)
+    left = true.with_margins(0.0, 0.0, 1.0, 0.94)
+    forearm, knee = (talos.joint_names.index(name) for name in ("arm_right_5_joint", "leg_left_4_joint"))
+    assert left.torque_nm[forearm] == pytest.approx(0.94 * 3.0 - 1.0)
+    assert left.torque_nm[knee] == pytest.approx(0.94 * true.torque_nm[knee])

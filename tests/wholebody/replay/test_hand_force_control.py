@@ -48,6 +48,8 @@ def test_what_is_planned_is_pressed_and_near_the_soles_the_least_is() -> None:
     assert GRIP.force_reference_n(0.0, hand([0.05, -0.1, 0.7], np.eye(3)), SOLES_M, WEIGHT_N) == GRIP.least_n
 
 
+STRONG = Grip(torque_share=np.inf)
+"""Of an arm that presses as hard as it is asked to."""
 DT_S = 0.004
 ANGLED = np.array([-0.2, 0.0, -0.1, -1.3])
 """Of a right arm whose elbow is bent, so that its Jacobian has rank three."""
@@ -84,7 +86,7 @@ def after_all(
     """The same after one thing has been seen for some seconds, and then another."""
     touching = {} if planned_n is None else {"right_hand": on_top(posed)}
     planned = {} if planned_n is None else {"right_hand": planned_n}
-    hands, n = HandForceControl(Grip(), posed, ("right_hand",), DT_S), 32
+    hands, n = HandForceControl(STRONG, posed, ("right_hand",), DT_S), 32
     for what, seconds in seen:
         for _ in range(round(seconds / DT_S)):
             angles, tau = hands.compute_corrections(what, touching, planned, dict.fromkeys(touching, 25.0), n)
@@ -146,7 +148,7 @@ def test_after_a_longer_moment_a_hand_lands_anew(posed: LimbKinematics) -> None:
 def test_a_planned_force_that_rises_takes_the_place_of_the_added_one_at_once(posed: LimbKinematics) -> None:
     """Both together would press twice; a planned force that ends is replaced at the limited rate."""
     touches = sensed(posed, np.zeros(3), LANDED_M, PRESSED_N)
-    hands, touching = HandForceControl(Grip(), posed, ("right_hand",), DT_S), {"right_hand": on_top(posed)}
+    hands, touching = HandForceControl(STRONG, posed, ("right_hand",), DT_S), {"right_hand": on_top(posed)}
     limb = posed.limb["right_hand"]
 
     def added_nm(planned_n: float, samples: int) -> np.ndarray:
@@ -186,3 +188,23 @@ def test_a_hand_that_has_lost_its_rail_is_lifted_and_presses_on_nothing(posed: L
 def test_a_rail_that_is_not_there_yet_is_sought_straight_below(posed: LimbKinematics) -> None:
     moved_m, _ = after(posed, sensed(posed, np.zeros(3), np.zeros(3), np.zeros(3)), np.array([0.0, 0.0, 10.0]), 5.0)
     assert moved_m == pytest.approx([0.0, 0.0, -Grip().most_m], abs=3e-3)
+
+
+def test_a_hand_that_the_plan_lifts_no_longer_presses(posed: LimbKinematics) -> None:
+    """Its former force took 3 of 6.6 N m of a wrist of TALOS while lifting took 5."""
+    touches = sensed(posed, np.zeros(3), np.zeros(3), PRESSED_N)
+    hands, limb = HandForceControl(Grip(), posed, ("right_hand",), DT_S), posed.limb["right_hand"]
+    touching, none = {"right_hand": on_top(posed)}, {"right_hand": np.zeros(3)}
+    for _ in range(100):
+        _, pressing = hands.compute_corrections(touches, touching, none, {"right_hand": 25.0}, 32)
+    _, lifted = hands.compute_corrections(touches, {}, {}, {}, 32)
+    assert np.abs(pressing[limb]).max() > 1.0
+    assert not lifted.any()
+
+
+def test_a_hand_presses_no_harder_than_half_of_its_weakest_joint_carries() -> None:
+    """With a lever of 14 cm at the forearm of TALOS the usual 25 N take 3.5 of 3 N m; a plan's force is kept."""
+    lever_m, limits_nm = np.array([0.3, 0.2, -0.14]), np.array([44.0, 17.9, 3.0])
+    assert Grip().bounded_reference_n(25.0, 0.0, lever_m, limits_nm) == pytest.approx(1.5 / 0.14)
+    assert Grip().bounded_reference_n(25.0, 20.0, lever_m, limits_nm) == 20.0
+    assert Grip().bounded_reference_n(25.0, 0.0, 0.1 * lever_m, limits_nm) == 25.0

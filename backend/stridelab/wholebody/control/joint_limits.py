@@ -19,12 +19,16 @@ from stridelab.conventions import Angles
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """Limits of the actuated joints: positions (rad), velocities (rad/s), torques (N m), each ``(na,)``."""
+    """Limits of the actuated joints: positions (rad), velocities (rad/s), torques (N m), each ``(na,)``.
+
+    ``friction_nm`` is the dry friction of the joints (N m), zero where the robot's description states none.
+    """
 
     lower_rad: Angles
     upper_rad: Angles
     velocity_rad_s: Angles
     torque_nm: Angles
+    friction_nm: Angles
 
     @staticmethod
     def of_model(model: pin.Model) -> "JointLimits":
@@ -34,18 +38,23 @@ class JointLimits:
             model.upperPositionLimit[7:].copy(),
             model.velocityLimit[6:].copy(),
             model.effortLimit[6:].copy(),
+            model.friction[6:].copy(),
         )
 
     def with_margins(
         self, range_share: float, margin_rad: float, velocity_share: float, torque_share: float
     ) -> "JointLimits":
-        """Limits reduced by ``range_share`` of the range and ``margin_rad`` at either end, and by the other shares."""
+        """Limits reduced by ``range_share`` of the range and ``margin_rad`` at either end, and by the other shares.
+
+        A motor also overcomes the friction of its joint, which is taken from its torque: in TALOS' forearm 1 of 3 N m.
+        """
         margins_rad = self.margins_rad(range_share, margin_rad)
         return JointLimits(
             self.lower_rad + margins_rad,
             self.upper_rad - margins_rad,
             velocity_share * self.velocity_rad_s,
-            torque_share * self.torque_nm,
+            torque_share * self.torque_nm - self.friction_nm,
+            self.friction_nm,
         )
 
     def margins_rad(self, range_share: float, margin_rad: float) -> Angles:

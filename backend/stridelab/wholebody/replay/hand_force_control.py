@@ -2,12 +2,14 @@
 
 The normal force reference is the planned force, but at least
 
-    f_least = min(least_n, d m g / |((p - s) x n)_xy|) ,
+    f_least = min(least_n, d m g / |((p - s) x n)_xy|, c min_i tau_max,i / |J' n|_i) ,
 
 which shifts the centre of pressure by at most d, as the plan does not model it; s is the mean position of the soles.
-On a wall, 0.85 m above them, that is much less than on a rail beside the hip. In contact the difference to the planned
-force is added by the torques of the arm, ``J' f``. The remaining force error moves the commanded position of the hand
-into the surface or out of it,
+On a wall, 0.85 m above them, that is much less than on a rail beside the hip. The force takes at most the share c of
+the torque of any joint: where the forearm of TALOS points across its rail, 24 N took 3.4 of 3 N m, the arm gave way,
+the hand slid off to the side, and was pressed on all the more. In contact the difference to the planned force is
+added by the torques of the arm, ``J' f``. The remaining force error moves the commanded position of the hand into the
+surface or out of it,
 
     delta' = k (f_reference - f) ,     |delta| <= delta_max ,      dq = W J' (J W J')^-1 (o - delta n) .
 
@@ -18,7 +20,8 @@ its landing position, and moves one without contact to its planned world positio
 swinging feet. The landing position is that of the first
 contact until contact is lost for longer than ``lost_s``: tracking the current position instead would let the hand slide
 on, and a lightly loaded one creeps up its wall by repeatedly losing and regaining contact. The added force changes at
-a limited rate, except that it ends at once where the planned force rises and takes its place.
+a limited rate, except that it ends at once where the planned force rises and takes its place, and where the plan
+lifts the hand: 18 N that still pressed a wrist of TALOS onto its rail came on top of what lifting it takes.
 
 A hand that has lost its rail must not hook under it. The planned force is removed immediately, as it would press the
 hand down beside the rail; if contact is not regained, the hand is lifted while it is beside its position, and then
@@ -48,7 +51,8 @@ class Grip:
     ``rate_n_s`` limits the rate of the added force. Along the surface, corrections are limited to ``aside_m_s`` and
     ``most_aside_m``. Contact is lost after ``lost_s`` without force; a hand farther than ``beside_m`` from its position
     is then lifted by up to ``lift_m`` at ``lift_m_s``. A hand that touches nothing moves towards its surface at
-    ``search_m_s`` at least, however small its force reference.
+    ``search_m_s`` at least, however small its force reference. A force beyond the plan's takes at most ``torque_share``
+    of the torque limit of any joint of the arm.
     """
 
     least_n: float = 25.0
@@ -65,6 +69,7 @@ class Grip:
     lift_m: float = 0.05
     lift_m_s: float = 0.2
     search_m_s: float = 0.06
+    torque_share: float = 0.5
 
     def force_reference_n(self, planned_n: float, hand: Contact, soles_m: Vector3, weight_n: float) -> float:
         """Normal force reference (N) of a hand of a robot with soles around ``soles_m``."""
@@ -72,12 +77,22 @@ class Grip:
         most_n = self.pressure_m * weight_n / max(float(np.linalg.norm(arm_m)), 1e-9)
         return max(planned_n, min(self.least_n, most_n))
 
+    def bounded_reference_n(
+        self, reference_n: float, planned_n: float, lever_m: Float[np.ndarray, "k"], limits_nm: Float[np.ndarray, "k"]
+    ) -> float:
+        """Reference (N) that takes ``torque_share`` of no joint's limit, or the planned force where that is larger.
+
+        ``lever_m`` are the torques of the limb's joints per newton of the normal force.
+        """
+        arm_n = self.torque_share * float((limits_nm / np.maximum(np.abs(lever_m), 1e-9)).min())
+        return max(planned_n, min(reference_n, arm_n))
+
 
 class HandForceControl:
     """Corrections of all hands during one replay."""
 
     def __init__(self, grip: Grip, kinematics: LimbKinematics, hands: tuple[str, ...], dt_s: float) -> None:
-        self._kinematics = kinematics
+        self._grip, self._kinematics = grip, kinematics
         self._hands = {name: _Hand(grip, dt_s) for name in hands}
         self._strengths = {name: kinematics.strengths(name) for name in hands}
 
@@ -92,14 +107,17 @@ class HandForceControl:
         """Angles (rad) and torques (N m) to add; planned forces and force references are of hands in contact."""
         angles, tau = np.zeros(n_joints), np.zeros(n_joints)
         for name, hand in self._hands.items():
+            J, limb, w = self._kinematics.limb_jacobian(name)[:3], self._kinematics.limb[name], self._strengths[name]
             planned_m = self._kinematics.contact_placement(name).position_m
             home_m = self._kinematics.compensate_base_error(planned_m, measured) - planned_m
             if name in contacts:
                 here_m, force_n = measured.contacts[name].position_m, measured.forces_n[name]
-                hand.update_in_contact(contacts[name], here_m, home_m, force_n, planned_n[name], reference_n[name])
+                n, limits_nm = contacts[name].placement.rotation[:, 2], self._kinematics.torque_limits_nm(name)
+                planned = float(planned_n[name] @ n)
+                wanted_n = self._grip.bounded_reference_n(reference_n[name], planned, J.T @ n, limits_nm)
+                hand.update_in_contact(contacts[name], here_m, home_m, force_n, planned_n[name], wanted_n)
             else:
                 hand.update_in_swing(home_m)
-            J, limb, w = self._kinematics.limb_jacobian(name)[:3], self._kinematics.limb[name], self._strengths[name]
             angles[limb] += w * (J.T @ np.linalg.solve(J @ (w[:, None] * J.T) + _DAMPING * np.eye(3), hand.moved_m))
             tau[limb] += J.T @ hand.added_n
         return angles, tau
@@ -161,15 +179,19 @@ class _Hand:
     def update_in_swing(self, home_m: Vector3) -> None:
         """Sample of a planned swing."""
         self._landed_m, self._no_contact_s = None, np.inf
-        self._approach_targets(home_m, np.zeros(3))
+        self.added_n = np.zeros(3)
+        self._move_aside(home_m)
         self._delta_m *= 1.0 - min(1.0, self._dt_s / self._grip.release_s)
 
     def _approach_targets(self, aside_m: Vector3, added_n: Vector3) -> None:
+        self._move_aside(aside_m)
+        self.added_n = _limited_step(self.added_n, added_n, self._grip.rate_n_s * self._dt_s)
+
+    def _move_aside(self, aside_m: Vector3) -> None:
         g = self._grip
         self._aside_m = _limited_step(
             self._aside_m, _limited_step(np.zeros(3), aside_m, g.most_aside_m), g.aside_m_s * self._dt_s
         )
-        self.added_n = _limited_step(self.added_n, added_n, g.rate_n_s * self._dt_s)
 
 
 def _tangential_component(v: Vector3, n: Vector3) -> Vector3:

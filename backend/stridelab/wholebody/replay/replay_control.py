@@ -16,6 +16,9 @@ from stridelab.wholebody.replay.stabiliser import Stabiliser
 
 FULL_SIZE_NM: Final = 776.0
 """Weight times CoM height of TALOS, from which a robot gets the full stiffness."""
+YIELD_RAD: Final = 0.058
+"""Smallest error of an arm's joint at which its stiffness alone takes its whole torque. HRP-2 and G1 have 0.058 and
+more; with the stiffness of its upper arm the forearm of TALOS (3 N m) would have 0.01."""
 TILT_LIMIT_1_M: Final = 200.0
 """Largest stiffness of an ankle over weight times the squared half width of its sole: at a penetration of 1 mm of one
 edge the ankle then moves the centre of pressure by a fifth of the half width. TALOS has 188, HRP-2 148."""
@@ -32,10 +35,12 @@ class ReplayControl:
     For robots with ``m g h`` below ``FULL_SIZE_NM`` the stiffness is reduced proportionally, and that of an ankle
     also for a sole that is narrow for the weight: with half width b it tilts on soft ground by its penetration over
     b, and the torque ``k`` against this moves the centre of pressure by ``k / (m g)`` per radian
-    (``TILT_LIMIT_1_M``). The damping of a joint is limited to ``I / dt``, which stops it within one step; ``I`` is
-    its inertia with all other joints free. That of joints which move one light body together is limited further
-    (``OVERSHOOT_LIMIT``). Readings that are ``expected_delay_s`` old are predicted (``DelayPredictor``). Where the
-    stabiliser cannot undo a push, ``recovery`` leaves the plan and steps; it needs a stabiliser.
+    (``TILT_LIMIT_1_M``). That of an arm's joint is reduced where its motor is weak: a hand that its surface holds
+    cannot follow its joints, and their errors last as long as the contact (``YIELD_RAD``). The damping of a joint is
+    limited to ``I / dt``, which stops it within one step; ``I`` is its inertia with all other joints free. That of
+    joints which move one light body together is limited further (``OVERSHOOT_LIMIT``). Readings that are
+    ``expected_delay_s`` old are predicted (``DelayPredictor``). Where the stabiliser cannot undo a push, ``recovery``
+    leaves the plan and steps; it needs a stabiliser.
     """
 
     stiffness: float = 3000.0
@@ -51,15 +56,17 @@ class ReplayControl:
         share = np.array([self.arm_share if robot.group[joint] in ("arm", "head") else 1.0 for joint in joints])
         ankles = {joint for effector in robot.effectors.values() for joint in effector.ankle or ()}
         ankle_share = self.stabiliser.ankle_stiffness if self.stabiliser is not None else 1.0
-        ankle = np.array([ankle_share if joint in ankles else 1.0 for joint in joints])
+        softer = np.array([ankle_share if joint in ankles else 1.0 for joint in joints])
         height_m = pin.centerOfMass(robot.model, data, robot.q_reference)[2]  # the soles are on z = 0
         size = min(1.0, robot.mass_kg * GRAVITY_M_S2 * height_m / FULL_SIZE_NM)
         full = self.stiffness * size * share
         if self.stabiliser is not None:
             for joint, limit in ankle_limits(robot).items():
-                ankle[joint] *= min(1.0, limit / max(full[joint] * ankle[joint], 1e-9))
-        damping = np.minimum(self.damping * size * share * np.sqrt(ankle), joint_inertias(robot) / timestep_s)
-        return full * ankle, _stable_damping(damping, timestep_s * _joint_mobility(robot))
+                softer[joint] *= min(1.0, limit / max(full[joint] * softer[joint], 1e-9))
+        arms = np.array([robot.group[joint] == "arm" for joint in joints])
+        softer[arms] = np.minimum(1.0, robot.model.effortLimit[6:][arms] / np.maximum(YIELD_RAD * full[arms], 1e-9))
+        damping = np.minimum(self.damping * size * share * np.sqrt(softer), joint_inertias(robot) / timestep_s)
+        return full * softer, _stable_damping(damping, timestep_s * _joint_mobility(robot))
 
 
 def ankle_limits(robot: Robot) -> dict[int, float]:
