@@ -1,6 +1,7 @@
 // Plans the scenario while it is edited, with a push on demand, and draws the CoM paths into the scene: one request at a
 // time; of those that wait, only the latest.
-import { call } from "../shared/api.js";
+import { call, isUnanswered } from "../shared/api.js";
+import { untilAnswering } from "../shared/connection_notice.js";
 import { counted } from "../shared/plurals.js";
 import { HIDDEN } from "../viewer/viser_nodes.js";
 
@@ -53,7 +54,12 @@ export class LivePreview {
   async start(nodes) {
     this.nodes = nodes;
     this.setStatus("Starting the planner…");
-    const solvers = await call("GET", "/solvers").catch((error) => error);
+    const read = () => call("GET", "/solvers").catch((error) => error);
+    let solvers = await read();
+    while (isUnanswered(solvers)) {
+      await untilAnswering();
+      solvers = await read();
+    }
     const native = solvers instanceof Error ? null : solvers.solvers.find((solver) => solver.name === "native");
     this.isAvailable = Boolean(native?.available);
     this.resolveStarted();
@@ -98,6 +104,11 @@ export class LivePreview {
       const result = await call("POST", "/plans/preview", { scenario: this.scenario, ...(push && { push }) }).catch(
         (error) => error,
       );
+      if (isUnanswered(result)) {
+        await untilAnswering();
+        this.request(); // of what is edited by then
+        continue;
+      }
       this.showResult(result, push, performance.now() - began);
       await new Promise((done) => setTimeout(done, PAUSE_MS));
     }
