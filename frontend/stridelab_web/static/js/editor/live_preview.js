@@ -115,11 +115,12 @@ export class LivePreview {
     this.isBusy = false;
   }
 
+  /** @param {Api.PlanPreview | Error} result @param {object | null} push @param {number} took_ms */
   showResult(result, push, took_ms) {
-    const failed = result instanceof Error;
-    if (this.checkbox.checked && this.nodes.viser) drawPreview(this.nodes, failed ? null : result, push);
+    const preview = result instanceof Error ? null : result;
+    if (this.checkbox.checked && this.nodes.viser) drawPreview(this.nodes, preview, push);
     this.root.dataset.lived = String(Number(this.root.dataset.lived ?? 0) + 1); // what tests wait for
-    if (failed) {
+    if (result instanceof Error) {
       if (/** @type {any} */ (result).problem?.code === NO_SOLVER) this.isAvailable = false;
       this.setStatus(result.message);
       this.pushStatus.textContent = "";

@@ -108,6 +108,7 @@ function watch(item) {
 
 async function look() {
   if (socket) return;
+  /** @type {Api.LiveStreams["items"]} */
   let items = [];
   try {
     items = (await call("GET", "/stream/markers")).items;
