@@ -30,6 +30,7 @@ def tab(open_tab: Callable[..., Tab], network: Network) -> Iterator[Tab]:
     made = open_tab()
     made.url = network.url
     yield made
+    made.page.close()  # before the network ends
     made.missteps = [m for m in made.missteps if not re.search("net::ERR|WebSocket connection", m)]
 
 
