@@ -1,4 +1,4 @@
-// Scenarios and their validation as the service sends them; only what the scripts read.
+// Scenarios as the scripts edit them, and their validation as the service sends it.
 
 interface Contact {
   effector: string;
@@ -52,38 +52,11 @@ interface PlacedError {
   message: string;
 }
 
-interface ContactMargin {
-  phase: number;
-  effector: string;
-  surface: string;
-  edge_m: number | null;
-  height_m: number | null;
-  reach_m: number | null;
-}
+type ContactMargin = Api.ContactMargin;
+type ScenarioCheck = Api.ScenarioCheck; // the answer of /scenarios/check
 
-// The answer of /scenarios/check.
-interface ScenarioCheck {
-  errors: PlacedError[];
-  warnings: { code: string; message: string }[];
-  margins: ContactMargin[];
-  support: { margin_m: number | null; com_m: number[] | null }[];
-  support_region_m: number[][][];
-  phases: { phase: number; body: string; reason: string; link_poses?: number[][] }[];
-}
+type PhaseState = Phase & Omit<Api.PhaseSupport, "phase"> & { kind: string; region_m: number[][] };
 
-type PhaseState = Phase & ScenarioCheck["support"][number] & { kind: string; region_m: number[][] };
-
-interface Job {
-  id: string;
-  state: string;
-  error?: ApiProblem | null;
-  queue_position?: number | null;
-  progress: { fraction: number; message: string };
-  verdict?: { outcome: string; message: string } | null;
-}
-
-interface ApiProblem {
-  title: string;
-  detail?: string;
-  errors?: PlacedError[];
-}
+// What scripts are given of a job, and of a problem: a proxy may answer with less. Written from the service's models.
+type Job = Pick<Api.Job, "id" | "state" | "progress"> & Partial<Omit<Api.Job, "error">> & { error?: ApiProblem | null };
+type ApiProblem = Pick<Api.Problem, "title"> & Partial<Api.Problem>;

@@ -1,5 +1,6 @@
 """Lists and texts: verdicts that arrive, uploads that appear, refusals that stay, local times, strips in line."""
 
+import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -139,6 +140,24 @@ def test_refusals_stay_with_name_and_reason_until_they_are_dismissed(tab: Tab, f
     row.get_by_role("button", name="Try to upload b.c3d again").click()
     page.wait_for_url("**/recordings/*")
     tab.missteps = [m for m in tab.missteps if "status of 422" not in m and "net::ERR_FAILED" not in m]
+
+
+@pytest.mark.parametrize(("status", "code"), [(413, "storage-limit"), (507, "disk-full")])
+def test_a_file_that_found_no_space_is_offered_again(tab: Tab, files: list[Path], status: int, code: str) -> None:
+    """The sentence says what to do; after that the file need not be chosen anew."""
+    page = tab.go("/recordings")
+    sentence = "You store 9.0 MB, and 9 MB is the limit for one user; delete something first."
+    problem = {"title": "Full", "status": status, "code": code, "detail": sentence}
+    refusal = {"status": status, "content_type": "application/problem+json", "body": json.dumps(problem)}
+    page.route("**/api/v1/recordings*", lambda route: route.fulfill(**refusal))
+    upload(page, [files[1]])
+    row = page.locator("[data-uploads] li")
+    expect(row).to_contain_text("not uploaded")
+    assert refusals(page) == [sentence]
+    page.unroute_all()
+    row.get_by_role("button", name="Try to upload b.c3d again").click()
+    page.wait_for_url("**/recordings/*")
+    tab.missteps = [m for m in tab.missteps if f"status of {status}" not in m]
 
 
 def test_times_are_those_of_the_reader_with_their_zone(lab: Lab, in_new_york: BrowserContext) -> None:

@@ -20,7 +20,12 @@ NO_WEBGL = """(() => {
 })()"""
 """A browser whose drawing in 3D is switched off."""
 WATCHED = """(() => {
-    const report = window.top.__report ??= { contexts: 0, shaders: [], pictures: [], draws: 0 };
+    const report = window.top.__report ??= { contexts: 0, probes: 0, shaders: [], pictures: [], draws: 0 };
+    const offscreen = OffscreenCanvas.prototype, probe = offscreen.getContext;
+    offscreen.getContext = function (kind, ...options) {
+        if (kind.startsWith("webgl")) report.probes += 1;
+        return probe.call(this, kind, ...options);
+    };
     const all = WebGL2RenderingContext.prototype, element = HTMLCanvasElement.prototype;
     const { getContext } = element, { shaderSource } = all;
     element.getContext = function (kind, ...options) {
@@ -40,6 +45,24 @@ WATCHED = """(() => {
         };
     }
 })()"""
+RENDERER = """(() => {
+    const { getParameter } = WebGL2RenderingContext.prototype, { getContext } = HTMLCanvasElement.prototype;
+    const UNMASKED_RENDERER = 0x9246;
+    WebGL2RenderingContext.prototype.getParameter = function (name) {
+        return name === UNMASKED_RENDERER ? "%s" : getParameter.call(this, name);
+    };
+    HTMLCanvasElement.prototype.getContext = function (kind, options) {
+        if (kind === "webgl2") window.__asked = options.antialias;
+        return getContext.call(this, kind, options);
+    };
+})()"""
+"""What draws, by its own name, and whether antialiasing was asked of it."""
+MATERIALS = """() => {
+    const types = new Set();
+    const { scene } = document.querySelector("iframe").contentWindow.__viserMutable;
+    scene.traverse(({ material }) => types.add(material?.type));
+    return [...types];
+}"""
 VISER = """() => document.querySelector("iframe").contentWindow.performance.getEntriesByType("resource")
     .filter(({ name }) => name.includes("/static/viser/"))
     .map(({ name, transferSize }) => [name.split("/").at(-1), transferSize])"""
@@ -73,8 +96,24 @@ def test_nothing_is_drawn_before_the_scene_is_complete(tab: Tab, addresses: dict
     assert reports["draws"] > 0
     assert reports["held"] is False
     assert reports["contexts"] == 1
+    assert reports["probes"] == 1, "of one pixel, whether there is a graphics card"
     assert "GainMapDecoderMaterial" not in reports["shaders"]
     assert page.locator("[data-veil]").is_hidden()
+
+
+@pytest.mark.parametrize(
+    ("renderer", "antialias", "material"),
+    [("SwiftShader driver", False, "MeshLambertMaterial"), ("Intel(R) Iris(R) Xe", True, "MeshStandardMaterial")],
+)
+def test_only_pictures_of_the_processor_are_simplified(
+    tab: Tab, addresses: dict[str, str], renderer: str, antialias: bool, material: str
+) -> None:
+    tab.page.add_init_script(RENDERER % renderer)
+    page = opened(tab, addresses["plan"])
+    assert page.evaluate("() => document.querySelector('iframe').contentWindow.__asked") is antialias
+    materials = set(page.evaluate(MATERIALS))
+    assert material in materials
+    assert materials.isdisjoint({"MeshLambertMaterial", "MeshStandardMaterial"} - {material})
 
 
 def test_the_client_of_viser_is_fetched_once_for_all_scenes(tab: Tab, addresses: dict[str, str]) -> None:

@@ -28,6 +28,11 @@ pytestmark = pytest.mark.timeout(1500)
 PLANNED_WITHIN_S = 900.0
 READY_MS = 240_000
 POSE_M, TURN_RAD = 1e-4, 1e-3
+PICTURE_COST = """() => {
+    const viser = document.querySelector("iframe").contentWindow.__viserMutable, { gl } = viser.root.getState();
+    gl.render(viser.scene, viser.camera);
+    return [gl.info.render.triangles, gl.info.render.calls];
+}"""
 PLAYERS = 8
 SCENE_CHANGES = 200
 
@@ -80,6 +85,19 @@ def test_the_first_sight_of_talos_on_stairs_is_two_megabytes_at_most(page: Page,
     assert 0.5e6 < first < 2e6
     show(page, meter, climb)
     assert meter.down_bytes - first < 1.1e6, "viser's client is kept"
+
+
+def test_a_picture_of_talos_on_stairs_is_one_for_integrated_graphics(page: Page, meter: Meter, climb: str) -> None:
+    """What the renderer itself counts, along the whole motion and at the size of a desktop's window."""
+    page.set_viewport_size({"width": 1400, "height": 850})
+    show(page, meter, climb)
+    slider = page.get_by_role("slider", name="Time")
+    last = int(slider.get_attribute("max") or 0)
+    for frame in np.linspace(0, last, 7).astype(int).tolist():
+        slider.fill(str(frame))
+        triangles, calls = page.evaluate(PICTURE_COST)
+        assert 30_000 < triangles <= 40_000, frame
+        assert 30 < calls <= 63, f"frame {frame}: 60 are aimed at, and reached on stairs without a rail"
 
 
 def test_scrubbing_and_playing_ask_the_service_for_nothing(page: Page, meter: Meter, climb: str) -> None:

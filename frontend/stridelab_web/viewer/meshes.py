@@ -101,9 +101,9 @@ def polygon(corners_m: np.ndarray) -> Mesh:
     return corners_m.astype(np.float32), np.column_stack([np.zeros_like(k), k, k + 1]).astype(np.uint32)
 
 
-def ball(radius_m: float) -> Mesh:
-    """A sphere around the origin."""
-    solid = trimesh.creation.icosphere(2, radius_m)
+def ball(radius_m: float, subdivisions: int = 2) -> Mesh:
+    """A sphere around the origin, with ``20 * 4**subdivisions`` triangles."""
+    solid = trimesh.creation.icosphere(subdivisions, radius_m)
     return np.asarray(solid.vertices, dtype=np.float32), np.asarray(solid.faces, dtype=np.uint32)
 
 

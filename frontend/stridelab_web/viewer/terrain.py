@@ -143,8 +143,6 @@ def _rim_mesh(box: BoxSurface) -> meshes.Mesh:
 
 def _add_rail(scene: viser.SceneApi, name: str, rail: RailSurface) -> None:
     ends = np.array([rail.from_m, rail.to_m])
-    add_mesh(scene, name, meshes.tube(ends, rail.radius_m, sides=12), RAIL)
-    for k, end in enumerate(ends):
-        scene.add_icosphere(
-            f"{name}/end{k}", rail.radius_m, RAIL, subdivisions=2, position=end, cast_shadow=False, receive_shadow=False
-        )
+    corners, faces = meshes.ball(rail.radius_m, subdivisions=1)
+    balls = [((corners + end).astype(np.float32), faces) for end in ends]
+    add_mesh(scene, name, meshes.merge_meshes([meshes.tube(ends, rail.radius_m, sides=12), *balls]), RAIL)

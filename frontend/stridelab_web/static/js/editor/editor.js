@@ -255,7 +255,7 @@ async function storeEdit(edit, done) {
     const scenario = edit(store.scenario);
     if (!sameJson(scenario, store.scenario)) {
       if (isReadOnly) setStatus("Making a copy…", false);
-      await store.store(scenario);
+      await store.store(scenario, (sentence) => setStatus(sentence, true));
     }
   } catch (error) {
     failure = error;

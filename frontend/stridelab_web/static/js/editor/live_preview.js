@@ -1,6 +1,7 @@
 // Plans the scenario while it is edited, with a push on demand, and draws the CoM paths into the scene: one request at a
 // time; of those that wait, only the latest.
-import { call } from "../shared/api.js";
+import { call, isUnanswered } from "../shared/api.js";
+import { untilAnswering } from "../shared/connection_notice.js";
 import { counted } from "../shared/plurals.js";
 import { HIDDEN } from "../viewer/viser_nodes.js";
 
@@ -53,7 +54,12 @@ export class LivePreview {
   async start(nodes) {
     this.nodes = nodes;
     this.setStatus("Starting the planner…");
-    const solvers = await call("GET", "/solvers").catch((error) => error);
+    const read = () => call("GET", "/solvers").catch((error) => error);
+    let solvers = await read();
+    while (isUnanswered(solvers)) {
+      await untilAnswering();
+      solvers = await read();
+    }
     const native = solvers instanceof Error ? null : solvers.solvers.find((solver) => solver.name === "native");
     this.isAvailable = Boolean(native?.available);
     this.resolveStarted();
@@ -98,17 +104,23 @@ export class LivePreview {
       const result = await call("POST", "/plans/preview", { scenario: this.scenario, ...(push && { push }) }).catch(
         (error) => error,
       );
+      if (isUnanswered(result)) {
+        await untilAnswering();
+        this.request(); // of what is edited by then
+        continue;
+      }
       this.showResult(result, push, performance.now() - began);
       await new Promise((done) => setTimeout(done, PAUSE_MS));
     }
     this.isBusy = false;
   }
 
+  /** @param {Api.PlanPreview | Error} result @param {object | null} push @param {number} took_ms */
   showResult(result, push, took_ms) {
-    const failed = result instanceof Error;
-    if (this.checkbox.checked && this.nodes.viser) drawPreview(this.nodes, failed ? null : result, push);
+    const preview = result instanceof Error ? null : result;
+    if (this.checkbox.checked && this.nodes.viser) drawPreview(this.nodes, preview, push);
     this.root.dataset.lived = String(Number(this.root.dataset.lived ?? 0) + 1); // what tests wait for
-    if (failed) {
+    if (result instanceof Error) {
       if (/** @type {any} */ (result).problem?.code === NO_SOLVER) this.isAvailable = false;
       this.setStatus(result.message);
       this.pushStatus.textContent = "";

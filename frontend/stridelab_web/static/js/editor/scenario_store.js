@@ -1,5 +1,6 @@
 // The scenario in the service: reads and stores it with undo and redo, which survive a reload, and stores copies of it.
-import { call } from "../shared/api.js";
+import { call, isUnanswered } from "../shared/api.js";
+import { untilAnswering } from "../shared/connection_notice.js";
 
 const FIELDS = ["name", "description", "robot", "friction", "start_com_height_m", "terrain", "phases"];
 const MAX_NAME_LENGTH = 120;
@@ -7,6 +8,7 @@ export const CONTACTS_SUFFIX = ": contacts found"; // end of the name of a scena
 const COPY_SUFFIX = " (copy)";
 export const DURATIONS_SUFFIX = ": durations chosen"; // and of one with the durations of a plan
 const MAX_STEPS = 40;
+const WAITS = "Not stored yet: it will be once the service answers.";
 
 /** @type {(a: unknown, b: unknown) => boolean} */
 export const sameJson = (a, b) => JSON.stringify(a) === JSON.stringify(b);
@@ -64,12 +66,30 @@ export class ScenarioStore {
     return before !== null && !sameJson(before, scenario);
   }
 
-  /** @param {Scenario} scenario */
-  async store(scenario) {
+  // Where the service does not answer, waits for it, calls `onWait(sentence)`, and stores then.
+  /** @param {Scenario} scenario @param {(sentence: string) => void} [onWait] @returns {Promise<void>} */
+  async store(scenario, onWait = () => {}) {
     const before = this.scenario;
     if (this.isReadOnly) return this.storeCopy(scenario, before);
-    await this.replaceStored(scenario);
+    try {
+      await this.replaceStored(scenario);
+    } catch (error) {
+      if (!isUnanswered(error)) throw error;
+      onWait(WAITS);
+      await untilAnswering();
+      if (await this.isStored(scenario)) this.scenario = scenario;
+      else return this.store(scenario, onWait);
+    }
     this.pushUndoStep(before);
+  }
+
+  // Whether a request whose answer was lost has been carried out.
+  /** @param {Scenario} scenario */
+  async isStored(scenario) {
+    const stored = await call("GET", `/scenarios/${this.id}`).catch(() => null);
+    if (!stored || !sameJson(scenarioFields(stored), scenarioFields(scenario))) return false;
+    this.version = stored.updated_at;
+    return true;
   }
 
   // Stores a copy with `scenario` and opens it at the same phase and contact; there, `before` can be restored by undo. The

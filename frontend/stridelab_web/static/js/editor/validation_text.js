@@ -35,7 +35,7 @@ export function summarizeValidation(check, whole, failure = "") {
 const unreachableError = (whole, { phase, reason }) =>
   whole.errors.find((error) => error.message === reason && errorLocation(error)?.phase === phase) ?? {
     where: `phases[${phase}]`,
-    message: reason,
+    message: reason ?? "", // an unreachable phase has one
   };
 
 /** @param {number} length_m */

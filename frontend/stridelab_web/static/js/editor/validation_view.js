@@ -1,6 +1,7 @@
 // Shows the validation of the edited scenario: summary, phases, margins of a contact, support region and robot posture. The
 // result by learned reachability arrives first; the result by whole-body postures overrules it.
-import { call } from "../shared/api.js";
+import { call, isUnanswered } from "../shared/api.js";
+import { untilAnswering } from "../shared/connection_notice.js";
 import { RobotPosture } from "./posture.js";
 import { drawContactMarks, drawSupport } from "./support_overlay.js";
 import {
@@ -39,7 +40,10 @@ class ValidationQueue {
       this.queued = null;
       const pause = new Promise((done) => setTimeout(done, MIN_INTERVAL_MS));
       const result = await call("POST", `/scenarios/check${this.query()}`, scenario).catch((error) => error);
-      if (result instanceof Error) this.onFailure(result.message);
+      if (isUnanswered(result)) {
+        await untilAnswering();
+        this.queued ??= scenario;
+      } else if (result instanceof Error) this.onFailure(result.message);
       else this.onResult(result, scenario);
       await pause;
     }

@@ -38,7 +38,9 @@ onClick(compare, document.querySelector("[data-said-compare]"), () =>
 
 // Stores the planned contacts or the optimised durations as a new scenario and opens it in the editor.
 onClick(document.querySelector("[data-keep]"), document.querySelector("[data-said-keep]"), async () => {
-  const { scenario } = (await call("GET", `/jobs/${id}/result`)).summary;
+  /** @type {Api.JobResult} */
+  const result = await call("GET", `/jobs/${id}/result`);
+  const { scenario } = result.summary;
   if (scenario) return openAsNewScenario(scenario, CONTACTS_SUFFIX);
   const planned = scenarioFields(await call("GET", `/jobs/${id}/artifacts/scenario.json`));
   return openAsNewScenario(planned, DURATIONS_SUFFIX);

@@ -2,12 +2,15 @@
 // a stream it looks for one every second.
 import { call } from "../shared/api.js";
 import { onColourScheme } from "../shared/colours.js";
+import { checkConnection, isAnswering, onRestored } from "../shared/connection_notice.js";
 import { createElement } from "../shared/elements.js";
 import { drawBase, drawBody } from "./live_drawing.js";
 import { describeMargin, describeMissing, standing } from "./live_text.js";
+import { Silence } from "../shared/silence.js";
 import { translate } from "../shared/translate.js";
 
 const POLL_MS = 1000;
+const QUIET_MS = 3000; // a sender may pause, too
 const TEXT_MS = 200;
 const said = document.querySelector("[data-said]");
 const choice = document.querySelector("[data-choice]");
@@ -24,6 +27,7 @@ let watched = "";
 let latest = null;
 let asked = false;
 let written = 0;
+const silence = new Silence(QUIET_MS, () => socket && checkConnection());
 
 const show = (name, text) => {
   document.querySelector(`[data-fact="${name}"]`).textContent = text;
@@ -81,6 +85,8 @@ function watch(item) {
   const values = { stream, rate: item.rate_hz, markers: item.marker_set };
   said.textContent = translate("%(stream)s: %(rate)s frames per second, marker set %(markers)s.", values);
   opened.addEventListener("message", (message) => {
+    if (socket !== opened) return;
+    silence.interrupt();
     seen = true;
     latest = JSON.parse(message.data);
     if (latest.problem) {
@@ -88,12 +94,13 @@ function watch(item) {
       latest = null;
     } else redraw();
   });
-  opened.addEventListener("close", (event) => {
+  opened.addEventListener("close", async (event) => {
     if (socket !== opened) return;
     socket = null;
     watched = "";
+    if (event.code !== 1000) await checkConnection();
     if (event.code === 1000) said.textContent = translate("The stream has ended. Its last frame is shown.");
-    else if (!seen && event.code === 1006)
+    else if (!seen && event.code === 1006 && isAnswering())
       said.textContent = translate("The service refuses to show the stream: that needs a token of scope submit.");
     setTimeout(look, POLL_MS);
   });
@@ -101,17 +108,18 @@ function watch(item) {
 
 async function look() {
   if (socket) return;
+  /** @type {Api.LiveStreams["items"]} */
   let items = [];
   try {
     items = (await call("GET", "/stream/markers")).items;
   } catch (error) {
-    said.textContent = error.message;
+    if (isAnswering()) said.textContent = error.message; // else the notice of the page says it
   }
   list(items);
   how.open = how.open && !items.length;
   if (items.length) watch(items[0]);
   else {
-    if (!latest) said.textContent = translate("No stream is open.");
+    if (!latest && isAnswering()) said.textContent = translate("No stream is open.");
     setTimeout(look, POLL_MS);
   }
 }
@@ -134,4 +142,11 @@ streams.addEventListener("change", async () => {
 for (const view of document.querySelectorAll("[name=view]")) view.addEventListener("change", redraw);
 new ResizeObserver(redraw).observe(body);
 onColourScheme(redraw);
+onRestored(() => {
+  const silent = socket;
+  if (!silent) return;
+  socket = null;
+  silent.close();
+  look();
+});
 look();

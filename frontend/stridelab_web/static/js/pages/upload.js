@@ -11,6 +11,7 @@ import { translate, translateCount } from "../shared/translate.js";
 const MAX_PARALLEL = 2;
 // No answer, no login, too many requests, part of the service away, storage full.
 const MAY_PASS_LATER = new Set([0, 401, 429, 503, 507]);
+const OWN_STORAGE_FULL = "storage-limit"; // passes once something is deleted
 const STORAGE_KEY = "stridelab-refused-uploads"; // of this tab, survives a reload
 const zone = document.querySelector("[data-upload]");
 const picker = zone.querySelector("input[type=file]");
@@ -165,7 +166,7 @@ function onFailed(upload, status, response) {
   const { row, file } = upload,
     text = problemSentence(status, response);
   if (status === 0 || status === 401) checkConnection();
-  if (!MAY_PASS_LATER.has(status)) {
+  if (!MAY_PASS_LATER.has(status) && response?.code !== OWN_STORAGE_FULL) {
     storeRefusals([...readRefusals(), { name: file.name, text }]);
     return showRefusal(row, file.name, text);
   }

@@ -1,7 +1,10 @@
 // Requests to /api/v1; every failure becomes an error with a sentence.
-import { checkConnection, isLoggedOut } from "./connection_notice.js";
+import { checkConnection, isLoggedOut, onRestored } from "./connection_notice.js";
 import { setActive } from "./focus.js";
+import { Silence } from "./silence.js";
 import { translate, translateServed } from "./translate.js";
+
+const LATE_MS = 5000; // an answer that takes longer may not come
 
 class ApiError extends Error {
   /** @param {number} status @param {ApiProblem | null} problem @param {string | null} retryAfter */
@@ -11,6 +14,10 @@ class ApiError extends Error {
     this.problem = problem;
   }
 }
+
+// Whether `call` failed because the service did not answer, of which the page's notice says enough.
+/** @param {any} error */
+export const isUnanswered = (error) => error instanceof ApiError && error.status === 0;
 
 /** @param {number} status @param {ApiProblem | null} problem @param {string | null} retryAfter */
 export function problemSentence(status, problem, retryAfter = null) {
@@ -66,15 +73,18 @@ export async function call(method, path, body, headers = {}) {
     options.headers["Content-Type"] = "application/json";
     options.body = JSON.stringify(body);
   }
-  let response;
+  let response, text;
+  const late = setTimeout(checkConnection, LATE_MS);
   try {
     response = await fetch(`/api/v1${path}`, options);
+    text = await response.text();
   } catch {
     checkConnection();
     throw new ApiError(0, null);
+  } finally {
+    clearTimeout(late);
   }
   if (response.status === 401) checkConnection();
-  const text = await response.text();
   let value = null;
   try {
     value = text ? JSON.parse(text) : null;
@@ -191,10 +201,11 @@ export function confirmDeletion(path, next) {
 }
 
 const RETRY_MS = 1000,
-  LOGGED_OUT_MS = 20_000;
+  LOGGED_OUT_MS = 20_000,
+  QUIET_MS = 15_000; // a job may have nothing new for long
 
 // Calls `onChange(job)` for every state of a job; resolves with the finished job, its error included. The browser resumes
-// a lost event stream; a closed one is opened again.
+// a lost event stream; a closed one is opened again, and so is one of a network that carried nothing for a while.
 /**
  * @param {string} id
  * @param {(job: Job) => void} onChange
@@ -202,15 +213,25 @@ const RETRY_MS = 1000,
  */
 export function followJob(id, onChange) {
   return new Promise((resolve) => {
-    let isFinished = false;
+    let isFinished = false,
+      last = 0; // number of the newest event
+    /** @type {EventSource} */
+    let current;
+    const silence = new Silence(QUIET_MS, checkConnection);
     const finish = async (/** @type {Job} */ job) => {
       if (isFinished) return;
       isFinished = true;
+      silence.stop();
+      current.close();
       resolve(await call("GET", `/jobs/${id}`).catch(() => job));
     };
     const connect = () => {
       const source = new EventSource(`/api/v1/jobs/${id}/events`);
+      current = source;
       const onEvent = (/** @type {MessageEvent} */ event) => {
+        silence.interrupt();
+        if (Number(event.lastEventId) <= last) return;
+        last = Number(event.lastEventId);
         const job = JSON.parse(event.data);
         onChange(job);
         if (!FINAL_STATES.has(job.state)) return;
@@ -220,12 +241,17 @@ export function followJob(id, onChange) {
       for (const name of ["message", "progress", "state"]) source.addEventListener(name, onEvent);
       source.addEventListener("error", async () => {
         checkConnection();
-        if (source.readyState !== EventSource.CLOSED || isFinished) return;
+        if (source.readyState !== EventSource.CLOSED || isFinished || source !== current) return;
         const job = await call("GET", `/jobs/${id}?wait=20`).catch(() => null);
         if (job && FINAL_STATES.has(job.state)) finish(job);
         else setTimeout(connect, isLoggedOut() ? LOGGED_OUT_MS : RETRY_MS);
       });
     };
     connect();
+    onRestored(() => {
+      if (isFinished) return;
+      current.close();
+      connect();
+    });
   });
 }

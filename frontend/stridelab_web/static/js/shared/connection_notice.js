@@ -3,6 +3,7 @@ import { createElement } from "./elements.js";
 import { translate } from "./translate.js";
 
 const RETRY_MS = 3000,
+  ANSWER_MS = 6000, // a network that carries nothing does not end a request
   LOGIN_RETRY_MS = 20_000, // each refusal is a line in the log of the service
   SHOWN_MS = 5000;
 const TEXTS = {
@@ -16,13 +17,29 @@ const TEXTS = {
 /** @type {any} */
 let notice = null,
   timer = 0,
+  /** @type {Promise<void> | null} */
+  checking = null,
+  /** @type {(() => void)[]} */
+  waiting = [],
   /** @type {"up" | "lost" | "login"} */
   state = "up";
 
-// Call after a failed request: shows the notice if the service does not answer, or knows the caller no more.
+// Call after a failed request, or where an answer is late: shows the notice if the service does not answer, or knows the
+// caller no more.
 export async function checkConnection() {
   if (!timer) await retry();
 }
+
+// Resolves once the service answers, for requests that failed because it did not.
+export async function untilAnswering() {
+  await checkConnection();
+  if (state === "up") return new Promise((done) => setTimeout(done, RETRY_MS)); // that request only was lost
+  return new Promise((/** @type {(value?: void) => void} */ done) => waiting.push(done));
+}
+
+// Calls `action` each time that the service answers again, or knows the caller again.
+/** @param {() => void} action */
+export const onRestored = (action) => document.addEventListener("connection-restored", action);
 
 // Whether the service answers, as far as the last check knows.
 export const isAnswering = () => state !== "lost";
@@ -30,15 +47,22 @@ export const isAnswering = () => state !== "lost";
 // Whether requests are refused until the reader has logged in again.
 export const isLoggedOut = () => state === "login";
 
-async function retry() {
+function retry() {
+  checking ??= updateState().finally(() => {
+    checking = null;
+  });
+  return checking;
+}
+
+async function updateState() {
   clearTimeout(timer);
-  timer = setTimeout(retry, state === "login" ? LOGIN_RETRY_MS : RETRY_MS);
   const before = state;
   state = await connectionState();
+  timer = state === "up" ? 0 : setTimeout(retry, state === "login" ? LOGIN_RETRY_MS : RETRY_MS);
   if (state !== "up") return showNotice(state);
-  clearTimeout(timer);
-  timer = 0;
+  for (const done of waiting.splice(0)) done();
   if (!notice || notice.hidden) return;
+  if (before !== "up") document.dispatchEvent(new Event("connection-restored"));
   showNotice(before === "login" ? "known" : "restored");
   setTimeout(() => {
     if (!timer) notice.hidden = true;
@@ -46,7 +70,8 @@ async function retry() {
 }
 
 async function connectionState() {
-  const get = (/** @type {string} */ path) => fetch(`/api/v1/${path}`, { cache: "no-store" }).catch(() => null);
+  const get = (/** @type {string} */ path) =>
+    fetch(`/api/v1/${path}`, { cache: "no-store", signal: AbortSignal.timeout(ANSWER_MS) }).catch(() => null);
   const health = await get("health");
   if (!health?.ok) return "lost";
   return (await get("caller"))?.status === 401 ? "login" : "up";

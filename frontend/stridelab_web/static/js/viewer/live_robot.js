@@ -9,10 +9,12 @@ import { HIDDEN, ViserNodes } from "./viser_nodes.js";
 import { counted } from "../shared/plurals.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
 import { fetchChecked } from "../shared/api.js";
-import { checkConnection, isAnswering } from "../shared/connection_notice.js";
+import { checkConnection, isAnswering, onRestored } from "../shared/connection_notice.js";
 import { createElement } from "../shared/elements.js";
+import { Silence } from "../shared/silence.js";
 
 const RECONNECT_MS = 2000,
+  QUIET_MS = 2000, // fifty frames per second come while it moves, a state each second
   REST = [0, 0, 0],
   UPRIGHT = [1, 0, 0, 0],
   SLOW_PACE = 0.95,
@@ -65,6 +67,11 @@ const overlay = new LiveOverlay(part("marks"), camera, {
   mass: () => robot?.mass_kg ?? 1,
 });
 
+const silence = new Silence(QUIET_MS, async () => {
+  await checkConnection();
+  if (!isAnswering()) setActing(false);
+});
+onRestored(() => socket && replaceSocket(socket));
 connect();
 openScene().catch((error) => showFailure(stage, error));
 
@@ -84,12 +91,13 @@ function connect() {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
   const opened = new WebSocket(`${scheme}://${location.host}/api/v1/live/${root.dataset.session}`);
   socket = opened;
-  opened.addEventListener("message", (message) => receive(JSON.parse(message.data)));
+  opened.addEventListener("message", (message) => socket === opened && receive(JSON.parse(message.data)));
   opened.addEventListener("close", (event) => {
     if (socket !== opened) return;
     socket = null;
     setActing(false);
     if (event.code === 1000 || event.code === 4404) {
+      silence.stop();
       const link = createElement("a", { href: "/live/robots" }, "Start a new one");
       part("said").replaceChildren("This robot is no longer live. ", link, ".");
     } else if (event.code === 4429) say("Too many others watch this robot, or too much was sent.");
@@ -102,11 +110,19 @@ function connect() {
   });
 }
 
+// What a silent network has carried late is dropped.
+function replaceSocket(silent) {
+  socket = null;
+  silent.close();
+  connect();
+}
+
 const say = (text) => {
   part("said").textContent = text;
 };
 
 function receive(message) {
+  silence.interrupt();
   if (message.type === "frame") latest = message;
   else if (message.type === "state") showState(message);
   else if (message.type === "fall") showFall(message);
