@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from stridelab.estimation.smoother import kalman_rts
 from stridelab.estimation.smoother.kalman_rts import (
     ForwardPass,
     Signals,
@@ -269,3 +270,22 @@ def test_the_momentum_of_an_adult():
     """1.0 and 1.5 Nms at 70 kg and 1.70 m, over the weight; with the stature squared at the same mass."""
     assert adult_momentum_m_s(70.0, 0.55 * 1.7) == pytest.approx((1.0 / 686.7, 1.5 / 686.7))
     assert adult_momentum_m_s(70.0, 0.55 * 0.85) == pytest.approx((0.25 / 686.7, 0.375 / 686.7))
+
+
+def test_the_covariance_of_white_noise_settles(monkeypatch):
+    """Its memory has no variance and unbounded information, which must not keep the recursion from converging."""
+    n, steps = 3000, []
+    seen = np.ones(n, bool)
+    zeros = np.zeros((n, 3))
+    data = Signals(zeros, zeros, zeros, seen, seen, ~seen, np.ones(n), zeros, zeros, np.zeros(3))
+    every = np.zeros(3)
+    space = state_space(replace(SIZES, marker_corner_hz=every, plate_corner_hz=every), RATE_HZ)
+    gains = compute_gains(space, data)
+    forward = filter_forward(space, data, gains)
+    step = kalman_rts._smoothed_covariance
+    monkeypatch.setattr(kalman_rts, "_smoothed_covariance", lambda *given: steps.append(1) or step(*given))
+    covariance = smooth_backward(gains, forward, 2)[1]
+    assert len(steps) < n / 3
+    monkeypatch.setattr(kalman_rts, "SETTLED", -1.0)
+    assert covariance == pytest.approx(smooth_backward(gains, forward, 2)[1], rel=1e-6)
+    assert len(steps) > n

@@ -247,14 +247,13 @@ def smooth_backward(
         r = push[k] + loop_t[i] @ r
         rs[k] = r
         if i != previous or not settled:
-            following = gained[i] + loop_t[i] @ big @ gain_sets.loop[i]
-            settled = i == previous and bool(
-                (np.abs(following - big) <= SETTLED * np.abs(following).max(axis=(1, 2), keepdims=True)).all()
-            )
-            previous, big = i, following
-            p = gain_sets.predicted[i]
-            top = p[:, :rows]
-            last = top[:, :, :rows] - top @ big @ np.swapaxes(top, 1, 2)
+            big = gained[i] + loop_t[i] @ big @ gain_sets.loop[i]
+            following = _smoothed_covariance(gain_sets.predicted[i], big, rows)
+            # The information itself may grow for ever: that of the memory of white noise, which has no variance.
+            sd = np.sqrt(np.abs(np.diagonal(following, axis1=1, axis2=2)))
+            scale = sd[:, :, None] * sd[:, None, :]
+            settled = i == previous and bool((np.abs(following - last) <= SETTLED * scale).all())
+            previous, last = i, following
         covariance[k] = last
     states = forward.states[:, :, :rows] + gain_sets.predicted[use, :, :rows] @ rs
     sensitivity = states[..., 1 : HEIGHT + 1]
@@ -264,6 +263,12 @@ def smooth_backward(
     height = height * forward.height_sd[:, None]
     covariance += height[..., :, None] * height[..., None, :]
     return mean, covariance
+
+
+def _smoothed_covariance(predicted: Matrices, information: Matrices, rows: int) -> Float[np.ndarray, "a r r"]:
+    """Covariance of the first ``rows`` states from their predicted one and the information N of all later samples."""
+    top = predicted[:, :rows]
+    return np.asarray(top[:, :, :rows] - top @ information @ np.swapaxes(top, 1, 2))
 
 
 def log_likelihood(space: StateSpace, gain_sets: Gains, forward: ForwardPass) -> Float[np.ndarray, "a"]:
