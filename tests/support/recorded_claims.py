@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from stridelab.reproduction.claims import Claim, Column
+from support.flipped_verdicts import assert_flips
 
 RECORDS: Final = Path(__file__).parents[1] / "reproduction" / "recorded_claims.json"
 FIELDS: Final = ("verdict", "thesis", "holds_from", "holds_to", "strict", "threshold", "aim", "evidence", "n", "where",
@@ -36,7 +37,12 @@ NUMBER: Final = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def assert_as_recorded(name: str, claims: Iterable[Claim], *, timed: bool = False) -> None:
-    """Every claim of an item has the fields of its record; times of a machine only if ``timed`` (they are invented)."""
+    """Every claim of an item has the fields of its record; times of a machine only if ``timed`` (they are invented).
+
+    Its verdict flips at the bounds (``assert_flips``).
+    """
+    claims = list(claims)
+    assert_flips(claims)
     _compare_or_record(name, {claim.key: _record_of(name, claim, timed=timed) for claim in claims})
 
 

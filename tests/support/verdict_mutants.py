@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 from stridelab.reproduction.registry import ITEMS
 from stridelab.reproduction.result_cache import transitive_imports
@@ -208,32 +208,37 @@ class Copy:
             if (ROOT / name).exists():
                 (folder / name).symlink_to(ROOT / name)
 
+    def __enter__(self) -> Self:
+        """Start the process that runs tests on the copy."""
+        path = os.pathsep.join(str(self.folder / name) for name in ("backend", "tests", "scripts"))
+        command = [sys.executable, "-m", "support.mutant_judge"]
+        environment = os.environ | {"PYTHONPATH": path}
+        self._judge = subprocess.Popen(
+            command, cwd=self.folder, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """End that process."""
+        self._judge.communicate()
+
     def notices(self, mutant: Mutant, tests: Sequence[str], limit_s: float) -> str:
         """The first test that fails with the change, "too slow", or an empty text."""
         file = self.folder / PACKAGE / mutant.file
         original, times = file.read_bytes(), file.stat()
         file.write_text(mutant.source, encoding="utf-8")
         try:
-            return self.first_failure(tests, limit_s, PYTHONDONTWRITEBYTECODE="1")
+            return self.first_failure(tests, limit_s)
         finally:
             file.write_bytes(original)
             os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))  # its compiled form is valid again
 
-    def first_failure(self, tests: Sequence[str], limit_s: float, **variables: str) -> str:
+    def first_failure(self, tests: Sequence[str], limit_s: float) -> str:
         """The first test that fails with the code as it is in the copy, "too slow", or an empty text."""
-        path = os.pathsep.join(str(self.folder / name) for name in ("backend", "tests", "scripts"))
-        environment = os.environ | {"PYTHONPATH": path} | variables
-        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "--hypothesis-seed=0", *tests]
-        try:
-            run = subprocess.run(
-                command, cwd=self.folder, env=environment, capture_output=True, text=True, timeout=limit_s, check=False
-            )
-        except subprocess.TimeoutExpired:
-            return "too slow"
-        if run.returncode == 0:
-            return ""
-        failed = re.search(r"^(?:FAILED|ERROR) (\S+)", run.stdout, re.MULTILINE)
-        return failed.group(1) if failed else (run.stdout + run.stderr)[-200:].replace("\n", " ")
+        assert self._judge.stdin is not None
+        assert self._judge.stdout is not None
+        print(json.dumps({"tests": tests, "limit_s": limit_s}), file=self._judge.stdin, flush=True)
+        return str(json.loads(self._judge.stdout.readline()))
 
 
 def tests_of(file: str) -> list[str]:
@@ -299,8 +304,11 @@ def main() -> None:
         return
     lines = arguments.log.read_text(encoding="utf-8").splitlines() if arguments.log.exists() else []
     tried = {(line["name"], line["place"]): line["by"] for line in map(json.loads, lines)}
-    with tempfile.TemporaryDirectory(prefix="stridelab-mutants-") as place, arguments.log.open("a") as log:
-        copied = Copy(Path(place))
+    with (
+        tempfile.TemporaryDirectory(prefix="stridelab-mutants-") as place,
+        arguments.log.open("a") as log,
+        Copy(Path(place)) as copied,
+    ):
         if not tried and (failed := copied.first_failure([RECORDED_ALL], 10.0 * arguments.limit)):
             raise SystemExit(f"Without a change fails: {failed}")
         for k, mutant in enumerate(sample):
@@ -312,7 +320,7 @@ def main() -> None:
             log.write(json.dumps({"name": mutant.name, "place": k, "by": by}) + "\n")
             log.flush()
             print(f"{by or 'NOT NOTICED'} {time.monotonic() - start_s:.0f} s: {mutant.name}", flush=True)
-    noticed = sum(bool(by) for by in tried.values())
+    noticed = sum(by not in ("", "too slow") for by in tried.values())
     print(f"{noticed} of {len(tried)} noticed")
 
 
