@@ -283,7 +283,12 @@ def test_the_covariance_of_white_noise_settles(monkeypatch):
     gains = compute_gains(space, data)
     forward = filter_forward(space, data, gains)
     step = kalman_rts._smoothed_covariance
-    monkeypatch.setattr(kalman_rts, "_smoothed_covariance", lambda *given: steps.append(1) or step(*given))
+
+    def counted(*given):
+        steps.append(1)
+        return step(*given)
+
+    monkeypatch.setattr(kalman_rts, "_smoothed_covariance", counted)
     covariance = smooth_backward(gains, forward, 2)[1]
     assert len(steps) < n / 3
     monkeypatch.setattr(kalman_rts, "SETTLED", -1.0)
