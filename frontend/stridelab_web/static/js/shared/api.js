@@ -230,7 +230,7 @@ export function followJob(id, onChange) {
       current = source;
       const onEvent = (/** @type {MessageEvent} */ event) => {
         silence.interrupt();
-        if (Number(event.lastEventId) <= last) return;
+        if (Number(event.lastEventId) < last) return; // sent again; a final state may have the number of the event before
         last = Number(event.lastEventId);
         const job = JSON.parse(event.data);
         onChange(job);
