@@ -1,5 +1,6 @@
 """Figure 2.9 on runners: what is an offset, what makes it that of a body, and which mass and files a run has."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from zipfile import ZipFile
@@ -73,6 +74,20 @@ def test_an_offset_that_grows_with_the_speed_is_not_that_of_a_table() -> None:
     assert claims["change_left_m"].verdict == "met"
     drifting = claims_of([fused_run(k, s, at, 2.0 * SAME_M) for k, at in enumerate(OFFSETS_M) for s in SPEEDS])
     assert drifting["drift_m"].verdict == "not_met"
+
+
+def test_drifts_and_what_is_left_of_a_bias_are_means() -> None:
+    """An offset that grows by 10 mm a second differs by 10 mm between halves of a second each; people differ."""
+    runs = [fused_run(k, LIKE_THESIS, at) for k, at in enumerate(OFFSETS_M)]
+    for run in runs:
+        run.offset_m[run.settled_samples, 0] += 0.01 * run.time_s[run.settled_samples]
+        assert run.drift_m == pytest.approx([0.01, 0.0, 0.0], abs=1e-4)
+    left = ((0.1, 0.3, 0.9), (0.2, 0.4, 0.7), (0.3, 0.1, 0.5))
+    shared = [replace(run, left_over=np.array(of)) for run, of in zip(runs, left, strict=True)]
+    claims = {claim.key: claim for claim in fig_2_9_people._rule_claims(shared)}
+    assert claims["bias_left"].ours == pytest.approx((0.3 + 0.4 + 0.3) / 3.0), "the worse axis of each"
+    assert claims["vertical_left"].ours == pytest.approx((0.9 + 0.7 + 0.5) / 3.0)
+    assert claims["bias_left_predicted"].ours == pytest.approx((0.13 + 0.03 + 0.13) / 3.0), "from 0.33 aloft"
 
 
 def hopping_runner(bias_m: np.ndarray, ahead: np.ndarray) -> SimpleNamespace:
