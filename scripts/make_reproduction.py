@@ -1,6 +1,6 @@
 """Compute every figure and table of the reproduction and write docs/reproduction.md.
 
-    make_reproduction.py                     50 draws of the noise: some 20 minutes of processor time
+    make_reproduction.py                     50 draws of the noise: some 26 minutes of processor time
     make_reproduction.py --quick             3 draws, for a first look
     make_reproduction.py --only errors       computes that item and keeps it, without writing the page
     make_reproduction.py --update errors     computes that item and replaces its section; the others stay as they are
@@ -126,8 +126,8 @@ in {sum(outcomes.values())} claims when it was written whole:
 Each section says what it draws at random and how often, the command that computes it again, and the digest of the code
 and models that computed it; `--stale` names those whose code has changed since. `stridelab reproduce ITEM` computes one
 of them, with all its tables and the drawing, `stridelab reproduce --all --recordings FOLDER` all of them as one report.
-The sum over all items is 20 minutes of processor time (50 draws, measured item by item on a shared machine of two
-cores, not as one run); the longest process takes 8, so that two cores need 10 to 12.
+One run of all items took 13:07 minutes on two cores with nothing beside it, and 25:48 minutes of processor time (50
+draws).
 
 Every claim has its place in the thesis: section, figure or table; the text at hand has no page numbers. Chapter 3 on
 people is in the thesis' words, the others are shortened. Verdicts are computed from the column *holds if*: a number in
