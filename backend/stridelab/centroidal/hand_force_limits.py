@@ -26,6 +26,7 @@ from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.inverse_kinematics import stand
 from stridelab.robots.robot import Robot
+from stridelab.robots.usable_torques import usable_torques_nm
 
 TORQUE_SHARE: Final = 0.9
 """Share of a joint's torque limit that is available to a static force."""
@@ -47,7 +48,7 @@ def max_normal_force_n(robot: Robot, q: Float[np.ndarray, "nq"], contact: Contac
     arm = [i for i in _chain_to_trunk(model, frame) if robot.group[model.names[i]] == "arm"]
     columns = [model.joints[i].idx_v for i in arm]
     gravity = pin.computeGeneralizedGravity(model, data, q)[columns]
-    torque_limit = TORQUE_SHARE * model.effortLimit[columns] - model.friction[columns]
+    torque_limit = usable_torques_nm(TORQUE_SHARE * model.effortLimit[columns], model.friction[columns])
     friction_rays = pyramid_rays(contact.friction / np.cos(np.pi / N_RAYS), N_RAYS)  # a pyramid that contains the cone
     torque_per_n = -J[:, columns].T @ contact.placement.rotation @ friction_rays
     remaining_torque = torque_limit[:, None] - np.sign(torque_per_n) * gravity[:, None]

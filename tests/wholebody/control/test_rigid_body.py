@@ -121,6 +121,12 @@ def test_limits_to_plan_with_lie_inside(talos: Robot) -> None:
     assert np.allclose(inner.torque_nm, 0.8 * true.torque_nm - true.friction_nm)
 
 
+def test_friction_takes_no_more_than_half_of_a_torque() -> None:
+    """A joint weaker than its friction would have no torque at all that its bounds allow."""
+    limits = JointLimits(np.zeros(3), np.ones(3), np.ones(3), np.array([10.0, 1.0, 1.0]), np.array([1.0, 0.7, 2.0]))
+    assert np.allclose(limits.with_margins(0.0, 0.0, 1.0, 1.0).torque_nm, [9.0, 0.5, 0.5])
+
+
 def test_a_motor_overcomes_the_friction_of_its_joint(talos: Robot) -> None:
     """TALOS' forearm has 1 N m of dry friction and 3 N m of torque; its legs' description states none."""
     true = JointLimits.of_model(talos.model)

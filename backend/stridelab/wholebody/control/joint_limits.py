@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from stridelab.conventions import Angles
+from stridelab.robots.usable_torques import usable_torques_nm
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,14 +47,14 @@ class JointLimits:
     ) -> "JointLimits":
         """Limits reduced by ``range_share`` of the range and ``margin_rad`` at either end, and by the other shares.
 
-        A motor also overcomes the friction of its joint, which is taken from its torque: in TALOS' forearm 1 of 3 N m.
+        A motor also overcomes the friction of its joint, which is taken from its torque (``usable_torques_nm``).
         """
         margins_rad = self.margins_rad(range_share, margin_rad)
         return JointLimits(
             self.lower_rad + margins_rad,
             self.upper_rad - margins_rad,
             velocity_share * self.velocity_rad_s,
-            torque_share * self.torque_nm - self.friction_nm,
+            usable_torques_nm(torque_share * self.torque_nm, self.friction_nm),
             self.friction_nm,
         )
 
