@@ -38,15 +38,15 @@ def api_types(schemas: Mapping[str, Schema]) -> str:
         if name not in names:
             names.add(name)
             waiting += re.findall(rf"{REFERENCE}(\w+)", repr(schemas[name]))
-    return HEADING + "\n".join(_declaration(name, schemas[name]) for name in sorted(names)) + "}\n"
+    return HEADING + "\n".join(_interface_text(name, schemas[name]) for name in sorted(names)) + "}\n"
 
 
-def _declaration(name: str, schema: Schema) -> str:
-    fields = "".join(_field(field, _type_of(one)) for field, one in schema.get("properties", {}).items())
+def _interface_text(name: str, schema: Schema) -> str:
+    fields = "".join(_field_line(field, _type_of(one)) for field, one in schema.get("properties", {}).items())
     return f"  interface {name} {{\n{fields}  }}\n"
 
 
-def _field(name: str, type_name: str) -> str:
+def _field_line(name: str, type_name: str) -> str:
     line = f"    {name}: {type_name};\n"
     return line if len(line) <= LINE else line.replace(" | ", "\n      | ").replace(": ", ":\n      | ", 1)
 
@@ -60,14 +60,14 @@ def _type_of(schema: Schema) -> str:
         if union in schema:
             return " | ".join(dict.fromkeys(_type_of(one) for one in schema[union]))
     if schema.get("type") == "array":
-        return _array_of(dict.fromkeys(_members(schema)))
+        return _array_of(dict.fromkeys(_member_types(schema)))
     if schema.get("type") == "object":
         values = schema.get("additionalProperties")
         return f"Record<string, {_type_of(values) if isinstance(values, Mapping) else 'any'}>"
     return PRIMITIVES.get(schema.get("type", ""), "any")
 
 
-def _members(schema: Schema) -> Iterator[str]:
+def _member_types(schema: Schema) -> Iterator[str]:
     for one in schema.get("prefixItems", [schema.get("items", {})]):
         yield _type_of(one)
 

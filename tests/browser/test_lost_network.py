@@ -34,18 +34,18 @@ def tab(open_tab: Callable[..., Tab], network: Network) -> Iterator[Tab]:
     made.missteps = [m for m in made.missteps if not re.search("net::ERR|WebSocket connection", m)]
 
 
-def notice(page: Page) -> Locator:
+def connection_notice(page: Page) -> Locator:
     return page.get_by_role("complementary", name="Connection")
 
 
 def expect_lost(page: Page) -> None:
-    expect(notice(page)).to_contain_text("The service does not answer.", timeout=NOTICED_WITHIN_MS)
+    expect(connection_notice(page)).to_contain_text("The service does not answer.", timeout=NOTICED_WITHIN_MS)
     assert page.get_by_text("does not answer").count() == 1, "it is said once"
 
 
 def expect_back(page: Page) -> None:
-    expect(notice(page)).to_contain_text("The service answers again.", timeout=BACK_WITHIN_MS)
-    expect(notice(page)).to_be_hidden()
+    expect(connection_notice(page)).to_contain_text("The service answers again.", timeout=BACK_WITHIN_MS)
+    expect(connection_notice(page)).to_be_hidden()
 
 
 def shown_s(page: Page, part: str) -> float:

@@ -1,4 +1,4 @@
-"""Claims of the tests below are asked what their verdicts on other numbers would be."""
+"""The criteria of claims in the tests below are checked on both sides of their bounds."""
 
 from collections.abc import Iterator
 

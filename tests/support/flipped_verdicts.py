@@ -1,7 +1,7 @@
 """What becomes of a verdict when its number crosses a bound: which claim is then wrong, and which is only not met.
 
 A claim shows the verdict on the number that was computed, not what the verdict on another one would be. Here every
-criterion that a claim was made with is asked about numbers just inside and just outside of its bounds.
+criterion that a claim was made with is evaluated just inside and just outside of its bounds.
 """
 
 import re

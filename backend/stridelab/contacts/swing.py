@@ -200,7 +200,7 @@ class SwingCurve:
         return np.asarray(ScipyRotation.from_matrix(self.start.rotation.T @ self.end.rotation).as_rotvec())
 
     @cached_property
-    def _turns(self) -> bool:
+    def _is_turning(self) -> bool:
         return bool(self._rotation_vector.any())
 
     @cached_property
@@ -232,6 +232,6 @@ class SwingCurve:
         return np.asarray(self.start.rotation @ turns)
 
     def _rotation_at(self, share: float) -> Rotation:
-        if not self._turns:
+        if not self._is_turning:
             return self.start.rotation
         return np.asarray(self.start.rotation @ ScipyRotation.from_rotvec(share * self._rotation_vector).as_matrix())

@@ -49,7 +49,7 @@ def test_what_is_planned_is_pressed_and_near_the_soles_the_least_is() -> None:
 
 
 STRONG = Grip(torque_share=np.inf)
-"""Of an arm that presses as hard as it is asked to."""
+"""Of an arm without a limit of its torques."""
 DT_S = 0.004
 ANGLED = np.array([-0.2, 0.0, -0.1, -1.3])
 """Of a right arm whose elbow is bent, so that its Jacobian has rank three."""
@@ -203,7 +203,7 @@ def test_a_hand_that_the_plan_lifts_no_longer_presses(posed: LimbKinematics) -> 
 
 
 def test_a_hand_presses_no_harder_than_half_of_its_weakest_joint_carries() -> None:
-    """With a lever of 14 cm at the forearm of TALOS the usual 25 N take 3.5 of 3 N m; a plan's force is kept."""
+    """With a lever of 14 cm at the forearm of TALOS the usual 25 N take 3.5 of 3 N m; a plan's force is not reduced."""
     lever_m, limits_nm = np.array([0.3, 0.2, -0.14]), np.array([44.0, 17.9, 3.0])
     assert Grip().bounded_reference_n(25.0, 0.0, lever_m, limits_nm) == pytest.approx(1.5 / 0.14)
     assert Grip().bounded_reference_n(25.0, 20.0, lever_m, limits_nm) == 20.0

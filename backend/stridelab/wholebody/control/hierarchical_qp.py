@@ -174,7 +174,9 @@ def _reduced_exactly(above: Sequence[Rows], level: Rows, bounds: Inequalities) -
         m, n = bounds.G.shape
         values = np.empty(2 * n * (n + 1) + m * (n + 2))
         k = native.module.reduced_level(above, level, bounds, values)
-        return None if k is None else _ReducedLevel(*_split(values, (n,), (n, k), (k, k), (k,), (m, k), (m,), (m,)))
+        if k is None:
+            return None
+        return _ReducedLevel(*_views_in_turn(values, (n,), (n, k), (k, k), (k,), (m, k), (m,), (m,)))
     z, Z, off = _solve_linear(Rows(np.concatenate([A for A, _ in above]), np.concatenate([b for _, b in above])))
     row = 0
     for _, b in above if off.any() else ():
@@ -184,7 +186,7 @@ def _reduced_exactly(above: Sequence[Rows], level: Rows, bounds: Inequalities) -
     return _reduced_level(z, Z, level, bounds)
 
 
-def _split(values: Float[np.ndarray, "_"], *shapes: tuple[int, ...]) -> Iterator[Float[np.ndarray, "..."]]:
+def _views_in_turn(values: Float[np.ndarray, "_"], *shapes: tuple[int, ...]) -> Iterator[Float[np.ndarray, "..."]]:
     """Views of ``values``, one after the other."""
     start = 0
     for shape in shapes:
