@@ -45,7 +45,7 @@ def main() -> None:
     parser.add_argument("robot", choices=robot_names())
     name = parser.parse_args().robot
     hulls = without_table(name, {}, robot_card(name).collision.meshes)
-    touching, at_rest = shares(hulls), set(SelfCollision.for_robot(hulls).colliding_links(hulls.q_reference))
+    touching, at_rest = shares(hulls), set(SelfCollision(hulls).colliding_links(hulls.q_reference))
     pairs_by_reason = {
         "are joined by one joint": list(joined(hulls, list(touching))),
         "touch at rest": sorted(at_rest),
@@ -79,7 +79,7 @@ def without_table(name: str, never: dict[str, tuple[str, ...]], meshes: tuple[st
 
 def shares(robot: Robot) -> dict[Pair, float]:
     """Share of the configurations in which two links touch, whichever of their shapes."""
-    rng, check = np.random.default_rng(SEED), SelfCollision.for_robot(robot)
+    rng, check = np.random.default_rng(SEED), SelfCollision(robot)
     low, high = robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:]
     names = [str(robot.model.frames[part.parentFrame].name) for part in robot.collision.geometryObjects]
     count = dict.fromkeys(((names[pair.first], names[pair.second]) for pair in robot.collision.collisionPairs), 0)

@@ -47,7 +47,7 @@ def test_the_card_of_the_page_is_a_robot(romeo: Robot) -> None:
         assert sole.rotation == pytest.approx(np.eye(3), abs=1e-6)
     com_m = pin.centerOfMass(romeo.model, data, romeo.q_reference)
     assert np.abs(com_m[:2]).max() < 0.05
-    assert not SelfCollision.for_robot(romeo).any_collision(romeo.q_reference)
+    assert not SelfCollision(romeo).any_collision(romeo.q_reference)
 
 
 def test_every_field_of_a_card_is_explained() -> None:

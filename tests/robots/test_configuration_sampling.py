@@ -41,7 +41,7 @@ def test_the_base_stays_in_the_reference_posture(talos: Robot, drawn: tuple[np.n
 
 
 def test_sampled_configurations_are_free_of_self_collision(talos: Robot, drawn: tuple[np.ndarray, int]) -> None:
-    assert not any(SelfCollision.for_robot(talos).any_collision(q) for q in drawn[0][::10])
+    assert not any(SelfCollision(talos).any_collision(q) for q in drawn[0][::10])
 
 
 def test_the_rejected_ones_are_counted(drawn: tuple[np.ndarray, int]) -> None:

@@ -81,7 +81,7 @@ def test_feet_hands_and_pelvis_collide_by_their_visual_shapes(g1: Robot) -> None
     """The description gives them no collision shape, or four balls of 5 mm."""
     links = {g1.model.frames[part.parentFrame].name for part in g1.collision.geometryObjects}
     assert {"left_ankle_roll_link", "right_ankle_roll_link", "left_rubber_hand", "right_rubber_hand", "pelvis"} <= links
-    assert not SelfCollision.for_robot(g1).any_collision(g1.q_reference)
+    assert not SelfCollision(g1).any_collision(g1.q_reference)
 
 
 def test_hulls_collide_where_the_meshes_do(g1: Robot) -> None:
@@ -89,7 +89,7 @@ def test_hulls_collide_where_the_meshes_do(g1: Robot) -> None:
     card = robot_card("g1")
     raw = assemble_robot("g1", replace(card, collision=replace(card.collision, meshes=(".*",))), data_files(card))
     assert raw.sha256 != g1.sha256
-    meshes, hulls, rng = SelfCollision.for_robot(raw), SelfCollision.for_robot(g1), np.random.default_rng(8)
+    meshes, hulls, rng = SelfCollision(raw), SelfCollision(g1), np.random.default_rng(8)
     q, verdicts = g1.q_reference.copy(), []
     for _ in range(300):
         q[7:] = rng.uniform(g1.model.lowerPositionLimit[7:], g1.model.upperPositionLimit[7:])

@@ -88,7 +88,7 @@ def test_self_collisions_agree_with_those_of_the_meshes(published: pin.Model, co
     for a, b in {(links[pair.first], links[pair.second]) for pair in robot.collision.collisionPairs}:
         meshes.addCollisionPair(pin.CollisionPair(part[a], part[b]))
     assert len(meshes.collisionPairs) == 185
-    data, buffers, check = published.createData(), meshes.createData(), SelfCollision.for_robot(robot)
+    data, buffers, check = published.createData(), meshes.createData(), SelfCollision(robot)
     moving = [published.joints[published.getJointId(joint)].idx_q for joint in robot.joint_names]
     rest = robot.q_reference
     verdicts = []

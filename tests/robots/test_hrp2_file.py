@@ -39,7 +39,7 @@ def test_the_shapes_are_primitive_and_are_what_is_shown() -> None:
 def test_the_reference_posture_is_free_of_collision_and_within_the_limits_of_the_card() -> None:
     """Placeholders of the source where the card says nothing, our choice where it does."""
     robot = load_robot("hrp2")
-    assert not SelfCollision.for_robot(robot).any_collision(robot.q_reference)
+    assert not SelfCollision(robot).any_collision(robot.q_reference)
     torque_nm = dict(zip(robot.joint_names, robot.model.effortLimit[6:], strict=True))
     assert (torque_nm["RLEG_JOINT3"], torque_nm["CHEST_JOINT0"], torque_nm["RARM_JOINT0"]) == (250.0, 100.0, 60.0)
     assert robot.model.velocityLimit[6:] == pytest.approx(3.0)

@@ -52,7 +52,7 @@ def test_a_usual_stance_is_reachable_and_its_posture_proves_it(check: StanceChec
     assert held(robot, result.q, contacts) < 1e-4
     assert np.all(result.q[7:] > robot.model.lowerPositionLimit[7:])
     assert np.all(result.q[7:] < robot.model.upperPositionLimit[7:])
-    assert not SelfCollision.for_robot(robot).any_collision(result.q)
+    assert not SelfCollision(robot).any_collision(result.q)
     com_m = pin.centerOfMass(robot.model, robot.model.createData(), result.q)
     assert np.abs(com_m - check.usual_com_m(contacts))[:2].max() < 0.1 + 1e-4
 
@@ -96,7 +96,7 @@ def test_legs_that_cross_at_first_are_pushed_apart() -> None:
     com_m = check.usual_com_m(contacts)
     plain = stand_in_com_region(check.robot, contacts, ComRegion.over_polygon(np.zeros((0, 2))), com_m)
     assert plain.converged
-    assert SelfCollision.for_robot(check.robot).any_collision(plain.q)
+    assert SelfCollision(check.robot).any_collision(plain.q)
     result = check.check_stance(Stance(contacts, com_m))
     assert (result.reachable, result.strained) == (True, True)
     assert held(check.robot, result.q, contacts) < 1e-4

@@ -25,7 +25,7 @@ class UniformConfigurations(Iterator[Float[np.ndarray, "nq"]]):
     def __init__(self, robot: Robot, rng: np.random.Generator) -> None:
         self.tried = 0
         self._robot = robot
-        self._collision = SelfCollision.for_robot(robot)
+        self._collision = SelfCollision(robot)
         # a plain function: a generator method would keep the collision buffers alive
         self._angles = _draw_angles(robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:], rng)
 

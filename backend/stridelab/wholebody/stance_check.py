@@ -118,7 +118,7 @@ class StanceCheck:
         self._margins_rad = JointLimits.of_model(robot.model).margins_rad(
             settings.range_share, settings.joint_margin_rad
         )
-        self._collision = SelfCollision.for_robot(robot)
+        self._collision = SelfCollision(robot)
         self._cache: OrderedDict[tuple[object, ...], StanceResult] = OrderedDict()
         self._paused: OrderedDict[tuple[object, ...], Generator[None, None, StanceResult]] = OrderedDict()
         self._soles = tuple(name for name, one in robot.effectors.items() if one.kind == "surface")

@@ -40,7 +40,7 @@ def test_postures_hold_the_contacts_within_the_limits(
                 np.testing.assert_allclose(data.oMf[frames[name]].rotation, at.rotation, atol=2e-6)
         assert (q[7:] >= model.lowerPositionLimit[7:]).all()
         assert (q[7:] <= model.upperPositionLimit[7:]).all()
-        assert not SelfCollision.for_robot(talos).any_collision(q)
+        assert not SelfCollision(talos).any_collision(q)
         up = data.oMi[1].rotation[:, 2]
         assert np.degrees(np.arccos(up[2])) < 29.0, "roll and pitch of 20 degrees each at most"
 

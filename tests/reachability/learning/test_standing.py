@@ -69,7 +69,7 @@ def test_the_knees_are_bent_and_nothing_touches(
     robot, stream, postures = stances
     lower, upper = robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:]
     for q in postures:
-        assert not SelfCollision.for_robot(robot).any_collision(q)
+        assert not SelfCollision(robot).any_collision(q)
         assert (q[7:] >= lower).all()
         assert (q[7:] <= upper).all()
     knees = [robot.model.joints[robot.model.getJointId(KNEE[robot.name].format(s))].idx_q for s in ("left", "right")]

@@ -70,7 +70,7 @@ def _against(joint: re.Match[str]) -> str:
 def test_the_body_seldom_meets_itself_within_the_ranges(without: Proposal) -> None:
     """With half a turn to either side, hardly any posture is free."""
     robot, rng = without.robot, np.random.default_rng(3)
-    checker = SelfCollision.for_robot(robot)
+    checker = SelfCollision(robot)
     shares = []
     for low, high in ((robot.model.lowerPositionLimit, robot.model.upperPositionLimit), (-np.pi, np.pi)):
         free = 0

@@ -60,7 +60,7 @@ def test_the_reference_posture_is_upright_on_level_soles_with_bent_knees(usual: 
     com = pin.centerOfMass(robot.model, data, robot.q_reference)
     assert abs(com[0]) < 0.02
     assert abs(com[1]) < 0.01
-    assert not SelfCollision.for_robot(robot).colliding_links(robot.q_reference)
+    assert not SelfCollision(robot).colliding_links(robot.q_reference)
 
 
 def test_hands_are_at_the_ends_of_the_arms(usual: Proposal) -> None:
@@ -79,8 +79,8 @@ def test_arms_are_clear_of_the_body_at_rest(tmp_path: Path) -> None:
     plate = ET.SubElement(ET.SubElement(ET.SubElement(pelvis, "collision"), "geometry"), "box")
     plate.set("size", "0.05 0.4 0.6")
     robot = proposal_of_text(ET.tostring(root, encoding="unicode"), tmp_path).robot
-    assert len(SelfCollision.for_robot(robot).colliding_links(robot.q_reference)) == 0
-    nearest = SelfCollision.for_robot(robot, margin_m=0.02).colliding_links(robot.q_reference)
+    assert len(SelfCollision(robot).colliding_links(robot.q_reference)) == 0
+    nearest = SelfCollision(robot, margin_m=0.02).colliding_links(robot.q_reference)
     assert not any("shoulder" in link or "elbow" in link for pair in nearest for link in pair)
 
 

@@ -151,7 +151,7 @@ def test_a_gripper_motor_that_touches_the_thigh_is_neither_certified_nor_complet
     q[:, np.array(joints) + 7] += np.outer(0.5 - 0.5 * np.cos(w * motion.time_s), inwards_rad)
     v[:, np.array(joints) + 6] += np.outer(0.5 * w * np.sin(w * motion.time_s), inwards_rad)
     touching = replace(motion, q=q, v=v)
-    assert not any(SelfCollision.for_robot(talos).any_collision(one) for one in q[::10])
+    assert not any(SelfCollision(talos).any_collision(one) for one in q[::10])
     certificate = certify(talos, plan.sequence, plan, {}, touching)
     check = next(check for check in certificate.checks if check.name == "self_collision_pairs")
     assert not check.passed

@@ -103,7 +103,7 @@ class StanceTruth:
 
     def __init__(self, robot: Robot, within: PostureRange = STANDING_POSTURE) -> None:
         self.robot, self.within = robot, within
-        self._collision = SelfCollision.for_robot(robot)
+        self._collision = SelfCollision(robot)
         self._tree = BodyTree.from_robot(robot)
         self._model, frames = with_contact_frames(robot)
         self._chains = {name: LegChain.from_frame(self._model, frames[name]) for name in robot.effectors}

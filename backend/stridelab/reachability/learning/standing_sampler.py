@@ -119,7 +119,7 @@ class StandingConfigurations(Iterator[Float[np.ndarray, "nq"]]):
     def __init__(self, robot: Robot, rng: np.random.Generator, stance: Stance | None = None) -> None:
         self.tried = 0
         self._robot, self._rng, self._stance = robot, rng, stance or Stance()
-        self._collision = SelfCollision.for_robot(robot)
+        self._collision = SelfCollision(robot)
         self._model, frames = with_contact_frames(robot)
         self._data = self._model.createData()
         self._legs, self._side = _find_legs(robot, self._model, frames, self._stance)

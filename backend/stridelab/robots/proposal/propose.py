@@ -302,7 +302,7 @@ def _arm_collisions(robot: Robot, full: pin.Model, limbs: Limbs) -> set[str]:
     side = {joint: index for index, arm in enumerate(limbs.arms) for joint in map(str, (full.names[j] for j in arm))}
     outer = {str(full.names[joint]) for arm in limbs.arms for joint in arm[2:]}
     touching = set()
-    for a, b in SelfCollision.for_robot(robot, ARM_CLEARANCE_M).colliding_links(robot.q_reference):
+    for a, b in SelfCollision(robot, ARM_CLEARANCE_M).colliding_links(robot.q_reference):
         one, other = (str(model.names[model.frames[model.getFrameId(link)].parentJoint]) for link in (a, b))
         if side.get(one, one) != side.get(other, other) and {one, other} & outer:
             touching.add(f"{a} and {b}")

@@ -21,6 +21,7 @@ from stridelab.contacts.terrain import Rail
 from stridelab.conventions import Configurations, Series
 from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Robot
+from stridelab.robots.self_collision import SelfCollision
 from stridelab.wholebody.certificate.certificate import Check, WorstValues
 from stridelab.wholebody.certificate.contact_checks import LANDING_ERROR_M
 from stridelab.wholebody.control.collision_pairs import bounding_sphere
@@ -36,22 +37,16 @@ Role = Literal["link", "palm", "point"]
 
 def self_collision(robot: Robot, q: Configurations, worst: WorstValues) -> Check:
     """Number of distinct link pairs that collide in any of the configurations; names the first."""
-    data, geometry = robot.model.createData(), robot.full_collision
-    results = geometry.createData()
-    pairs = geometry.collisionPairs
+    collision = SelfCollision(robot, all_shapes=True)
     first_sample: dict[int, int] = {}
     for i, configuration in enumerate(q):
-        if pin.computeCollisions(robot.model, data, geometry, results, configuration, False):
-            for k in range(len(pairs)):
-                if results.collisionResults[k].isCollision():
-                    first_sample.setdefault(k, i)
+        for k in collision.colliding_indices(configuration):
+            first_sample.setdefault(k, i)
     name, unit = "self_collision_pairs", "pairs"
     if not first_sample:
         return Check(name, 0.0, unit, 0.0)
     k, i = min(first_sample.items(), key=lambda pair: pair[1])
-    link_names = " and ".join(
-        _link_name(robot.model, geometry.geometryObjects[o]) for o in (pairs[k].first, pairs[k].second)
-    )
+    link_names = " and ".join(collision.links_of_pair(k))
     return Check(
         name, float(len(first_sample)), unit, 0.0, False, int(worst.phase[i]), link_names, float(worst.time_s[i])
     )
