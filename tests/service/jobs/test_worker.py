@@ -15,6 +15,7 @@ import structlog
 from stridelab.errors import Conflict
 from stridelab.schemas.previews import PartialMotion, PartialResults
 from stridelab.service.api.jobs.presentation import job_of
+from stridelab.service.jobs.attempts import AttemptStore
 from stridelab.service.jobs.notifications import JobNotifications
 from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.jobs.worker import Worker
@@ -107,6 +108,30 @@ def test_a_job_succeeds_with_files_and_provenance(in_shop: Open) -> None:
         assert len(fractions) >= 4
 
     in_shop(act)
+
+
+def test_the_end_of_a_job_waits_for_the_progress_that_is_being_written(
+    in_shop: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A statement that is cancelled costs its connection to the database."""
+    began, ended = [], []
+    write = AttemptStore.report_progress
+
+    async def write_slowly(*arguments: Any) -> bool:
+        began.append(arguments)
+        await asyncio.sleep(0.5)
+        goes_on = await write(*arguments)
+        ended.append(arguments)
+        return goes_on
+
+    async def act(shop: Shop) -> None:
+        record = await shop.do("work", work_s=0.3)
+        assert record.state == "succeeded"
+
+    monkeypatch.setattr(AttemptStore, "report_progress", write_slowly)
+    in_shop(act)
+    assert began
+    assert ended == began
 
 
 def test_a_job_that_stops_half_way_fails_and_stores_its_partial_result(in_shop: Open) -> None:

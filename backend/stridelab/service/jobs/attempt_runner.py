@@ -40,6 +40,8 @@ DatabaseRetry = Callable[[Callable[[], Awaitable[Any]]], Awaitable[Any]]
 _TRANSIENT_CODES: Final = frozenset({"storage-unavailable", "storage-full", "scratch-full"})
 """Codes of transient errors that the job did not cause."""
 _MAX_PAUSE_S: Final = 5.0
+_STATEMENT_S: Final = 1.0
+"""How long the end of an attempt waits for a statement of its helpers."""
 _log = structlog.get_logger(__name__)
 T = TypeVar("T")
 
@@ -71,6 +73,7 @@ class AttemptRunner:
         self._unstored: list[NumberedChunk] = []
         self._progress_arrived = asyncio.Event()
         self._check_requested = asyncio.Event()
+        self._statement = asyncio.Lock()
 
     @property
     def job_id(self) -> str:
@@ -95,9 +98,16 @@ class AttemptRunner:
                 await self._remove_own_files(engine)
             return state
         finally:
-            for helper in helpers:
-                helper.cancel()
-            await asyncio.gather(*helpers, return_exceptions=True)
+            await self._cancel_helpers(helpers)
+
+    async def _cancel_helpers(self, helpers: list[asyncio.Task[None]]) -> None:
+        """Cancel the helpers between two statements: one that is cancelled costs its connection to the database."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_STATEMENT_S):
+                await self._statement.acquire()
+        for helper in helpers:
+            helper.cancel()
+        await asyncio.gather(*helpers, return_exceptions=True)
 
     async def _remove_own_files(self, engine: AsyncEngine) -> None:
         """Remove the files stored for this job alone; the janitor removes what remains."""
@@ -263,7 +273,11 @@ class AttemptRunner:
                 with contextlib.suppress(*DATABASE_UNAVAILABLE):  # a lost progress report is replaced by the next one
                     if self._parts is not None:
                         self._unstored += self._parts.read_new()
-                    if not await self._attempts.report_progress(self._attempt, *self._latest_progress, self._unstored):
+                    async with self._statement:
+                        goes_on = await self._attempts.report_progress(
+                            self._attempt, *self._latest_progress, self._unstored
+                        )
+                    if not goes_on:
                         self._kill_requested.set()
                     self._unstored = []
             await asyncio.sleep(PROGRESS_S)
@@ -274,7 +288,9 @@ class AttemptRunner:
             await self._check_requested.wait()
             self._check_requested.clear()
             try:
-                if await self._attempts.should_stop(self._attempt):
+                async with self._statement:
+                    stops = await self._attempts.should_stop(self._attempt)
+                if stops:
                     self._kill_requested.set()
             except DATABASE_UNAVAILABLE:
                 await asyncio.sleep(0.5)
