@@ -132,6 +132,14 @@ def test_markers_that_are_never_seen_long_enough_are_refused(tmp_path: Path) -> 
     assert refusal.value.code == "geometry-gaps"
 
 
+def test_a_whole_recording_that_is_too_short_can_serve_as_a_static_trial(tmp_path: Path) -> None:
+    walk = read_recording(TRIAL)
+    short = {label: track[200:220] for label, track in walk.markers_m.items()}
+    static = write_trc(tmp_path / "static.trc", replace(walk, markers_m=short))
+    with pytest.raises(NotEstimable, match=r"at least 0\.4 s are needed\. The recording can serve as a static trial\."):
+        estimate_com.run(estimate_task(static, tmp_path / "a", method="geometry"), tmp_path / "a", quiet)
+
+
 @pytest.mark.parametrize("n_frames", [1, 2, 5])
 def test_a_few_frames_are_a_static_trial_and_no_recording(n_frames: int, tmp_path: Path) -> None:
     """One frame a second is long enough for a step, and nothing can be differentiated from it."""

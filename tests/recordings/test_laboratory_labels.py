@@ -13,7 +13,7 @@ def labels_of(name: str) -> list[str]:
     return [label.replace("~", " ") for label in LISTS[name][1].split()]
 
 
-@pytest.mark.parametrize("prefix", ["", "Subject 01:"])
+@pytest.mark.parametrize("prefix", ["", "Subject 01:", "MarkerSet__"])
 @pytest.mark.parametrize("name", sorted(LISTS))
 def test_a_list_of_a_laboratory_is_its_own_set(name: str, prefix: str) -> None:
     match = identify([prefix + label for label in labels_of(name)])
@@ -122,7 +122,7 @@ def test_numbers_before_labels_do_not_matter() -> None:
     assert match.landmarks["l_hip_centre"] == f"{labels.index('L_Hip') + 1} - L_Hip"
 
 
-@pytest.mark.parametrize("name", ["visual3d-hybrid", "lkn-clusters", "uwa-full", "ior dynamic"])
+@pytest.mark.parametrize("name", ["visual3d-hybrid", "lkn-clusters", "uwa-full", "ior dynamic", "patella-clusters"])
 def test_knees_of_the_static_trial_alone_are_announced(name: str) -> None:
     assert identify(labels_of(name)).degraded[0].code == "static-trial-needed"
 
@@ -130,3 +130,11 @@ def test_knees_of_the_static_trial_alone_are_announced(name: str) -> None:
 @pytest.mark.parametrize("name", ["openpose", "mediapipe", "skeleton", "hip-markers"])
 def test_joint_names_as_labels_give_a_simplified_pelvis(name: str) -> None:
     assert "pelvis-simplified" in {remark.code for remark in identify(labels_of(name)).degraded}
+
+
+def test_only_sets_that_share_a_marker_are_named_as_the_nearest() -> None:
+    labels = ["ProgressionFrameO", "ProgressionFrameA"]
+    match = identify(labels)
+    with pytest.raises(NotEstimable, match="nearest: none") as refused:
+        require_marker_set(match, labels)
+    assert [fault.where for fault in refused.value.faults] == ["labels found"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stridelab.errors import InvalidInput
-from stridelab.recordings.foot_contact import find_feet, stated_belts_m_s, walking_surface_m_s
+from stridelab.recordings.foot_contact import find_feet, stance_velocity_m_s, stated_belts_m_s, walking_surface_m_s
 from stridelab.recordings.force_windows import find_windows
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
@@ -214,3 +214,10 @@ def test_without_plates_only_feet_on_a_belt_are_on_a_treadmill(tmp_path: Path, m
             markers[label] = track[0] + np.outer(1.2 * time_s, [1.0, 0.0, 0.0])
     recording = read_recording(bare(tmp_path / "trial.tsv", replace(floor, markers_m=markers)))
     assert "treadmill" not in {remark.code for remark in recording.remarks}
+
+
+def test_a_marker_that_is_hardly_ever_visible_has_no_velocity() -> None:
+    """One frame alone has no velocity: the ground under it does not move, and nothing warns."""
+    track = np.full((50, 3), np.nan)
+    track[20] = [0.1, 0.2, 0.05]
+    np.testing.assert_array_equal(stance_velocity_m_s([track], 100.0), np.zeros(3))

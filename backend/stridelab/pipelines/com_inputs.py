@@ -172,7 +172,8 @@ def zero_wrench(geometric: GeometricCom, interval: Window | None = None) -> Wren
     if lasts_s < SHORTEST_WINDOW_S:
         where = "" if interval is None else " in the requested interval"
         message = f"The markers give a centre of mass for {lasts_s:.2f} s at a time{where}"
-        raise NotEstimable("window-too-short", f"{message}; at least {SHORTEST_WINDOW_S} s are needed.")
+        use = " The recording can serve as a static trial." if seen.all() and interval is None else ""
+        raise NotEstimable("window-too-short", f"{message}; at least {SHORTEST_WINDOW_S} s are needed.{use}")
     measured.require_frames(stop - start)
     complete = np.zeros(len(time_s), dtype=bool)
     complete[start:stop] = True
@@ -243,10 +244,11 @@ def require_marker_set(match: MarkerSetMatch, labels: Sequence[str]) -> None:
     """Raise ``NotEstimable`` (``unknown-marker-set``) with the labels and the missing markers of the closest set."""
     if match.name is not None:
         return
-    nearest = ", ".join(f"{name} ({share:.0%} of what it requires)" for name, share in match.nearest)
+    nearest = ", ".join(f"{name} ({share:.0%} of what it requires)" for name, share in match.nearest if share)
     faults = [
         Fault(f"nearest set {name}", f"missing: {', '.join(match.needed.get(name, ()))}")
-        for name, _ in match.nearest[:1]
+        for name, share in match.nearest[:1]
+        if share
     ]
     faults.append(Fault("labels found", ", ".join(labels) or "none"))
     finding = f"belong to no known marker set; nearest: {nearest or 'none'}"

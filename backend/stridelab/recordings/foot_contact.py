@@ -363,12 +363,17 @@ def mean_surface_m_s(velocities: Mapping[Side, Vector3]) -> Vector3:
 
 
 def stance_velocity_m_s(tracks: Sequence[Points], rate_hz: float) -> Vector3:
-    """Median horizontal velocity of foot markers while they are low: that of the belt on a treadmill, else near 0."""
+    """Median horizontal velocity of foot markers while they are low: that of the belt on a treadmill, else near 0.
+
+    Zero if no marker is visible for long enough to have a velocity.
+    """
     low = []
     for track in tracks:
         v = velocity_m_s(track, rate_hz)
         low.append(v[track[:, 2] <= np.nanpercentile(track[:, 2], _LOW_PERCENTILE)])
-    return np.asarray(np.nanmedian(np.concatenate(low), axis=0) * [1.0, 1.0, 0.0], dtype=np.float64)
+    v = np.concatenate(low)
+    v = v[np.isfinite(v).all(axis=1)]
+    return np.asarray(np.median(v, axis=0) * [1.0, 1.0, 0.0] if len(v) else np.zeros(3), dtype=np.float64)
 
 
 def velocity_m_s(track: Points, rate_hz: float) -> Points:

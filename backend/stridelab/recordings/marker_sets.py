@@ -9,7 +9,7 @@ pelvis and legs is used on its own ("custom").
 Marker set files: the possible labels of each landmark, read from a file or a request and validated.
 
 Imports no numeric package. ``{s}`` in a label stands for the side letter, or for the words of ``sides``. Labels match
-regardless of case, spaces, dots, underscores and hyphens, and without a prefix up to the last colon (``Subject:LASI``).
+regardless of case, spaces, dots, underscores and hyphens, and without a prefix (``Subject:LASI``, ``MarkerSet__LASI``).
 
 Landmarks are named ``asis``, ``knee_lateral``, ...; paired ones carry ``l_`` or ``r_``. Technical markers of a rigid
 cluster are ``<segment>_t1``, ``<segment>_t2``, ...
@@ -59,7 +59,7 @@ WAYS_TO_NAME_MARKERS: Final = (
 _UPPER_BODY: Final = ("acromion", "shoulder", "elbow", "wrist", "mc", "upper_arm", "head", "trunk", "c7", "t1", "jug")
 _AGREEING_SETS: Final = 3
 _TECHNICAL: Final = re.compile(r"([lr]_)?(head|trunk|pelvis|upper_arm|forearm|thigh|shank|foot)_t\d")
-_NUMBERED: Final = re.compile(r"^\s*\d+\s+-\s+")
+_PREFIX: Final = re.compile(r"^(.*(:|[A-Za-z]__))?(\s*\d+\s+-\s+)?")  # Motive exports a colon as two underscores
 _FIELDS: Final = frozenset({"name", "title", "required", "paired", "unpaired", "sides"})
 _MAX_FILE_BYTES: Final = 200_000
 
@@ -84,7 +84,7 @@ class MarkerSet:
 
 def normalised_label(label: str) -> str:
     """Normal form of a label for comparison: no prefix, no number before it ("3 - "), no separators, lower case."""
-    return re.sub(r"[\s._\-]", "", _NUMBERED.sub("", label.rsplit(":", 1)[-1])).lower()
+    return re.sub(r"[\s._\-]", "", _PREFIX.sub("", label)).lower()
 
 
 def labels_by_form(labels: Iterable[str]) -> dict[str, str]:

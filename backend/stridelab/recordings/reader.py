@@ -11,6 +11,7 @@ import numpy as np
 from stridelab.conventions import Mask, Points, Rotation, Vector3
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings import orientation
+from stridelab.recordings.file_axes import with_common_axes
 from stridelab.recordings.files.c3d import read_c3d
 from stridelab.recordings.files.foreign_formats import unknown_format_error
 from stridelab.recordings.files.mvnx import is_mvnx, read_mvnx
@@ -21,9 +22,8 @@ from stridelab.recordings.files.raw import FilePlate, RawTrial
 from stridelab.recordings.files.trc import is_marker_storage
 from stridelab.recordings.files.trc_mot import read_text, read_trc, read_trc_mot
 from stridelab.recordings.foot_contact import detect_treadmill
-from stridelab.recordings.force_plates import plate_wrench, rough_normal, rough_total_force, with_true_moment_units
+from stridelab.recordings.force_plates import plate_wrench, with_true_moment_units
 from stridelab.recordings.gap_filling import fill_short_gaps
-from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.opensim.model_trial import has_body_model, read_model_trial
 from stridelab.recordings.plate_contacts import fore_aft_remarks
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
@@ -100,8 +100,8 @@ def _read_raw(path: Path, name: str) -> RawTrial:
 
 def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
     """Rotate the trial into the world frame (z up), tare and repair the plates, fill short gaps."""
-    remarks = list(raw.remarks)
-    up = up_axis_of(raw)
+    raw, up, axes_remarks = with_common_axes(raw)
+    remarks = [*raw.remarks, *axes_remarks]
     if not (raw.plates or raw.contacts) and raw.up_hint not in (None, up):
         message = f"The body stands along {up} of the file, which is used as the vertical axis, not {raw.up_hint}."
         remarks.append(Remark("up-axis-from-body", message))
@@ -155,45 +155,6 @@ def _belts_m_s(plates: Sequence[Plate], switches: Mapping[int, PlateSwitches]) -
         message = f"A belt speed is stated for a plate that the file does not have; its plates: {known}."
         raise InvalidInput("unknown-plate", message, faults)
     return stated
-
-
-def up_axis_of(raw: RawTrial) -> str:
-    """Axis of the file that points up, from its forces, else its body, else the hints of its format."""
-    vertical: Vector3 | None
-    if raw.contacts:
-        vertical = np.sum([contact.force_n.sum(axis=0) for contact in raw.contacts], axis=0)
-        centres = [contact.corners_m.mean(axis=0) for contact in raw.contacts]
-    else:
-        vertical = rough_total_force(raw.plates)
-        vertical = rough_normal(raw.plates) if vertical is None else vertical
-        centres = [signals.corners_m.mean(axis=0) for signals in raw.plates]
-    if vertical is None and not raw.up_is_known and (axis := _axis_of_body(raw)) is not None:
-        return axis
-    return orientation.find_up_axis(vertical, centres, raw.points_m, raw.up_hint)
-
-
-def _axis_of_body(raw: RawTrial) -> str | None:
-    """Axis along which the pelvis lies above the feet on average, within 20 degrees; None without one.
-
-    It replaces an axis that the file states only if the shoulders lie above the pelvis along it, too: those of a rower
-    do not.
-    """
-    landmarks = identify(raw.labels).landmarks
-    column = {label: i for i, label in enumerate(raw.labels)}
-
-    def middle(*names: str) -> Points | None:
-        pairs = [[landmarks.get(f"{side}_{name}") for side in "lr"] for name in names]
-        marked = next((pair for pair in pairs if None not in pair), None)
-        return None if marked is None else raw.points_m[:, [column[str(label)] for label in marked]].mean(axis=1)
-
-    feet, pelvis = middle("heel", "ankle_lateral", "ankle_centre"), middle("asis", "psis", "hip_centre")
-    shoulders = middle("acromion", "shoulder_centre")
-    if feet is None or pelvis is None:
-        return None
-    parts = [pelvis - feet] + ([] if shoulders is None or raw.up_hint is None else [shoulders - pelvis])
-    seen = [part[np.isfinite(part).all(axis=1)] for part in parts]
-    axes = {orientation.nearest_axis(part.mean(axis=0)) for part in seen if len(part)}
-    return axes.pop() if len(axes) == 1 else None
 
 
 def _world_plates(

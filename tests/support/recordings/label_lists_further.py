@@ -49,4 +49,32 @@ FURTHER = {
         LMT1 LMT2 LMT5 RTHI RTHI2 RTHI3 RTHI4 RLFC RMFC RTIB1 RTIB2 RTIB3 RTIB4 RLMAL RMMAL RHEE RMT1 RMT2 RMT5
         """,
     ),
+    "heel-sup": (
+        "",
+        """
+        C7 Sternum MidT L.ASIS R.ASIS L.PSIS R.PSIS L.Acromion L.Elbow.Med L.Elbow.Lat L.Radius L.Ulna R.Acromion
+        R.Elbow.Med R.Elbow.Lat R.Ulna R.Radius L.Thigh.Post.Sup L.Thigh.Ant.Sup L.Thigh.Post.Inf L.Thigh.Ant.Inf
+        L.Knee.Med L.Knee.Lat L.Shank.Post.Sup L.Shank.Ant.Sup L.Shank.Post.Inf L.Shank.Ant.Inf L.Ankle.Med L.Ankle.Lat
+        L.Heel.Sup L.Heel.Inf L.Heel.~Med L.Heel.Lat L.Midfoot.Med L.Midfoot.Int L.Midfoot.Lat L.MTP1 L.MTP2 L.MTP5
+        L.Toe R.Thigh.Post.Sup R.Thigh.Ant.Sup R.Thigh.Post.Inf R.Thigh.Ant.Inf R.Knee.Med R.Knee.Lat R.Shank.Post.Sup
+        R.Shank.Ant.Sup R.Shank.Post.Inf R.Shank.Ant.Inf R.Ankle.Med R.Ankle.Lat R.Heel.Sup R.Heel.Inf R.Heel.Med
+        R.Heel.Lat R.Midfoot.Med R.Midfoot.Int R.Midfoot.Lat R.MTP1 R.MTP2 R.MTP5 R.Toe
+        """,
+    ),
+    "knee-el": (
+        "trunk-missing",
+        """
+        L_MAL_M R_MAL_M R_ASIS L_KNEE_EL L_HEEL R_META L_TIB_DIAF R_TIB_DIAF R_KNEE_EM L_ASIS R_Barra R_HEEL L_META
+        R_FEM_DIAF L_KNEE_EM R_MAL_L R_KNEE_EL SACRUM L_FEM_DIAF L_MAL_L L_Barra
+        """,
+    ),
+    "patella-clusters": (
+        "",
+        """
+        L.Toe L.Midfoot.Superior Neck R.Toe R.Heel L.Heel R.Elbow R.Shoulder L.Shank.Inferior L.Shoulder
+        L.Shank.Superior R.Shank.Lateral L.Patella L.Thigh.Inferior R.Wrist R.Midfoot.Superior L.Shank.Lateral Sternum
+        L.Elbow R.Midfoot.Lateral L.Thigh.Superior L.Wrist R.Thigh.Superior L.Thigh.Lateral R.Shank.Inferior
+        L.Midfoot.Lateral R.Shank.Superior R.Thigh.Lateral L.Asis R.Thigh.Inferior R.Patella Sacral R.Asis
+        """,
+    ),
 }
