@@ -32,6 +32,7 @@ def test_a_good_result_ends_with_0_and_the_geometry_alone_lists_the_missing_chec
     quality = json.loads((tmp_path / "out" / "result.json").read_text())["summary"]["quality"]
     assert quality["verdict"] == "good"
     assert {one["name"] for one in quality["checks"]} == {
+        "body_axis",
         "outside_body",
         "leg_length_change",
         "body_proportions",

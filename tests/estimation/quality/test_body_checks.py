@@ -68,3 +68,26 @@ def test_a_constant_push_is_named_as_the_cause_of_a_bias(push_n: float) -> None:
     quality = assess_quality(Recorded(good, landmarks, geometric, changed, MASS_KG), replace(estimate, com_m=moved_m))
     (check,) = [check for check in quality.checks if check.name == "horizontal_bias"]
     assert ("a hand on a support" in check.message) == (push_n != 0.0)
+
+
+def judge_markers(recording: Recording) -> Quality:
+    """Quality of the centre of mass by markers alone."""
+    landmarks = identify(list(recording.markers_m)).landmarks
+    geometric = SegmentModel().com(recording, landmarks, subject=recording.subject)
+    wrench = wrench_track(recording, WINDOW)
+    estimate = GeometryOnly().estimate(geometric, wrench, MASS_KG)
+    return assess_quality(Recorded(recording, landmarks, geometric, wrench, MASS_KG, with_force=False), estimate)
+
+
+@pytest.mark.parametrize(("angle_deg", "verdict"), [(0.0, "good"), (40.0, "good"), (90.0, "doubtful")])
+def test_a_walk_along_the_wall_is_doubtful(angle_deg: float, verdict: str) -> None:
+    """A file that names another axis vertical: lengths, proportions and hull are right, and the person lies."""
+    good, angle_rad = walk(), np.radians(angle_deg)
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    R = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    judged = judge_markers(replace(good, markers_m={label: track @ R.T for label, track in good.markers_m.items()}))
+    (axis,) = [check for check in judged.checks if check.name == "body_axis"]
+    assert axis.value == pytest.approx(angle_deg, abs=10.0)
+    assert "From the ankles to the neck, the body extends on average at" in axis.message
+    assert judged.verdict == verdict
+    assert [check.name for check in judged.checks if not check.passed] == (["body_axis"] if verdict != "good" else [])

@@ -15,12 +15,11 @@ from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.quality import Quality, Recorded, assess_quality
-from stridelab.estimation.quality.assessment import evaluate_checks
+from stridelab.estimation.quality.assessment import MARKER_CHECKS, evaluate_checks
+from stridelab.estimation.quality.body_checks import distance_outside_m, length_change
 from stridelab.estimation.quality.measures import (
     Measures,
-    distance_outside_m,
     dynamic_mass_kg,
-    length_change,
 )
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.force_windows import measured_windows
@@ -240,7 +239,7 @@ def test_other_methods_get_the_checks_that_they_allow() -> None:
     wrench = wrench_track(recording, WINDOW)
     estimate = GeometryOnly().estimate(geometric, wrench, MASS_KG)
     quality = assess_quality(Recorded(recording, landmarks, geometric, wrench, MASS_KG, with_force=False), estimate)
-    assert {check.name for check in quality.checks} == {"outside_body", "leg_length_change", "body_proportions"}
+    assert {check.name for check in quality.checks} == set(MARKER_CHECKS) - {"model_leg_mass"}
     assert quality.not_checked["force_residual"] == "no force was used"
     assert quality.verdict == "good"
 

@@ -5,11 +5,6 @@ Compares the force predicted from the markers alone with that of the plates: m (
 A fused estimate follows the force, and a smoother with learned noise levels may attribute a reversed force channel to
 marker noise. The geometric centre of mass does not depend on the force, so its acceleration validates it per axis.
 
-Distance of a centre of mass outside the body: beyond the convex hull of its markers and joint centres.
-
-A convex combination of points of a body lies in the convex hull of the body. The markers are on the skin, so their
-hull covers the body except for its unmarked parts.
-
 Body mass from force and markers together, in any movement.
 
     m (c'' - g) = f   integrated twice:   z(t) + g t^2 / 2 = z_0 + v_0 t + (1/m) int int f_z
@@ -17,29 +12,29 @@ Body mass from force and markers together, in any movement.
 is linear in z_0, v_0 and 1/m, so least squares gives the mass of a subject who walks, jumps or stands up, without
 periodicity. Over T seconds the column of 1/m differs from a straight line by 0.037 g T^2 RMS: 0.13 m in 0.6 s, compared
 with millimetres of error in the height of the geometric centre of mass.
-
-Checks that thigh and shank have constant length; needs markers only.
-
-Tilt of the mean force, and the share of the legs in the mass of a body model.
 """
 
-import itertools
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import ConvexHull, QhullError
 
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.conventions import GRAVITY_M_S2, Mask, Points, Series
+from stridelab.conventions import GRAVITY_M_S2, Mask, Series
 from stridelab.dynamics.wrench import contact_force
 from stridelab.estimation.differentiation import low_pass, smoothed_derivatives, walk_frame
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ, assess_flight, force_residual_track_n
+from stridelab.estimation.quality.body_checks import (
+    distance_outside_m,
+    leg_mass_share,
+    length_change,
+    mean_body_axis,
+    thigh_over_trunk,
+)
 from stridelab.estimation.quality.channel_gain import ChannelGain, channel_gains, exchange_ratio
 from stridelab.estimation.quality.plate_checks import (
     PlatePressure,
@@ -49,7 +44,7 @@ from stridelab.estimation.quality.plate_checks import (
     unmarked_shares,
 )
 from stridelab.recordings.gap_filling import true_runs
-from stridelab.recordings.recording import Recording, SegmentMotion, WrenchTrack
+from stridelab.recordings.recording import Recording, WrenchTrack
 
 AXES: Final = ("along the walk", "across the walk", "vertically")
 EDGE: Final = 0.6
@@ -167,7 +162,7 @@ class Measures:
     would act through a centre of mass that is so much nearer to the markers'.
     ``axis``, ``force_share`` and ``unmarked_share`` are those of ``acceleration_difference``, ``leg`` is the segment of
     ``leg_length_change``. ``model_leg_share`` is the share of the legs in a body model's mass,
-    None without a model.
+    None without a model. ``body_angle_deg`` and ``upper_end`` are those of ``mean_body_axis``.
     """
 
     force_tilt: float = NAN
@@ -189,6 +184,8 @@ class Measures:
     leg: str = ""
     model_leg_share: float | None = None
     thigh_over_trunk: float = NAN
+    body_angle_deg: float = NAN
+    upper_end: str = ""
     plates: tuple[PlatePressure, ...] = ()
     gains: tuple[ChannelGain, ...] = ()
     exchange_ratio: float = NAN
@@ -201,12 +198,15 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
     used = slice(first, first + len(estimate.time_s))
     outside_m = distance_outside_m(estimate.com_m, _body_points(recorded, used))
     leg = length_change({name: track[used] for name, track in geometric.joint_centres_m.items()})
+    angle_deg, upper_end = mean_body_axis(geometric, used)
     common = Measures(
         outside_body_m=float(np.nanpercentile(outside_m, 95.0)) if np.isfinite(outside_m).any() else NAN,
         leg_length_change=NAN if leg is None else leg[1],
         leg="" if leg is None else leg[0],
         model_leg_share=leg_mass_share(recorded.recording.segments),
         thigh_over_trunk=thigh_over_trunk(geometric, used),
+        body_angle_deg=angle_deg,
+        upper_end=upper_end,
     )
     if not recorded.with_force:
         return common
@@ -222,7 +222,8 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         if apart is not None and horizontal_m > 0.0:
             height_m = float(np.nanmean(geometric.com_m[used][complete, 2]))
             lean_m = height_m * (apart.lean[0] * x + apart.lean[1] * y) / horizontal_m
-    return Measures(
+    return replace(
+        common,
         force_tilt=NAN if apart is None else apart.tilt,
         normalised_innovations=estimate.diagnostics.get("normalised_innovations", NAN),
         force_residual=_relative_force_residual(recorded, estimate, complete),
@@ -234,14 +235,9 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         lean_bias_m=lean_m,
         vertical_bias_m=vertical_m,
         largest_difference_m=largest_m,
-        outside_body_m=common.outside_body_m,
         motion_mass_kg=_motion_mass_kg(recorded),
         standing_mass_kg=NAN if recorded.standing_mass_kg is None else recorded.standing_mass_kg,
         flight_acceleration=_flight_acceleration_error(recorded, estimate),
-        leg_length_change=common.leg_length_change,
-        leg=common.leg,
-        model_leg_share=common.model_leg_share,
-        thigh_over_trunk=common.thigh_over_trunk,
         plates=plate_pressures(recorded.recording, recorded.landmarks, wrench.complete, wrench.latency_applied_s),
         gains=channel_gains(balance),
         exchange_ratio=exchange_ratio(balance),
@@ -294,34 +290,6 @@ def _motion_mass_kg(recorded: Recorded) -> float:
     return dynamic_mass_kg(geometric.time_s[i:j], geometric.com_m[i:j, 2], wrench.force_n[i:j, 2])
 
 
-MAX_FRAMES: Final = 60
-"""Maximum number of evaluated frames: a body moves by 3 cm between them in a walk of 2 s."""
-
-Clouds = Float[np.ndarray, "frames points 3"]
-
-
-def distance_outside_m(com_m: Points, body_m: Clouds) -> Float[np.ndarray, " looked"]:
-    """Distance of ``com_m`` (n x 3) outside the convex hull of ``body_m`` (n x points x 3, NaN where hidden).
-
-    It is the largest distance beyond the plane of a face of the hull: 0 inside, and a lower bound near an edge. NaN if
-    fewer than four points are visible or all are coplanar. Of long recordings ``MAX_FRAMES`` evenly spread frames are
-    evaluated and returned.
-    """
-    frames = np.unique(np.linspace(0, len(com_m) - 1, min(MAX_FRAMES, len(com_m))).round().astype(int))
-    return np.array([_distance_outside_m(com_m[i], body_m[i]) for i in frames])
-
-
-def _distance_outside_m(point: Float[np.ndarray, "3"], cloud: Float[np.ndarray, "points 3"]) -> float:
-    seen = cloud[np.isfinite(cloud).all(axis=1)]
-    if len(seen) < 4 or not np.isfinite(point).all():
-        return float("nan")
-    try:
-        faces = ConvexHull(seen).equations
-    except QhullError:
-        return float("nan")
-    return max(0.0, float((faces[:, :3] @ point + faces[:, 3]).max()))
-
-
 def dynamic_mass_kg(time_s: Series, height_m: Series, vertical_force_n: Series) -> float:
     """Mass for which the vertical force explains the height of the geometric centre of mass.
 
@@ -334,67 +302,3 @@ def dynamic_mass_kg(time_s: Series, height_m: Series, vertical_force_n: Series) 
     A = np.column_stack([np.ones_like(t), t, double])
     per_mass = float(np.linalg.lstsq(A, height_m + 0.5 * GRAVITY_M_S2 * t**2, rcond=None)[0][2])
     return 1.0 / per_mass if per_mass > 0.0 else float("nan")
-
-
-LEG: Final = ("hip", "knee", "ankle")
-_MIN_FRAMES = 10
-
-
-def length_change(joint_centres_m: Mapping[str, Points]) -> tuple[str, float] | None:
-    """The thigh or shank whose length changes most: its name, and its 5 to 95 % length range over the median.
-
-    None if no segment of the legs has both of its joints in ten frames.
-    """
-    changes: list[tuple[float, str]] = []
-    for side, (upper, lower) in itertools.product("lr", itertools.pairwise(LEG)):
-        one, other = joint_centres_m.get(f"{side}_{upper}"), joint_centres_m.get(f"{side}_{lower}")
-        if one is None or other is None:
-            continue
-        lengths = np.linalg.norm(one - other, axis=1)
-        lengths = lengths[np.isfinite(lengths)]
-        if len(lengths) < _MIN_FRAMES or np.median(lengths) <= 0.0:
-            continue
-        low, high = np.percentile(lengths, (5.0, 95.0))
-        name = f"{'left' if side == 'l' else 'right'} {'thigh' if upper == 'hip' else 'shank'}"
-        changes.append((float((high - low) / np.median(lengths)), name))
-    if not changes:
-        return None
-    change, name = max(changes)
-    return name, change
-
-
-def thigh_over_trunk(geometric: GeometricCom, used: slice) -> float:
-    """Length of the thighs over the distance of the hips' middle from the cervical joint, medians over ``used``.
-
-    NaN where the neck is not marked: it is then placed by proportions.
-    """
-    joints = geometric.joint_centres_m
-    if has_no_trunk(geometric) or not joints.keys() >= _TRUNK:
-        return NAN
-    hips_m = (joints["l_hip"] + joints["r_hip"])[used] / 2.0
-    trunk_m = np.linalg.norm(hips_m - joints["cervical"][used], axis=1)
-    thighs_m = np.linalg.norm([joints[f"{s}_hip"][used] - joints[f"{s}_knee"][used] for s in "lr"], axis=2)
-    seen = np.isfinite(trunk_m) & np.isfinite(thighs_m).all(axis=0)
-    if np.count_nonzero(seen) < _MIN_FRAMES:
-        return NAN
-    return float(np.median(thighs_m[:, seen]) / max(float(np.median(trunk_m[seen])), 1e-3))
-
-
-_TRUNK: Final = frozenset({"l_hip", "r_hip", "l_knee", "r_knee", "cervical"})
-_LEG: Final = re.compile(r"femur|thigh|tibia|shank|shin|fibula|patella|talus|calc|foot|toe|metatars|leg", re.IGNORECASE)
-_ABOVE: Final = re.compile(
-    r"torso|trunk|thorax|spine|lumbar|rib|head|clavic|scapula|humer|arm|ulna|radius|hand", re.IGNORECASE
-)
-
-
-def leg_mass_share(segments: Mapping[str, SegmentMotion]) -> float | None:
-    """Share of the segments named as parts of the legs in the mass of a body model.
-
-    None without a model; NaN where no name is known as a part of a leg, of the trunk or of an arm.
-    """
-    if not segments:
-        return None
-    if not any(_LEG.search(name) or _ABOVE.search(name) for name in segments):
-        return NAN
-    legs_kg = sum(segment.mass_kg for name, segment in segments.items() if _LEG.search(name))
-    return legs_kg / sum(segment.mass_kg for segment in segments.values())

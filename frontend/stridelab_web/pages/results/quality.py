@@ -22,6 +22,7 @@ NAMES: Final[Mapping[str, str]] = {
     "flight_acceleration": "Acceleration in flight from that of gravity",
     "pressure_from_feet": "Centre of pressure from the feet",
     "pressure_off_plate": "Centre of pressure off its plate",
+    "body_axis": "Axis of the body from the vertical",
     "outside_body": "Centre of mass outside the body",
     "leg_length_change": "Change of a leg's length",
     "body_proportions": "Thigh over trunk, from a person's (logarithm)",
@@ -105,4 +106,6 @@ def _finding(check: QualityCheck, name: str, value: str, limit: str) -> str:
 def _value_text(check: QualityCheck, value: float) -> str:
     if check.unit == "m":
         return f"{1000.0 * value:.0f} mm" if value < 10.0 else f"{value:.1f} m"
+    if check.unit == "deg":
+        return f"{value:.0f}\N{DEGREE SIGN}"
     return f"{100.0 * value:.1f} %" if check.name in SHARES else f"{value:.2f}"

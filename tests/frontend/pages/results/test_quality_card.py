@@ -83,7 +83,7 @@ def test_a_result_of_a_version_without_checks_has_no_card(fake: FakeService, bro
 
 
 def test_every_check_of_the_program_has_a_name_for_people() -> None:
-    from stridelab.estimation.quality.assessment import LIMITS
+    from stridelab.estimation.quality.limits import LIMITS
 
     assert set(NAMES) == set(LIMITS)
     assert {name for name in SHARES if LIMITS[name].unit != "1"} == set()
