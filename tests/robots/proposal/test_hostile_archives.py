@@ -131,6 +131,17 @@ def test_hostile_archives_are_refused_by_name(make: Callable[[], bytes], code: s
     assert sorted(path.name for path in inside.iterdir()) == ["robots", "upload"]
 
 
+@pytest.mark.parametrize(
+    ("name", "hint"), [("urdf/robot.urdf.xacro", "xacro robot"), ("robot.sdf", "URDF"), ("robot.zip", "another zip")]
+)
+def test_what_to_do_with_an_archive_without_a_description_is_stated(name: str, hint: str, tmp_path: Path) -> None:
+    (tmp_path / "upload").write_bytes(archive({name: GOOD, "meshes/foot.stl": box_stl((0.1, 0.05, 0.02))}))
+    with pytest.raises(StridelabError, match=hint) as refusal:
+        rebuild_description(tmp_path / "upload", "robot.zip", "small", tmp_path / "robots")
+    assert refusal.value.code == "robot-description-missing"
+    assert [fault.where for fault in refusal.value.faults] == [name]
+
+
 def test_an_archive_that_grows_is_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(archives, "MAX_FILE_BYTES", 200_000)
     (tmp_path / "upload").write_bytes(archive({"robot.urdf": GOOD, "meshes/zeros.stl": bytes(3_000_000)}))
