@@ -295,22 +295,6 @@ def test_moments_that_no_motor_explains_are_refused(tmp_path: Path) -> None:
         proposal_of_text(with_inertia("left_knee_link", 3.0, (0.41, 0.01, 0.02)), tmp_path)
 
 
-@pytest.mark.parametrize(("mass_kg", "moment"), [(0.37, -6e-9), (0.0134, -7e-8)])
-def test_a_moment_that_is_negative_by_rounding_is_that_of_a_sphere(
-    mass_kg: float, moment: float, tmp_path: Path
-) -> None:
-    """As of descriptions that state moments with a few decimals."""
-    text = with_inertia("left_elbow_link", mass_kg, (moment, 3e-7, 3e-7))
-    proposal = proposal_of_text(text, tmp_path)
-    assert "kg m2" in proposal.assumed["link left_elbow_link: inertia"]
-
-
-@pytest.mark.parametrize(("mass_kg", "moment"), [(0.37, -2e-7), (0.001, -7e-8)])
-def test_a_moment_that_no_rounding_explains_is_refused(mass_kg: float, moment: float, tmp_path: Path) -> None:
-    with pytest.raises(InvalidInput, match="link left_elbow_link: its smallest principal moment"):
-        proposal_of_text(with_inertia("left_elbow_link", mass_kg, (moment, 3e-7, 3e-7)), tmp_path)
-
-
 def test_a_negative_moment_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="link left_elbow_link: its smallest principal moment") as refusal:
         proposal_of_text(with_inertia("left_elbow_link", 0.8, (-1e-3, 1e-3, 1e-3)), tmp_path)
