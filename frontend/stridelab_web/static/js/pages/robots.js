@@ -35,7 +35,10 @@ if (form) {
 const scenes = document.querySelector("[data-scenes]");
 for (const button of scenes?.querySelectorAll("[data-scene]") ?? [])
   onClick(button, scenes.querySelector("[data-said]"), async () => {
-    const scaled = await call("POST", "/scenarios/scaled", { robot: scenes.dataset.scenes, scene: button.dataset.scene });
+    const scaled = await call("POST", "/scenarios/scaled", {
+      robot: scenes.dataset.scenes,
+      scene: button.dataset.scene,
+    });
     const { id } = await call("POST", "/scenarios", scaled);
     location.assign(`/view/?scenario=${encodeURIComponent(id)}`);
   });
