@@ -317,6 +317,31 @@ def test_the_scenario_is_sent_to_the_service_and_the_files_are_downloaded(
     assert "certificate not passed" in capsys.readouterr().out
 
 
+def test_a_scene_is_scaled_to_the_robot(tmp_path: Path) -> None:
+    act(PlanRequest("flat-walk", robot="g1", no_whole_body=True), tmp_path / "out")
+    planned = Scenario.model_validate_json((tmp_path / "out" / "scenario.json").read_text())
+    assert planned.robot == "g1"
+    assert planned.description.endswith("Scaled to legs of 0.69 m.")
+    with pytest.raises(InvalidInput, match="cannot be scaled to a robot; these can: flat-walk") as refusal:
+        act(PlanRequest("wall-step", robot="g1"), tmp_path / "other")
+    assert refusal.value.code == "scene-not-scalable"
+
+
+def test_the_service_scales_a_scene_to_its_robot(
+    service: ScriptedService, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    requests: list[object] = []
+
+    def scaled_scene(body: object) -> Scenario:
+        requests.append(body)
+        return short_walk()
+
+    monkeypatch.setattr(service, "scaled_scene", scaled_scene)
+    act(PlanRequest("six-stairs", robot="mine"), tmp_path / "out", server="http://lab:8000")
+    assert requests == [{"robot": "mine", "scene": "six-stairs"}]
+    assert dict(service.calls)["submit"][1].scenario == short_walk()
+
+
 def test_an_argument_that_is_no_file_is_the_id_of_a_stored_scenario(service: ScriptedService, tmp_path: Path) -> None:
     act(PlanRequest("0123abcd"), tmp_path / "out", server="http://lab:8000")
     job_input = dict(service.calls)["submit"][1]

@@ -1,5 +1,7 @@
 """Swing curves: ends at rest, derivatives, apex, the profile of the stairs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,6 +18,7 @@ from stridelab.contacts.swing import (
     HAND_RETREAT_M,
     MARGIN_M,
     PASSING_GAP_M,
+    UP,
     SwingCurve,
     passing_shift_m,
     required_rise_m,
@@ -232,6 +235,19 @@ def test_a_swing_of_a_sequence_knows_what_is_in_its_way() -> None:
     curve = swing_of(sequence_of(scenario, SHAPES), "right_foot", 1)
     assert curve.rise_m == pytest.approx(0.1 + MARGIN_M)
     assert swing_of(sequence_of(scenario, SHAPES), "left_foot", 3).rise_m == FOOT_CLEARANCE_M
+
+
+@pytest.mark.parametrize("height_m", [None, 0.9, 0.56, 0.4, 0.25])
+def test_small_robots_lift_their_feet_less(height_m: float | None) -> None:
+    """By 0.11 of the height of the CoM, and as high as others an eighth of the swing from either end."""
+    shapes = {name: replace(shape, com_height_m=height_m) for name, shape in SHAPES.items() if shape.kind == "surface"}
+    scenario = flat_walk(steps=4, step_m=0.1)
+    curve = swing_of(sequence_of(scenario, shapes), "right_foot", 1)
+    assert curve.rise_m == pytest.approx(0.06 if height_m is None else min(0.06, 0.11 * height_m))
+    assert curve.poses_at(np.array([0.5]))[0][0, 2] == pytest.approx(curve.rise_m, abs=2e-3)
+    ends_m = curve.poses_at(np.array([0.125, 0.875]))[0][:, 2]
+    assert ends_m.min() >= 0.0107
+    assert (curve.profile.up == UP) == (curve.rise_m == FOOT_CLEARANCE_M)
 
 
 def _on_the_beam(x_m: float, y_m: float, yaw_rad: float = 0.0) -> Contact:

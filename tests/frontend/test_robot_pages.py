@@ -6,7 +6,7 @@ from collections.abc import Callable
 import httpx
 import pytest
 
-from stridelab.schemas.robots import RobotPreparation
+from stridelab.schemas.robots import RobotPreparation, WalkerFacts
 from support.fakes import reachability, robots
 from support.fakes.service import FakeService
 
@@ -37,6 +37,16 @@ def test_robot_page_tells_mass_soles_licence_and_what_was_learned(browse: Browse
     assert "right hand contact 6 14" in message
     assert "20000 37.5 % of 32000" in message
     assert "Learned on 2026-01-02 with seed 3" in message
+
+
+def test_scenes_are_offered_to_a_robot_with_legs(browse: Browse, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "data-scene" not in browse("/robots/boxes").text
+    legs = WalkerFacts(leg_m=0.4, foot_y_m=0.1, toe_m=0.1, heel_m=0.1)
+    facts = robots.robot().model_copy(update={"walker": legs})
+    monkeypatch.setattr(robots, "robot", lambda *_: facts)
+    page = browse("/robots/boxes").text
+    assert re.findall(r'data-scene="([^"]*)"', page) == ["flat-walk", "long-stride", "six-stairs", "stairs-down"]
+    assert "scaled to legs of 0.40 m" in texts(page)
 
 
 def test_the_measure_is_chosen_by_the_address(browse: Browse) -> None:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 from rich.markup import escape
@@ -32,6 +32,9 @@ from stridelab.schemas.plans import (
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.local_runs import validate_options, write_result
 
+if TYPE_CHECKING:
+    from stridelab.client import Client
+
 PAGE_FILE: Final = "motion.html"
 
 
@@ -40,6 +43,10 @@ class PlanRequest:
     """Options of ``stridelab plan``; ``replay`` None means as ``whole_body``."""
 
     scenario: ScenarioName
+    robot: Annotated[
+        str | None,
+        typer.Option("--robot", help="Scale a bundled scene of the feet, such as six-stairs, to this robot."),
+    ] = None
     no_whole_body: Annotated[
         bool, typer.Option("--no-whole-body", help="Plan only the centre of mass and the contact forces.")
     ] = False
@@ -232,7 +239,7 @@ def plan_here(request: PlanRequest, folder: Path) -> tuple[JobResult, StridelabE
 
     The second value is the error that left the motion incomplete, or None.
     """
-    scenario = read_scenario(request.scenario)
+    scenario = read_scenario(request.scenario) if request.robot is None else scale_here(request.scenario, request.robot)
     task = PlanMotionTask(scenario=scenario, input=request.to_input(scenario))
     outcome = run_kind("plan-motion", request.title, task, folder)
     return write_result(folder, "plan-motion", task.input, outcome), outcome.failure
@@ -242,10 +249,23 @@ def plan_there(request: PlanRequest, folder: Path, delivery: Delivery) -> tuple[
     """``plan_here`` on a server; a name that is neither a file nor bundled is taken as a scenario id."""
     from stridelab.cli.remote import run_remotely_or_fail
 
-    job_input = request.to_input(known_scenario(request.scenario, on_service=delivery.server is not None))
-    return run_remotely_or_fail(
-        "plan-motion", request.title, lambda _client, _bar: job_input, folder, delivery, unprepared=InvalidInput
-    )
+    given = known_scenario(request.scenario, on_service=True) if request.robot is None else None
+
+    def prepare_input(client: "Client", _bar: object) -> PlanMotionInput:
+        if request.robot is None:
+            return request.to_input(given)
+        return request.to_input(client.scaled_scene({"robot": request.robot, "scene": request.scenario}))
+
+    return run_remotely_or_fail("plan-motion", request.title, prepare_input, folder, delivery, unprepared=InvalidInput)
+
+
+def scale_here(scene: str, robot: str) -> Scenario:
+    """The bundled ``scene`` for a robot of this machine. Raises as ``scene_for_robot`` and ``load_robot``."""
+    from stridelab.pipelines.commissioning.robot_walker import walker_facts
+    from stridelab.pipelines.scaled_scenes import scene_for_robot
+    from stridelab.robots.loader import load_robot
+
+    return scene_for_robot(scene, robot, walker_facts(load_robot(robot)))
 
 
 def show_plan(result: JobResult, target: Path) -> None:

@@ -21,7 +21,7 @@ from stridelab.schemas.previews import PartialResults, PlanPreview, PlanPreviewI
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectInput
 from stridelab.schemas.robots import Measure, OwnRobot, RobotFacts, RobotPreparation, RobotSummary
-from stridelab.schemas.scenarios import Course, Scenario, ScenarioCheck, StoredScenario
+from stridelab.schemas.scenarios import Course, ScaledScene, Scenario, ScenarioCheck, StoredScenario
 from stridelab.schemas.service import Health
 from stridelab.schemas.streams import LiveStreams
 
@@ -206,6 +206,13 @@ def compose_scenario(body: Course | Mapping[str, Any]) -> Call[PlanContactsInput
     """Compose obstacles in a row to the input of ``plan-contacts``."""
     content = _set_fields(body) if isinstance(body, BaseModel) else dict(body)
     return Call("POST", f"{API}/scenarios/compose", response_reader(PlanContactsInput), json=content)
+
+
+def scaled_scene(body: ScaledScene | Mapping[str, Any]) -> Call[Scenario]:
+    """Scale a bundled scene of the feet to a robot; nothing is stored."""
+    content = body.model_dump(mode="json") if isinstance(body, BaseModel) else dict(body)
+    path = f"{API}/scenarios/scaled"
+    return Call("POST", path, response_reader(Scenario), json=content, wait_s=LOADING_TIMEOUT_S)
 
 
 def solvers() -> Call[Solvers]:

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -15,6 +15,10 @@ from stridelab.machine.models_folder import models_dir, robot_file
 from stridelab.robots.card import EffectorCard, robot_card
 
 Triple = tuple[float, float, float]
+FOOT_CLEARANCE_M: Final = 0.06
+"""Rise of a level sole in a swing without obstacles, for robots of the size of a person."""
+CLEARANCE_PER_HEIGHT: Final = 0.11
+"""Largest rise over the height of the CoM; it lowers the swings of robots whose CoM is below 0.55 m."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,11 @@ def sole_points_m(half_size_m: tuple[float, float] | None) -> Points:
     x, y = half_size_m
     signs = [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 0), (0, 1), (-1, 0), (0, -1), (0, 0)]
     return np.array([[i * x, j * y, 0.0] for i, j in signs])
+
+
+def foot_clearance_m(com_height_m: float | None) -> float:
+    """Rise of a level sole in a swing without obstacles, for a CoM at ``com_height_m``; None: not known."""
+    return FOOT_CLEARANCE_M if com_height_m is None else min(FOOT_CLEARANCE_M, CLEARANCE_PER_HEIGHT * com_height_m)
 
 
 @cache

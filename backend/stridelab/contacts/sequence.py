@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Int
 
+from stridelab.contacts.effector_geometry import FOOT_CLEARANCE_M
 from stridelab.contacts.terrain import Terrain
 from stridelab.conventions import Series
 from stridelab.dynamics.spatial import Placement
@@ -45,6 +46,7 @@ class ContactSequence:
     """Consecutive phases on a terrain, for a robot. The motion starts and ends at rest.
 
     ``start_com_height_m`` is the initial height of the CoM above the mean of the soles; None: the robot's usual height.
+    ``foot_clearance_m`` is the rise of the robot's soles in level swings.
     """
 
     name: str
@@ -53,6 +55,7 @@ class ContactSequence:
     terrain: Terrain
     phases: tuple[ContactPhase, ...]
     start_com_height_m: float | None = None
+    foot_clearance_m: float = FOOT_CLEARANCE_M
 
     @cached_property
     def ends_s(self) -> Series:

@@ -41,6 +41,7 @@ def swing_of(sequence: ContactSequence, effector: str, phase: int) -> SwingCurve
             Placement(end.placement.position_m + shift, end.placement.rotation),
             sole_m,
             sequence.terrain,
+            sequence.foot_clearance_m,
         )
         for shift in ((np.zeros(3), side_m) if side_m.any() else (np.zeros(3),))
     ]

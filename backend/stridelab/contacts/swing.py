@@ -13,10 +13,10 @@ For the clearance, the sole moves along the straight line from one contact to th
 ``z_0, z_1`` of its centre at both contacts, the highest top ``h`` of a box below its path and the depth ``d`` of the
 lowest point of the turning sole below its centre, the centre rises above ``max(z_0, z_1)`` by
 
-    max(FOOT_CLEARANCE_M, h - max(z_0, z_1) + d + MARGIN_M)
+    max(clearance_m, h - max(z_0, z_1) + d + margin_m)
 
-so that at the apex the whole sole clears every box below its path by ``MARGIN_M``. Obstacles more than ``STEP_OVER_M``
-above both contacts are not stepped over; the validation of the scenario reports them.
+so that at the apex the whole sole clears every box below its path by ``margin_m``, half of ``clearance_m``. Obstacles
+more than ``STEP_OVER_M`` above both contacts are not stepped over; the validation of the scenario reports them.
 
 A sole that passes a standing one goes around it: ``n_i h_i`` then also contain the same shift ``side_m`` aside, so that
 the outlines of both soles stay ``PASSING_GAP_M`` apart across the path (feet one before the other, as on a beam).
@@ -24,20 +24,19 @@ the outlines of both soles stay ``PASSING_GAP_M`` apart across the path (feet on
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation as ScipyRotation
 
+from stridelab.contacts.effector_geometry import FOOT_CLEARANCE_M
 from stridelab.contacts.sequence import Contact
 from stridelab.contacts.terrain import Terrain, vertical_span_m
 from stridelab.conventions import Points, Rotation, Rotations, Series, Vector3
 from stridelab.dynamics.spatial import Placement
 
-FOOT_CLEARANCE_M: Final = 0.06
-"""Rise of a level sole without obstacles."""
 MARGIN_M: Final = 0.03
 """Clearance between a sole and the highest obstacle below its path."""
 STEP_OVER_M: Final = 0.25
@@ -50,10 +49,12 @@ MIN_PATH_M: Final = 0.10
 SHARES: Final = np.linspace(0.0, 1.0, 25)
 
 
-def required_rise_m(start: Placement, end: Placement, sole_m: Points, terrain: Terrain) -> float:
+def required_rise_m(
+    start: Placement, end: Placement, sole_m: Points, terrain: Terrain, clearance_m: float = FOOT_CLEARANCE_M
+) -> float:
     """Rise of the centre of a sole above the higher of its two contacts.
 
-    ``sole_m`` ``(n, 3)`` are points of the sole in its contact frame.
+    ``sole_m`` ``(n, 3)`` are points of the sole in its contact frame, ``clearance_m`` is the rise without obstacles.
     """
     turn = ScipyRotation.from_matrix(start.rotation.T @ end.rotation).as_rotvec()
     rotations = start.rotation @ ScipyRotation.from_rotvec(np.outer(SHARES, turn)).as_matrix()
@@ -66,7 +67,8 @@ def required_rise_m(start: Placement, end: Placement, sole_m: Points, terrain: T
     near = np.flatnonzero(below.all(axis=1) & (high_m[:, 2] > high) & (low_m[:, 2] <= high + STEP_OVER_M))
     top = max([high, *(_highest_top_m(*vertical_span_m(terrain.boxes[i], points), high) for i in near)])
     depth = max(0.0, -float(offsets[..., 2].min()))
-    return max(FOOT_CLEARANCE_M, top - high + depth + MARGIN_M)
+    margin_m = MARGIN_M * (clearance_m / FOOT_CLEARANCE_M)
+    return max(clearance_m, top - high + depth + margin_m)
 
 
 def _highest_top_m(low: np.ndarray, top: np.ndarray, high_m: float) -> float:
@@ -107,6 +109,19 @@ Window = tuple[float, float]
 UP: Final[Window] = (0.0, 0.4)
 DOWN: Final[Window] = (0.6, 1.0)
 """A sole that rises by ``FOOT_CLEARANCE_M`` is then 10.8 mm up an eighth of the swing from either end."""
+LEAST_UP_END: Final = 0.2
+
+
+LEAVES_M: Final = 0.0108
+"""Height of a sole above its contact an eighth of the swing from either end; the certificate requires 10 mm there."""
+
+
+@cache
+def _up_end(rise_m: float) -> float:
+    """End of the window in which a sole that rises less than usual is ``LEAVES_M`` up after an eighth of the swing."""
+    ends = np.linspace(UP[1], LEAST_UP_END, 100)
+    heights_m = [rise_m * quintic_scaling(0.125, (0.0, end), 1.0)[0] for end in ends.tolist()]
+    return next((end for end, up_m in zip(ends.tolist(), heights_m, strict=True) if up_m >= LEAVES_M), LEAST_UP_END)
 
 
 class Profile(NamedTuple):
@@ -169,6 +184,15 @@ class SwingCurve:
             return self.windows
         if self.kind == "point":
             return HAND
+        usual = self._usual_profile
+        if self.rise_m >= FOOT_CLEARANCE_M:
+            return usual
+        end = _up_end(self.rise_m)
+        return Profile((0.0, end), usual.move, (1.0 - end, 1.0))
+
+    @property
+    def _usual_profile(self) -> Profile:
+        """The time windows of a sole that rises by ``FOOT_CLEARANCE_M`` or more."""
         level = abs(self.end.position_m[2] - self.start.position_m[2]) < LEVEL_M and not self.side_m.any()
         return LEVEL if level and self.rise_m < FOOT_CLEARANCE_M + LEVEL_M else STAIR
 

@@ -20,12 +20,11 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.contacts.effector_geometry import sole_points_m
-from stridelab.contacts.swing import Profile, SwingCurve, quintic_scaling
+from stridelab.contacts.swing import LEAVES_M, Profile, SwingCurve, quintic_scaling
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.conventions import Points
 
 GENTLE_M_S2: Final = 5.0
-LEAVES_M: Final = 0.0108
 NEAR_M: Final = 0.02
 SHOE_SHARES: Final = (1.17, 1.15)
 UP_ENDS: Final = (0.40, 0.48, 0.56, 0.64, 0.72)

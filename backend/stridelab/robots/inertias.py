@@ -32,6 +32,10 @@ MOMENT_TOLERANCE: Final = 1e-6
 LONGEST_BODY_M: Final = 5.0
 """Largest radius of gyration; beyond it a moment of inertia has another unit."""
 SMALLEST_SPHERE_M: Final = 0.005
+ROUNDING_KG_M2: Final = 1e-7
+"""Negative moments up to this size are zero but for the few digits that a description states."""
+ROUNDING_PER_SPHERE: Final = 0.1
+"""The same as a share of the moment of a sphere of water of the same mass, which is added to them."""
 WATER_KG_M3: Final = 1000.0
 ALLOWED_JOINT_TYPES: Final = ("fixed", "revolute", "continuous")
 _MOMENTS: Final = (("ixx", "ixy", "ixz"), ("ixy", "iyy", "iyz"), ("ixz", "iyz", "izz"))
@@ -102,10 +106,12 @@ def completed_inertia(mass_kg: float, inertia: Mapping[str, float]) -> tuple[dic
     xx, xy, xz, yy, yz, zz = (inertia[key] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     I = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     least = mass_kg * MIN_GYRATION_M**2
-    if not (mass_kg > 0.0 and -least < I[0] < least and I[2] < mass_kg * LONGEST_BODY_M**2):
+    if not (mass_kg > 0.0 and I[0] < least and I[2] < mass_kg * LONGEST_BODY_M**2):
         return None
     radius_m = max((0.75 * mass_kg / (math.pi * WATER_KG_M3)) ** (1.0 / 3.0), SMALLEST_SPHERE_M)
     sphere = 0.4 * mass_kg * radius_m**2
+    if I[0] <= -max(least, min(ROUNDING_KG_M2, ROUNDING_PER_SPHERE * sphere)):
+        return None
     diagonal = ("ixx", "iyy", "izz")
     if I[2] > I[0] + I[1] + least:
         return {key: sphere if key in diagonal else 0.0 for key in inertia}, f"that of a sphere, {sphere:.2g} kg m2"

@@ -293,6 +293,17 @@ class SimulateRecordingInput(Contract):
         speed_m_s = 1.0 if data.get("gait") == "running" else 0.4
         return {"speed_m_s": speed_m_s, "height_m": None, "mass_kg": None, "sex": None, **data}
 
+    @field_validator("robot", mode="before")
+    @classmethod
+    def _check_robot(cls, robot: object) -> object:
+        """Refuse other robots with the reason: the markers of a recording need places on named links."""
+        if robot not in ("human", "talos"):
+            raise ValueError(
+                f"recordings are simulated of human and talos only, not of {str(robot)[:60]}: their markers are placed "
+                "on the links of a person and of TALOS; stridelab plan and stridelab live move any robot"
+            )
+        return robot
+
     @field_validator("gait")
     @classmethod
     def _check_gait(cls, gait: str, info: Any) -> str:

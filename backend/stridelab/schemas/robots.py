@@ -78,6 +78,19 @@ class ProxyCard(Contract):
     versions: dict[str, str]
 
 
+class WalkerFacts(Contract):
+    """Dimensions of a robot on two soles that scale scenes to it, all in metres.
+
+    ``leg_m``: straight leg from hip to sole; ``foot_y_m``: half the distance between the soles in the reference
+    posture; ``toe_m`` and ``heel_m``: how far the shoes reach before and behind the middle of their soles.
+    """
+
+    leg_m: float
+    foot_y_m: float
+    toe_m: float
+    heel_m: float
+
+
 class RobotFacts(Contract):
     """One robot: ``GET /robots/{name}``. ``q_reference``: position, quaternion xyzw, joints, as in pinocchio.
 
@@ -85,6 +98,7 @@ class RobotFacts(Contract):
     ``link_poses`` are the poses of ``links`` in this posture. ``measures`` are those with learned densities,
     ``default_measure`` is the one that plans use. ``stale_measures`` have densities that were learned on another
     description of the robot and cannot be used. ``own``: uploaded by a user, ``GET /robots/{name}/card`` has its card.
+    ``walker``: null for a robot without two soles on legs, or of an earlier version of the service.
     """
 
     name: str
@@ -103,6 +117,7 @@ class RobotFacts(Contract):
     stale_measures: list[Measure]
     default_measure: Measure
     own: bool = False
+    walker: WalkerFacts | None = None
 
 
 class RobotSummary(Contract):

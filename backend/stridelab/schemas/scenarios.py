@@ -230,6 +230,17 @@ Angle = Annotated[float, Field(ge=-0.7, le=0.7, description="radians")]
 Count = Annotated[int, Field(ge=1, le=40)]
 
 
+SceneName = Literal["flat-walk", "long-stride", "six-stairs", "stairs-down"]
+"""Bundled scenes of the feet, which can be scaled to any robot."""
+
+
+class ScaledScene(Contract):
+    """Body of ``POST /scenarios/scaled``: a bundled scene for a robot."""
+
+    robot: Annotated[str, Field(min_length=1, max_length=60)]
+    scene: SceneName
+
+
 class CourseLevel(Contract):
     """Level ground; ``width_m`` null is as wide as the course."""
 

@@ -5,6 +5,7 @@ rectangle of the contact. In a planned stance they may overlap with the shoe of 
 than the certificate allows, whatever the rest of the body does. Such a scenario is refused by name.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import Final
@@ -52,6 +53,13 @@ def shoe_ends_m(robot: Robot, name: str) -> tuple[float, float]:
         half = 0.5 * (geometry.aabb_local.max_ - geometry.aabb_local.min_)
         x_m, reach_m = float((place * middle)[0]), float(np.abs(place.rotation[0]) @ half)
         ahead_m, behind_m = max(ahead_m, x_m + reach_m), max(behind_m, reach_m - x_m)
+    return ahead_m, behind_m
+
+
+def largest_shoe_m(robot: Robot) -> tuple[float, float]:
+    """How far the shoes of both feet reach before and behind their contact frames at most, rounded up to 1 mm."""
+    ends = [shoe_ends_m(robot, name) for name in ("left_foot", "right_foot")]
+    ahead_m, behind_m = (math.ceil(1e3 * max(own)) / 1e3 for own in zip(*ends, strict=True))
     return ahead_m, behind_m
 
 

@@ -7,6 +7,7 @@ from starlette.responses import JSONResponse, Response
 
 from stridelab.client import ProblemError
 from stridelab.schemas.robots import Measure, RobotFacts
+from stridelab.schemas.scenarios import SceneName
 from stridelab_web.api_client import client_of, none_if_missing
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.render import render_page
@@ -16,6 +17,14 @@ from stridelab_web.scene.documents import Document
 
 NOT_LOADABLE: Final = frozenset({"robot-data-missing", "robot-data-unreadable", "robot-not-loaded"})
 """Error codes of robots that have a card but cannot be loaded."""
+
+SCENES: Final[tuple[tuple[SceneName, str], ...]] = (
+    ("flat-walk", "Level walk"),
+    ("long-stride", "Long strides"),
+    ("six-stairs", "Six stairs"),
+    ("stairs-down", "Downstairs"),
+)
+"""Bundled scenes that are scaled to the robot, and their titles."""
 
 
 async def robots_page(request: Request) -> Response:
@@ -49,6 +58,7 @@ async def robot_page(request: Request) -> Response:
         learned=reachability.density_values(cards, f"/robots/{robot.name}/reach.json?measure={measure}")
         if cards
         else None,
+        scenes=SCENES,
         plotly_style_ids=plotly_style_ids() if cards else (),
     )
 

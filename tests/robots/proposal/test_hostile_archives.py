@@ -2,6 +2,8 @@
 
 import io
 import stat
+import struct
+import tarfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -26,6 +28,37 @@ def with_link_file() -> bytes:
     return packed.getvalue()
 
 
+def with_link_folder() -> bytes:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as target:
+        link = zipfile.ZipInfo("meshes")
+        link.external_attr = (stat.S_IFLNK | 0o777) << 16
+        target.writestr(link, "/etc")
+        target.writestr("robot.urdf", GOOD)
+    return packed.getvalue()
+
+
+def encrypted() -> bytes:
+    """A zip whose entry claims to be encrypted."""
+    packed = bytearray(one(GOOD))
+    packed[6] |= 1
+    packed[packed.rfind(b"PK\x01\x02") + 8] |= 1
+    return bytes(packed)
+
+
+def tar_archive() -> bytes:
+    packed, content = io.BytesIO(), GOOD.encode()
+    with tarfile.open(fileobj=packed, mode="w:gz") as target:
+        member = tarfile.TarInfo("robot.urdf")
+        member.size = len(content)
+        target.addfile(member, io.BytesIO(content))
+    return packed.getvalue()
+
+
+def nan_stl() -> bytes:
+    return bytes(80) + struct.pack("<I", 4) + struct.pack("<12fH", *[float("nan")] * 12, 0) * 4
+
+
 def named_twice() -> bytes:
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as target:
@@ -43,9 +76,57 @@ BILLION = (
     '<robot name="x"><link name="&b;"/></robot>'
 )
 EXTERNAL = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><robot name="x"><link name="&x;"/></robot>'
+XACRO = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="x">{}</robot>'
+COLLADA = "<!DOCTYPE c [<!ENTITY a 'ha'><!ENTITY b '&a;&a;'>]><COLLADA>&b;</COLLADA>"
 JOINT = '<joint name="{}" type="fixed"><parent link="{}"/><child link="{}"/></joint>'
 LINKS = '<link name="a"/><link name="b"/><link name="c"/>'
 HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
+    "an empty file": (lambda: b"", "zip-damaged"),
+    "an empty zip": (lambda: archive({}), "robot-description-missing"),
+    "a tar": (tar_archive, "zip-damaged"),
+    "a zip with a password": (encrypted, "zip-damaged"),
+    "a folder that is a link": (with_link_folder, "zip-path"),
+    "a network folder": (lambda: archive({"\\\\host\\share\\robot.urdf": GOOD}), "zip-path"),
+    "an unexpanded macro": (lambda: one(XACRO.format("<xacro:leg side='left'/>")), "robot-data-unreadable"),
+    "an expression": (lambda: one(GOOD.replace('mass value="8.0"', 'mass value="${m}"')), "robot-data-unreadable"),
+    "an entity outside": (
+        lambda: one('<!DOCTYPE r [<!ENTITY % p SYSTEM "http://127.0.0.1/x"> %p;]><robot name="x"/>'),
+        "robot-data-unreadable",
+    ),
+    "an unknown encoding": (
+        lambda: one('<?xml version="1.0" encoding="utf-7"?><robot name="x"/>'),
+        "robot-data-unreadable",
+    ),
+    "its own parent": (
+        lambda: one(f"<robot>{LINKS}{JOINT.format('1', 'a', 'b')}{JOINT.format('2', 'c', 'c')}</robot>"),
+        "robot-description-invalid",
+    ),
+    "a name that is written backwards": (
+        lambda: one(GOOD.replace('"left_knee"', '"left_\u202eeenk"')),
+        "robot-description-invalid",
+    ),
+    "bodies multiplied a thousandfold": (
+        lambda: one(
+            "<mujoco><worldbody>"
+            + '<replicate count="1000">' * 3
+            + "<body/>"
+            + "</replicate>" * 3
+            + "</worldbody></mujoco>"
+        ),
+        "robot-description-invalid",
+    ),
+    "a grid of flexible bodies": (
+        lambda: one('<mujoco><worldbody><flexcomp name="f" type="grid" count="200 200 200"/></worldbody></mujoco>'),
+        "robot-description-invalid",
+    ),
+    "a mesh of no numbers": (
+        lambda: archive({"robot.urdf": MESHED, "meshes/foot.stl": nan_stl()}),
+        "robot-mesh-unreadable",
+    ),
+    "entities in a mesh": (
+        lambda: archive({"robot.urdf": MESHED.replace("foot.stl", "foot.dae"), "meshes/foot.dae": COLLADA}),
+        "robot-mesh-unreadable",
+    ),
     "no zip": (lambda: b"PK\x03\x04 not a zip", "zip-damaged"),
     "half a zip": (lambda: one(GOOD)[:300], "zip-damaged"),
     "a path upwards": (lambda: archive({"../../robot.urdf": GOOD}), "zip-path"),
@@ -129,6 +210,33 @@ def test_hostile_archives_are_refused_by_name(make: Callable[[], bytes], code: s
     assert refusal.value.faults
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
     assert sorted(path.name for path in inside.iterdir()) == ["robots", "upload"]
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"), [("urdf/robot.urdf.xacro", "xacro robot"), ("robot.sdf", "URDF"), ("robot.zip", "another zip")]
+)
+def test_what_to_do_with_an_archive_without_a_description_is_stated(name: str, hint: str, tmp_path: Path) -> None:
+    (tmp_path / "upload").write_bytes(archive({name: GOOD, "meshes/foot.stl": box_stl((0.1, 0.05, 0.02))}))
+    with pytest.raises(StridelabError, match=hint) as refusal:
+        rebuild_description(tmp_path / "upload", "robot.zip", "small", tmp_path / "robots")
+    assert refusal.value.code == "robot-description-missing"
+    assert [fault.where for fault in refusal.value.faults] == [name]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_descriptions_are_read_in_their_encoding(encoding: str, tmp_path: Path) -> None:
+    name = "utf-16" if encoding == "utf-16" else "utf-8"
+    text = f'<?xml version="1.0" encoding="{name}"?>{GOOD.split("?>")[-1]}'.replace("left_knee", "left_ركبة")
+    (tmp_path / "upload").write_bytes(archive({"robot.urdf": text.encode(encoding)}))
+    rebuild_description(tmp_path / "upload", "robot.zip", "small", tmp_path / "robots")
+    assert "left_ركبة" in (tmp_path / "robots" / "small" / "robot.urdf").read_text(encoding="utf-8")
+
+
+def test_a_mesh_in_another_format_is_named_with_the_formats(tmp_path: Path) -> None:
+    upload = archive({"robot.urdf": MESHED.replace("foot.stl", "foot.wrl"), "meshes/foot.wrl": "#VRML V2.0 utf8"})
+    (tmp_path / "upload").write_bytes(upload)
+    with pytest.raises(StridelabError, match=r"foot\.wrl: its format is none of \.stl, \.obj, \.dae"):
+        rebuild_description(tmp_path / "upload", "robot.zip", "small", tmp_path / "robots")
 
 
 def test_an_archive_that_grows_is_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -39,6 +39,7 @@ FACTS: dict[str, Any] = {
     "measures": ["uniform"],
     "stale_measures": [],
     "default_measure": "uniform",
+    "walker": None,
 }
 REACH = {"robot": "talos", "robot_sha256": "ab" * 32, "measure": "uniform", "effectors": []}
 

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.contacts.effector_geometry import EffectorShape, sole_points_m
+from stridelab.contacts.effector_geometry import EffectorShape, foot_clearance_m, sole_points_m
 from stridelab.contacts.swing import SwingCurve, required_rise_m
 from stridelab.contacts.terrain import (
     PARALLEL_COSINE,
@@ -284,7 +284,7 @@ def _overlaps_m(box: Box, shape: EffectorShape, path_m: Float[np.ndarray, "t k 3
 def _swept_points(start: SurfaceContact, end: SurfaceContact, terrain: Terrain) -> Float[np.ndarray, "t k 3"]:
     """Outline points of the effector along its swing."""
     sole = outline_points_m(start.shape)
-    rises = required_rise_m(start.placement, end.placement, sole, terrain)
+    rises = required_rise_m(start.placement, end.placement, sole, terrain, foot_clearance_m(start.shape.com_height_m))
     curve = SwingCurve(start.placement, end.placement, 1.0, start.shape.kind, rise_m=rises)
     positions, rotations = curve.poses_at(SHARES)
     return np.asarray(np.einsum("tij,kj->tki", rotations, sole) + positions[:, np.newaxis])

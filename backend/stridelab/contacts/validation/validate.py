@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from stridelab.contacts.effector_geometry import EffectorShape
+from stridelab.contacts.effector_geometry import FOOT_CLEARANCE_M, EffectorShape, foot_clearance_m
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.validation.parse import Draft, contact_field, parse_scenario
 from stridelab.contacts.validation.phase_consistency import (
@@ -215,7 +215,12 @@ def _build_sequence(draft: Draft, stances: tuple[Stance, ...]) -> ContactSequenc
         ContactPhase(phase.duration_s or 0.0, {name: _build_contact(touch) for name, touch in stance.items()})
         for phase, stance in zip(draft.phases, stances, strict=True)
     )
-    return ContactSequence(draft.name, draft.robot, draft.friction, draft.terrain, phases, draft.start_com_height_m)
+    clearance_m = min(
+        (foot_clearance_m(t.shape.com_height_m) for s in stances for t in s.values()), default=FOOT_CLEARANCE_M
+    )
+    return ContactSequence(
+        draft.name, draft.robot, draft.friction, draft.terrain, phases, draft.start_com_height_m, clearance_m
+    )
 
 
 def _build_contact(touch: SurfaceContact) -> Contact:

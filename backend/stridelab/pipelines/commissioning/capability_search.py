@@ -14,8 +14,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from stridelab.contacts.scenarios.parts import Timing, Walker
-from stridelab.contacts.scenarios.stairs import CLIMBING, STROLLING, TOE_GAP_M, Stairs, climb, turn_on_the_spot
+from stridelab.contacts.scenarios.parts import Walker
+from stridelab.contacts.scenarios.robot_scenes import scaled_stairs, scaled_timing
+from stridelab.contacts.scenarios.stairs import CLIMBING, STROLLING, climb, turn_on_the_spot
 from stridelab.errors import StridelabError
 from stridelab.machine.cores import usable_cores
 from stridelab.machine.models_folder import add_models_folder
@@ -28,15 +29,13 @@ from stridelab.schemas.robots import Capability, CapabilityAttempt, CapabilityNa
 from stridelab.schemas.scenarios import Scenario
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.recovery.walking import TALOS_COM_HEIGHT_M
-from stridelab.wholebody.shoe_check import shoe_ends_m
+from stridelab.wholebody.shoe_check import largest_shoe_m
 
 TURN_STEP_RAD: Final = math.radians(2.0)
 TURN_MAX_RAD: Final = math.radians(40.0)
 STAIR_STEP_M: Final = 0.01
 STAIR_MAX_SHARE: Final = 0.4
 """Highest stair that is tried, over the height of the CoM; TALOS' leg is 0.85 of it."""
-STAIR_DEPTH_M: Final = 0.30
-TREAD_MARGIN_M: Final = 0.02
 PACE_STEP: Final = 0.1
 PACE_MAX: Final = 3.0
 PUSH_STEP_M_S: Final = 0.05
@@ -122,21 +121,10 @@ def search_capabilities(walk: LevelWalk, search_s: float, progress: ProgressCall
     return CapabilityResult(found, {name: scenarios[name] for name in NAMES if name in scenarios})
 
 
-def scaled_timing(timing: Timing, scale: float) -> Timing:
-    """``timing`` times ``sqrt(scale)``: the same Froude number for lengths times ``scale``."""
-    return Timing(*(round(math.sqrt(scale) * time_s, 2) for time_s in (timing.ends_s, timing.move_s, timing.rest_s)))
-
-
 def one_stair(walk: LevelWalk, height_m: float) -> dict[str, Any]:
     """One stair of ``height_m``, as deep as that of TALOS scaled, and as the shoes need; both feet step onto it."""
-    robot = load_robot(walk.robot)
-    ends = [shoe_ends_m(robot, name) for name in ("left_foot", "right_foot")]
-    toe_m, heel_m = (math.ceil(1e3 * max(own)) / 1e3 for own in zip(*ends, strict=True))
-    gap_m = walk.scale * TOE_GAP_M
-    depth_m = max(walk.scale * STAIR_DEPTH_M, toe_m + gap_m + heel_m + TREAD_MARGIN_M)
-    walker = Walker(walk.robot, walk.foot_y_m, toe_m, heel_m)
-    stairs = Stairs(1, height_m, round(depth_m, 3), toe_gap_m=gap_m)
-    return climb(stairs, scaled_timing(CLIMBING, walk.scale), "both", walker)
+    walker = Walker(walk.robot, walk.foot_y_m, *largest_shoe_m(load_robot(walk.robot)))
+    return climb(scaled_stairs(walker, walk.scale, 1, height_m), scaled_timing(CLIMBING, walk.scale), "both", walker)
 
 
 def bisect_capability(

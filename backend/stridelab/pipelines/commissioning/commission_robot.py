@@ -15,13 +15,10 @@ import numpy as np
 import pinocchio as pin
 
 from stridelab.contacts.scenarios.parts import Walker
+from stridelab.contacts.scenarios.robot_scenes import scaled_timing
 from stridelab.contacts.scenarios.stairs import STROLLING, flat_walk
 from stridelab.errors import InvalidInput
-from stridelab.pipelines.commissioning.capability_search import (
-    LevelWalk,
-    scaled_timing,
-    search_capabilities,
-)
+from stridelab.pipelines.commissioning.capability_search import LevelWalk, search_capabilities
 from stridelab.pipelines.motion_trial import try_motion
 from stridelab.pipelines.plan_motion import MotionResult
 from stridelab.pipelines.progress import ProgressCallback, Stages

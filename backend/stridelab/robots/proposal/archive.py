@@ -15,6 +15,12 @@ MAX_FILE_BYTES: Final = 60_000_000
 MAX_TOTAL_BYTES: Final = 300_000_000
 PIECE_BYTES: Final = 1 << 20
 DESCRIPTIONS: Final = (".urdf", ".xml")
+UNREAD: Final = {
+    ".xacro": "The zip holds xacro files only; expand them first: xacro robot.urdf.xacro > robot.urdf.",
+    ".sdf": "The zip holds an SDF file only; convert it to URDF or MJCF.",
+    ".zip": "The zip holds another zip; upload the one with the description and its meshes.",
+}
+"""Files of an upload without a description, and what to do with them."""
 MANIFEST: Final = "package.xml"
 MAX_DESCRIPTIONS: Final = 100
 _ZIP_ERRORS: Final = (zipfile.BadZipFile, OSError, NotImplementedError, ValueError, EOFError, RuntimeError)
@@ -106,6 +112,8 @@ def _unpack_archive(archive: zipfile.ZipFile, filename: str, folder: Path, descr
         left -= _unpack_member(archive, names[name], target, min(left, MAX_FILE_BYTES))
         unpacked[name] = target
     parts = {name: unpacked.pop(name) for name in described[:MAX_DESCRIPTIONS]}
+    if not parts and (unread := sorted(name for name in shown if name.suffix.lower() in UNREAD)):
+        raise _refused("robot-description-missing", UNREAD[unread[0].suffix.lower()], str(unread[0]), "not read")
     inside = _description_of(parts, filename, description)
     return UnpackedRobot(parts[inside], inside, unpacked, parts)
 

@@ -3,6 +3,7 @@
 from typing import Final
 
 import mujoco
+import numpy as np
 
 CLOSING: Final = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 
@@ -11,8 +12,9 @@ def rods_of(model: mujoco.MjModel) -> frozenset[int]:
     """Bodies whose joints are not needed once the loops that they close are opened.
 
     Two chains lead from the last common body of a loop to where it is closed; one of them may be empty. The rods are
-    the unbranched end of a chain, of the lighter one where both have one. A whole leg is no rod: where one chain is
-    empty, something of the other must remain.
+    the unbranched end of a chain. Where both have one, it is that with a ball joint, else that without a motor,
+    else the lighter one: rods hang on balls, or are driven by what they connect.
+    A whole leg is no rod: where one chain is empty, something of the other must remain.
     """
     rods: set[int] = set()
     for i in range(model.neq):
@@ -27,8 +29,16 @@ def rods_of(model: mujoco.MjModel) -> frozenset[int]:
         unbranched = [_unbranched_end(model, chain) & side for chain, side in zip((one, other), sides, strict=True)]
         closing = [end for end, side in zip(unbranched, sides, strict=True) if end and (end < side or all(sides))]
         if common and closing:
-            rods |= min(closing, key=lambda end: float(model.body_mass[list(end)].sum()))
+            rods |= min(closing, key=lambda end: _unlikeness_to_rod(model, sorted(end)))
     return frozenset(rods)
+
+
+def _unlikeness_to_rod(model: mujoco.MjModel, bodies: list[int]) -> tuple[bool, bool, float]:
+    """Sort key of the end of a chain: whether it has no ball joint, whether it has a motor, and its mass (kg)."""
+    joints = np.flatnonzero(np.isin(model.jnt_bodyid, bodies))
+    has_ball = bool((model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_BALL)).any())
+    turned = model.actuator_trnid[model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT), 0]
+    return not has_ball, bool(np.isin(joints, turned).any()), float(model.body_mass[bodies].sum())
 
 
 def _bodies_to_root(model: mujoco.MjModel, body: int) -> list[int]:

@@ -88,6 +88,9 @@ def plain_description(root: ET.Element, filename: str, mesh: Mesh) -> PlainDescr
         kind = "an SDF file" if root.tag == "sdf" else f"a document <{root.tag[:40]}>"
         message = f"The description is {kind}; convert it to URDF, whose document is <robot>, or to MJCF."
         raise _unreadable("robot-data-unreadable", message, filename)
+    if is_unexpanded(root):
+        message = "The description is a xacro file that is not expanded: xacro robot.urdf.xacro > robot.urdf."
+        raise _unreadable("robot-data-unreadable", message, filename)
     links, joints = root.findall("link"), root.findall("joint")
     simplified = simplify_names(links, joints)
     if faults := name_and_tree_faults(links, joints):
@@ -103,6 +106,14 @@ def plain_description(root: ET.Element, filename: str, mesh: Mesh) -> PlainDescr
         raise invalid(reader.faults)
     _fix_massless_joints(plain, assumed)
     return PlainDescription(_without_world(plain), assumed)
+
+
+def is_unexpanded(root: ET.Element) -> bool:
+    """Whether a document holds elements (``xacro:macro``) or expressions (``${width}``) of xacro."""
+    elements = list(root.iter())
+    return any("/xacro}" in element.tag for element in elements) or any(
+        "${" in value for element in elements for value in element.attrib.values()
+    )
 
 
 def invalid(faults: Sequence[Fault]) -> InvalidInput:

@@ -81,7 +81,7 @@ def _sole_fault(sole: Sole | None, leg_m: float) -> str:
     size = f"{2e3 * x:.0f} by {2e3 * y:.0f} mm"
     if x < MIN_FOOT_SHARE * sole.foot_half_size_m[0]:
         foot = f"{2e3 * sole.foot_half_size_m[0]:.0f} mm"
-        return f"has a flat patch of {size} below a body {foot} long: a wheel, not a sole"
+        return f"has a flat patch of {size} below a body {foot} long: a wheel or an edge, not a sole"
     if x < MIN_HALF_SIZE[0] * leg_m or y < MIN_HALF_SIZE[1] * leg_m:
         return f"has a flat patch of {size} only: a point or line foot; soles are required"
     return ""

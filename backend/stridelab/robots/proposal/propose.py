@@ -31,7 +31,7 @@ from stridelab.robots.data_files import DataFiles
 from stridelab.robots.inertias import MOMENT_TOLERANCE, inertia_faults, read_link
 from stridelab.robots.proposal.archive import unpack_robot
 from stridelab.robots.proposal.collision_table import never_colliding
-from stridelab.robots.proposal.description import invalid, is_mark, plain_description, read_xml
+from stridelab.robots.proposal.description import MESHES, invalid, is_mark, plain_description, read_xml
 from stridelab.robots.proposal.effectors import carrying_link, effector_cards, foot_soles
 from stridelab.robots.proposal.joint_ranges import anatomical_ranges, narrowed_ranges
 from stridelab.robots.proposal.limbs import Limbs, find_limbs
@@ -96,11 +96,18 @@ def rebuild_description(
         meshes = MeshConverter(unpacked, folder, name)
         plain = plain_description(root, filename, meshes.convert)
     if meshes.missing:
-        raise invalid([Fault(path[:120], "the zip has no such mesh") for path in sorted(set(meshes.missing))])
+        raise invalid([_missing_mesh(path) for path in sorted(set(meshes.missing))])
     move_motor_inertias(plain.root, plain.assumed)
     replace_oversized_inertias(plain.root, folder, plain.assumed)
     ET.ElementTree(plain.root).write(folder / URDF, encoding="utf-8", xml_declaration=True)
     return changed | plain.assumed | meshes.assumed
+
+
+def _missing_mesh(path: str) -> Fault:
+    """Why the mesh of a collision shape is missing: its format is not read, or it is not in the zip."""
+    if path and not path.lower().endswith(MESHES):
+        return Fault(path[:120], f"its format is none of {', '.join(MESHES)}")
+    return Fault(path[:120], "the zip has no such mesh")
 
 
 def propose_card(name: str, title: str, robots_folder: Path, assumed: Mapping[str, str]) -> Proposal:

@@ -225,7 +225,8 @@ class _ControllerRun:
         frame = self._body.frame_state(name)
         duration_s = float(self._sequence.ends_s[phase]) - t
         kind = self._robot.effectors[name].kind
-        return SwingCurve(Placement(frame.position_m, frame.rotation), landing.placement, duration_s, kind, t)
+        start, rise_m = Placement(frame.position_m, frame.rotation), self._sequence.foot_clearance_m
+        return SwingCurve(start, landing.placement, duration_s, kind, t, rise_m)
 
     def _store_sample(self, i: int, z: np.ndarray) -> None:
         body, record = self._body, self._record

@@ -126,6 +126,42 @@ def test_an_upload_answers_with_a_proposed_card(http: httpx.Client, small: dict[
     assert "robot-added" in actions(service)
 
 
+def test_scenes_are_scaled_to_the_legs_of_an_own_robot(http: httpx.Client, small: dict[str, Any]) -> None:
+    """Six stairs for this robot: built, stored, and as high for its legs as those of TALOS."""
+    scaled = "/api/v1/scenarios/scaled"
+    legs_m = [http.get(f"{ROBOTS}/{name}").json()["walker"]["leg_m"] for name in ("small", "talos")]
+    answer = http.post(scaled, json={"robot": "small", "scene": "six-stairs"})
+    assert answer.status_code == 200, answer.text
+    tops_m = [box["center_m"][2] + 0.5 * box["size_m"][2] for box in answer.json()["terrain"]][1:]
+    assert len(tops_m) == 6
+    assert tops_m[0] == pytest.approx(0.10 * legs_m[0] / legs_m[1], abs=1e-3)
+    stored = http.post("/api/v1/scenarios", json=answer.json())
+    assert stored.status_code == 201, stored.text
+    assert stored.json()["robot"] == "small"
+    assert http.delete(f"/api/v1/scenarios/{stored.json()['id']}").status_code == 204
+    refused = http.post(scaled, json={"robot": "nessie", "scene": "six-stairs"})
+    assert refusal_code(refused) == (404, "robot-not-found")
+    refused = http.post(scaled, json={"robot": "small", "scene": "wall-step"})
+    assert refusal_code(refused) == (422, "invalid-request")
+
+
+def test_a_robot_of_an_earlier_version_has_no_scenes_until_its_card_is_saved(
+    http: httpx.Client, small: dict[str, Any], service: Served
+) -> None:
+    async def forget_legs() -> None:
+        async with service.parts.engine.begin() as connection:
+            facts = (await connection.execute(select(robot.c.facts).where(robot.c.name == "small"))).scalar_one()
+            older = {key: value for key, value in facts.items() if key != "walker"}
+            await connection.execute(update(robot).where(robot.c.name == "small").values(facts=older))
+
+    service.run(forget_legs())
+    asked = {"robot": "small", "scene": "six-stairs"}
+    refused = http.post("/api/v1/scenarios/scaled", json=asked)
+    assert refusal_code(refused) == (422, "robot-not-scalable")
+    assert put_card(http, small["card"]).status_code == 200
+    assert http.post("/api/v1/scenarios/scaled", json=asked).status_code == 200
+
+
 def test_an_mjcf_file_gives_the_card_of_its_urdf(http: httpx.Client, small: dict[str, Any]) -> None:
     files = {"robot/small.xml": Humanoid().mjcf(), "robot/scene.xml": "<mujoco/>"}
     several = archive(files | {"robot/a.urdf": "<robot/>", "robot/b.urdf": "<robot/>"})

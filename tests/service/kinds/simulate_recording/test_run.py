@@ -164,7 +164,7 @@ def test_talos_is_estimated_like_a_person(talos: Path) -> None:
         ({"gait": "running"}, "only TALOS runs"),
         ({"robot": "talos", "mass_kg": 80.0}, "its own height and mass"),
         ({"robot": "talos", "sex": "male"}, "its own height and mass"),
-        ({"robot": "hrp2"}, "talos"),
+        ({"robot": "hrp2"}, "human and talos only, not of hrp2"),
         ({"mass_kg": None}, "a person needs"),
     ],
 )

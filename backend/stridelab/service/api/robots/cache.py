@@ -32,6 +32,17 @@ from stridelab.service.stored_robots import find_robot
 T = TypeVar("T")
 
 
+def require_robot(name: str) -> str:
+    """Return ``name`` if a robot of this name exists; raises ``NotFound`` (``robot-not-found``) otherwise.
+
+    The returned string is the registered one, so that user input is never used as a path.
+    """
+    names = robot_names()
+    if name not in names:
+        raise NotFound("robot-not-found", f"There is no robot of this name; available: {', '.join(names) or 'none'}.")
+    return names[names.index(name)]
+
+
 class SingleFlight(Generic[T]):
     """Single-flight cache: concurrent callers with the same key share one computation.
 
@@ -128,6 +139,15 @@ class RobotCache:
                 return facts
 
         return await self._facts.get(name, load_facts)
+
+    async def any_facts(self, name: str) -> RobotFacts:
+        """Facts of a bundled robot or of a user's. Raises ``NotFound`` (``robot-not-found``) and as ``facts``."""
+        if self.engine is not None and name not in robot_names():
+            async with self.engine.connect() as connection:
+                row = await find_robot(connection, name)
+            if row is not None:
+                return RobotFacts.model_validate({**row["facts"], "own": True})
+        return await self.facts(require_robot(name))
 
     async def own_shapes(self, name: str) -> Mapping[str, Any] | None:
         """Stored effectors of the user's robot ``name``; None for any other name."""

@@ -11,7 +11,7 @@ import anyio
 from fastapi import APIRouter, Body, Request
 from starlette.responses import Response, StreamingResponse
 
-from stridelab.errors import Fault, InvalidInput, NotFound, StridelabError, Unavailable
+from stridelab.errors import Fault, InvalidInput, StridelabError, Unavailable
 from stridelab.robots.card import robot_card, robot_names
 from stridelab.robots.data_files import data_files
 from stridelab.schemas.base import Page
@@ -22,7 +22,7 @@ from stridelab.service.api.downloads import send_blob
 from stridelab.service.api.openapi import failure_responses, file_response, form_body
 from stridelab.service.api.recordings.multipart import Limits, receive_form
 from stridelab.service.api.recordings.service import spool_folder
-from stridelab.service.api.robots.cache import RobotCache
+from stridelab.service.api.robots.cache import RobotCache, require_robot
 from stridelab.service.api.robots.own import (
     add_robot,
     delete_robot,
@@ -170,12 +170,7 @@ async def get_robot(parts: AppParts, name: str) -> RobotFacts:
 
     If the robot is not prepared yet, the response waits a few seconds until it is loaded.
     """
-    own = await _own_row(parts, name)
-    return (
-        RobotFacts.model_validate({**own["facts"], "own": True})
-        if own
-        else await parts.robots.facts(require_robot(name))
-    )
+    return await parts.robots.any_facts(name)
 
 
 @router.get("/{name}/preparation", summary="How far the files of a robot are", responses=_UNKNOWN)
@@ -271,17 +266,6 @@ def _file_etag(info: BlobInfo) -> str:
 def _is_not_modified(request: Request, etag: str) -> bool:
     tags = request.headers.get("if-none-match", "")
     return etag in {tag.strip().removeprefix("W/") for tag in tags.split(",")} or tags.strip() == "*"
-
-
-def require_robot(name: str) -> str:
-    """Return ``name`` if a robot of this name exists; raises ``NotFound`` (``robot-not-found``) otherwise.
-
-    The returned string is the registered one, so that user input is never used as a path.
-    """
-    names = robot_names()
-    if name not in names:
-        raise NotFound("robot-not-found", f"There is no robot of this name; available: {', '.join(names) or 'none'}.")
-    return names[names.index(name)]
 
 
 def robot_summaries() -> list[RobotSummary]:

@@ -111,8 +111,10 @@ async def replace_card(parts: Parts, caller: Caller, name: str, fields: dict[str
         present = await find_robot(connection, name, lock=True)
         if present is None or present["card"] != row["card"]:
             raise Conflict("changed-meanwhile", "The robot was changed by another request in the meantime; try again.")
+        if not changed:  # what was learned stays; a robot of an earlier version gets the dimensions that it lacked
+            values = {"facts": {**present["facts"], "walker": summary["facts"]["walker"]}}
+        await connection.execute(update(robot).where(robot.c.id == row["id"]).values(values))
         if changed:
-            await connection.execute(update(robot).where(robot.c.id == row["id"]).values(values))
             await audit.record_action(connection, caller, "robot-card-changed", name)
         return own_robot(await required_robot(connection, name))
 

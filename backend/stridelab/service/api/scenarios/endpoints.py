@@ -6,9 +6,10 @@ from fastapi import APIRouter, Body, Header, Query, Response
 from sqlalchemy import delete, func, insert, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from stridelab.pipelines.scaled_scenes import scene_for_robot
 from stridelab.schemas.base import Page
 from stridelab.schemas.plans import PlanContactsInput
-from stridelab.schemas.scenarios import Course, Scenario, ScenarioCheck, StoredScenario
+from stridelab.schemas.scenarios import Course, ScaledScene, Scenario, ScenarioCheck, StoredScenario
 from stridelab.service.api.dependencies import AppParts, CallerOf
 from stridelab.service.api.openapi import failure_responses
 from stridelab.service.api.pagination import Cursor, Limit, Search, Sort
@@ -35,6 +36,9 @@ _COURSE: Final[Any] = {
         "summary": "Four stairs with a handrail on the right",
         "value": {"robot": "talos", "handrails": ["right"], "elements": [{"kind": "stairs", "number": 4}]},
     }
+}
+_SCENE: Final[Any] = {
+    "stairs": {"summary": "Six stairs for G1", "value": {"robot": "g1", "scene": "six-stairs"}},
 }
 _STEP: Final[Any] = {"step": {"summary": "One step on a flat floor", "value": ONE_STEP}}
 _CHECKED: Final[Any] = {**_STEP, "air": {"summary": "A foot without a surface under it", "value": IN_THE_AIR}}
@@ -141,6 +145,25 @@ async def compose_scenario(
     the platform at the start to that at the end. Handrails are at the height of the robot's hands.
     """
     return await compose_task(body, parts.validation_limiter, parts.robots)
+
+
+@router.post(
+    "/scaled",
+    summary="Scale a bundled scene to a robot",
+    responses=failure_responses(
+        s404="No robot with this name (`robot-not-found`).",
+        s422="The request is malformed (`invalid-request`), or the robot has no two soles on legs "
+        "(`robot-not-scalable`).",
+    ),
+)
+async def scale_scene(parts: AppParts, body: Annotated[ScaledScene, Body(openapi_examples=_SCENE)]) -> Scenario:
+    """Scale a bundled scene of the feet to any robot, one's own included. Nothing is stored.
+
+    Lengths are scaled by the length of the legs, times by its square root; treads are deeper where the shoes need it.
+    The response is the body of `POST /scenarios`, which checks it for the robot.
+    """
+    facts = await parts.robots.any_facts(body.robot)
+    return scene_for_robot(body.scene, facts.name, facts.walker)
 
 
 @router.get("/{scenario_id}", summary="One scenario", responses=_UNKNOWN)

@@ -9,6 +9,7 @@ from typing import Final, get_args
 import pinocchio as pin
 
 from stridelab.errors import NotFound
+from stridelab.pipelines.commissioning.robot_walker import walker_facts
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.card import Measure, ReachabilityCard
 from stridelab.reachability.store import DEFAULT_MEASURE, load_card
@@ -62,6 +63,7 @@ def robot_facts(robot: Robot) -> RobotFacts:
         measures=[card.measure for card in cards],
         stale_measures=[card.measure for card in all_cards if card not in cards],
         default_measure=DEFAULT_MEASURE,
+        walker=walker_facts(robot),
     )
 
 

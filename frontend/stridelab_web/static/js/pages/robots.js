@@ -1,5 +1,5 @@
 // Robot pages: fills each card with the data of its robot, which the service has to load, and starts learning its reach.
-import { call, onSubmit, openNewJob } from "../shared/api.js";
+import { call, onClick, onSubmit, openNewJob } from "../shared/api.js";
 
 for (const card of document.querySelectorAll('[data-robot][data-available="true"]')) fillCard(card);
 
@@ -30,3 +30,15 @@ if (form) {
     }),
   );
 }
+
+// Scales a bundled scene to the robot, stores it and opens it in the editor.
+const scenes = document.querySelector("[data-scenes]");
+for (const button of scenes?.querySelectorAll("[data-scene]") ?? [])
+  onClick(button, scenes.querySelector("[data-said]"), async () => {
+    const scaled = await call("POST", "/scenarios/scaled", {
+      robot: scenes.dataset.scenes,
+      scene: button.dataset.scene,
+    });
+    const { id } = await call("POST", "/scenarios", scaled);
+    location.assign(`/view/?scenario=${encodeURIComponent(id)}`);
+  });
