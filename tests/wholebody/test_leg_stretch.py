@@ -14,7 +14,7 @@ from stridelab.centroidal.solver import solve
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.parts import Timing
-from stridelab.contacts.scenarios.stairs import Stairs, descent, flat_walk
+from stridelab.contacts.scenarios.stairs import Stairs, climb, descent, flat_walk
 from stridelab.conventions import Angles, Vector3
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.proxy.effector_proxy import Proxy
@@ -26,9 +26,11 @@ from stridelab.wholebody.leg_stretch import (
     ENOUGH_M,
     RANGE_SHARE,
     LegModel,
-    _raised_for_ankle_m,
+    MissingHeights,
+    _raised_for_lean_m,
     lower_for_legs,
 )
+from stridelab.wholebody.shank_lean import ShankLean
 
 PITCHES = {
     "talos": ("leg_{}_3_joint", "leg_{}_4_joint", "leg_{}_5_joint"),
@@ -90,7 +92,7 @@ def test_a_leg_is_as_long_as_its_knee_allows_and_as_short_as_its_ankle_allows(na
     for crouch_rad in (deepest_rad - 0.02, deepest_rad, deepest_rad + 0.05):
         hip, foot = hips_and_ankles(robot, legs, crouched(robot, crouch_rad))["left_foot"]
         heights_m.append((hip - foot)[2])
-        raised_m = _raised_for_ankle_m(leg, (hip - foot)[None], np.eye(3))[0]
+        raised_m = _raised_for_lean_m(leg, (hip - foot)[None], np.eye(3), leg.tilt_max_rad)[0]
         if crouch_rad < deepest_rad:
             assert raised_m == 0.0
     assert raised_m == pytest.approx(heights_m[1] - heights_m[2], abs=0.004)
@@ -105,9 +107,13 @@ def down(talos: Robot) -> tuple[CentroidalProblem, CentroidalPlan]:
     return problem, solve(problem)
 
 
-def missing_m(talos: Robot, plan: CentroidalPlan) -> float:
+def missing_heights_m(talos: Robot, plan: CentroidalPlan) -> MissingHeights:
     times_s = np.linspace(0.0, plan.sequence.duration_s, 200)
-    return float(LegModel.of_robot(talos).missing_heights_m(plan, times_s)[0].max())
+    return LegModel.of_robot(talos).missing_heights_m(plan, times_s, ShankLean(talos, plan.sequence))
+
+
+def missing_m(talos: Robot, plan: CentroidalPlan) -> float:
+    return float(missing_heights_m(talos, plan).high_m.max())
 
 
 def vertical_max_m_s2(plan: CentroidalPlan) -> float:
@@ -129,6 +135,20 @@ def test_a_plan_is_lowered_where_a_leg_is_too_short(
     assert (lowered.com_m[1:-1, 2] <= between_m[1:, 1] + 1e-6).all()
     assert (lowered.com_m[1:-1, 2] >= between_m[1:, 0] - 1e-6).all()
     assert np.allclose(lowered.com_m[[0, -1]], plan.com_m[[0, -1]], atol=1e-6)
+
+
+def test_a_plan_for_short_legs_does_not_lean_a_shank_against_the_next_riser(
+    talos: Robot, proxies: Mapping[str, Proxy]
+) -> None:
+    """Bounds that only lower the CoM leave it 30 mm too low for the shank over which it passes next."""
+    stairs = climb(Stairs(4, 0.182, 0.316, toe_gap_m=0.06), Timing(1.5, 0.98, 0.2), "alternate")
+    problem = whole_body_problem(talos, sequence_of(stairs, effector_shapes("talos")), proxies)
+    plan = solve(problem)
+    assert missing_heights_m(talos, plan).worst_m > 2.0 * ENOUGH_M
+    _, lowered = lower_for_legs(talos, problem, plan, solve)
+    assert missing_heights_m(talos, lowered).worst_m <= 1.5 * ENOUGH_M
+    times_s = np.linspace(0.0, lowered.sequence.duration_s, 200)
+    assert min(lowered.reference_at(t).com_v_m_s[2] for t in times_s if t > 1.5) > -0.1
 
 
 def test_a_plan_whose_legs_reach_is_not_solved_again(talos: Robot, proxies: Mapping[str, Proxy]) -> None:

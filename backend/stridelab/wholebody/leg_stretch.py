@@ -7,14 +7,16 @@ ankle a, ``c_leg = lam h + (1 - lam) a + R o``, the position of the base follows
     m c = m_r (p + R o_r) + sum_legs m_l (lam h + (1 - lam) a + R o) ,    h = p + R h_0 ,
 
 and with it the vector ``v = h - a``. Its length may be at most ``l``, that of the leg with a knee ``BEND_RAD`` from the
-end of its range, and the shank of a standing leg may lean ahead of the normal of its sole by what the ankle allows,
+end of its range, and the shank of a standing leg may lean ahead of the normal of its sole by what the ankle and the
+terrain before it (``shank_lean``) allow,
 
     |v| <= l ,    atan2(v_x, v_z) + beta(|v|) <= phi ,
 
 ``beta`` the angle of shank and ``v``, in the axes of the sole. What is missing of the first is how much lower, of the
 second how much higher the base has to be. These heights become bounds of the CoM at the nodes near them, and the plan
-is solved again: a few milliseconds, before the whole body. A leg in the air may be short by ``AIR_M`` in the middle of
-its swing, which its detour (``control.swing_detour``) makes up for.
+is solved again: a few milliseconds, before the whole body. The bounds of all solutions hold together: a plan that sinks
+before a leg is stretched is lifted by the next one. A leg in the air may be short by ``AIR_M`` in the middle of its
+swing, which its detour (``control.swing_detour``) makes up for.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,6 +36,7 @@ from stridelab.conventions import Points, Rotation, Rotations, Series, Vector3
 from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.tasks import Heading
+from stridelab.wholebody.shank_lean import ShankLean
 
 BEND_RAD: Final = 0.05
 """Distance of a knee from the straight end of its usable range at which a leg counts as fully stretched."""
@@ -73,6 +76,27 @@ class Leg(NamedTuple):
     mass_kg: float
     share: float
     offset_m: Vector3
+
+
+class MissingHeights(NamedTuple):
+    """How much lower the CoM has to be for all legs to reach, and how much higher for ankles to bend and for shanks.
+
+    Ankles and shanks count while their soles are in contact; a shank of a standing leg has to be clear of the terrain.
+    """
+
+    high_m: Series
+    bend_m: Series
+    riser_m: Series
+
+    @property
+    def low_m(self) -> Series:
+        """How much higher for ankles and shanks."""
+        return np.asarray(np.maximum(self.bend_m, self.riser_m))
+
+    @property
+    def worst_m(self) -> float:
+        """Largest height that legs or shanks need."""
+        return float(max(self.high_m.max(), self.riser_m.max()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,18 +144,15 @@ class LegModel:
         rest = moment / (total - sum(leg.mass_kg for leg in legs.values()))
         return LegModel(legs, total, R.T @ (rest - p))
 
-    def missing_heights_m(self, plan: CentroidalPlan, time_s: Series) -> tuple[Series, Series]:
-        """How much lower the CoM has to be for all legs to reach, and how much higher for all ankles to bend.
-
-        At ``time_s`` (n,); zero where they do. Ankles count while their soles are in contact.
-        """
+    def missing_heights_m(self, plan: CentroidalPlan, time_s: Series, shanks: ShankLean) -> MissingHeights:
+        """How much lower or higher the CoM has to be at ``time_s`` (n,), zero where it need not."""
         sequence, heading = plan.sequence, Heading.of_sequence(plan.sequence)
         phase = sequence.phases_at(time_s + 1e-9)
         com = np.array([plan.reference_at(t).com_m for t in time_s.tolist()])
         R = heading.orientations_at(phase, time_s)[0]
         feet = {name: _ankle_path(sequence, name, leg.ankle_m, phase, time_s) for name, leg in self.legs.items()}
         base, base_share = self._base_m(com, R, {name: ankle for name, (ankle, _) in feet.items()})
-        high_m, low_m = np.zeros(len(time_s)), np.zeros(len(time_s))
+        high_m, bend_m, riser_m = np.zeros((3, len(time_s)))
         for name, leg in self.legs.items():
             ankle, allowed_m = feet[name]
             v = base + R @ leg.hip_m - ankle
@@ -140,10 +161,15 @@ class LegModel:
             high_m = np.maximum(high_m, high / base_share)
             for k, part in enumerate(sequence.phases):
                 if name in part.contacts:
-                    stands = phase == k
-                    raised = _raised_for_ankle_m(leg, v[stands], part.contacts[name].placement.rotation)
-                    low_m[stands] = np.maximum(low_m[stands], raised / base_share)
-        return high_m, low_m
+                    stands, contact = phase == k, part.contacts[name]
+                    R_sole, most_rad = contact.placement.rotation, leg.tilt_max_rad
+                    raised = _raised_for_lean_m(leg, v[stands], R_sole, most_rad)
+                    bend_m[stands] = np.maximum(bend_m[stands], raised / base_share)
+                    lean_rad = shanks.largest_lean_rad(name, contact, k, leg.ankle_m, most_rad)
+                    if lean_rad < most_rad:
+                        raised = _raised_for_lean_m(leg, v[stands], R_sole, lean_rad)
+                        riser_m[stands] = np.maximum(riser_m[stands], raised / base_share)
+        return MissingHeights(high_m, bend_m, riser_m)
 
     def _base_m(self, com_m: Points, R: Rotations, ankles_m: Mapping[str, Points]) -> tuple[Points, float]:
         """Positions of the base, and its displacement per displacement of the CoM."""
@@ -158,27 +184,31 @@ class LegModel:
 def lower_for_legs(
     robot: Robot, problem: CentroidalProblem, plan: CentroidalPlan, solve: Solve
 ) -> tuple[CentroidalProblem, CentroidalPlan]:
-    """The problem and plan with a CoM that legs and ankles can follow; as given where the legs reach.
+    """The problem and plan with a CoM that legs can follow; as given where they reach and are clear of the terrain.
 
-    Bounds are tightened in up to ``MAX_PASSES`` solutions, as long as the plans converge and miss less.
+    Bounds are tightened in up to ``MAX_PASSES`` solutions, as long as the plans converge; the one that misses least is
+    returned.
     """
     legs = LegModel.of_robot(robot)
     time_s = np.linspace(0.0, plan.sequence.duration_s, max(2, round(plan.sequence.duration_s * RATE_HZ) + 1))
     fixed = replace(problem, sequence=plan.sequence, durations=None, placements=None)
     between_m = np.tile([-np.inf, np.inf], (len(fixed.grid().phase), 1))
-    high_m, low_m = legs.missing_heights_m(plan, time_s)
+    shanks = ShankLean(robot, plan.sequence)
+    missing = legs.missing_heights_m(plan, time_s, shanks)
+    best, latest, least_m = (problem, plan), plan, missing.worst_m
     for _ in range(MAX_PASSES):
-        if float(high_m.max()) <= ENOUGH_M:
+        if least_m <= ENOUGH_M:
             break
-        com_m = np.array([plan.reference_at(t).com_m[2] for t in time_s.tolist()])
-        between_m = _tighten_bounds(between_m, fixed.grid().time_s, time_s, com_m, high_m, low_m)
-        lower = replace(fixed, bounds=replace(problem.bounds, com_between_m=between_m))
-        lowered = solve(lower)
-        remaining_m = legs.missing_heights_m(lowered, time_s)
-        if not lowered.converged or remaining_m[0].max() >= high_m.max():
+        com_m = np.array([latest.reference_at(t).com_m[2] for t in time_s.tolist()])
+        between_m = _tighten_bounds(between_m, fixed.grid().time_s, time_s, com_m, missing.high_m, missing.low_m)
+        bounded = replace(fixed, bounds=replace(problem.bounds, com_between_m=between_m))
+        latest = solve(bounded)
+        if not latest.converged:
             break
-        problem, plan, (high_m, low_m) = lower, lowered, remaining_m
-    return problem, plan
+        missing = legs.missing_heights_m(latest, time_s, shanks)
+        if missing.worst_m < least_m:
+            best, least_m = (bounded, latest), missing.worst_m
+    return best
 
 
 def _tighten_bounds(
@@ -189,26 +219,35 @@ def _tighten_bounds(
     high_m: Series,
     low_m: Series,
 ) -> Float[np.ndarray, "m 2"]:
-    """Bounds at the nodes from what is missing around them; where both cannot hold, their mean does."""
+    """Bounds at the nodes from what is missing around them; where both cannot hold, their mean does.
+
+    A node is moved by at most what is missing anywhere around it: a CoM that climbs by 0.2 m/s would otherwise get the
+    bound of the lower of two nodes at the higher one, and could not pass between its bounds.
+    """
     between_m = between_m.copy()
+    at_nodes_m = np.interp(nodes_s, time_s, com_m)
+    highest_m, lowest_m = com_m - high_m - SPARE_M, com_m + low_m + SPARE_M
     for k in range(1, len(between_m)):
         near = (time_s > nodes_s[k - 1]) & (time_s < nodes_s[k + 1])
-        highest, lowest = com_m - high_m - SPARE_M, com_m + low_m + SPARE_M
-        between_m[k, 1] = min(between_m[k, 1], highest[near & (high_m > 0.0)].min(initial=np.inf))
-        between_m[k, 0] = max(between_m[k, 0], lowest[near & (low_m > 0.0)].max(initial=-np.inf))
+        if high_m[near].any():
+            shifted_m = at_nodes_m[k] - high_m[near].max() - SPARE_M
+            between_m[k, 1] = min(between_m[k, 1], max(shifted_m, highest_m[near & (high_m > 0.0)].min()))
+        if low_m[near].any():
+            shifted_m = at_nodes_m[k] + low_m[near].max() + SPARE_M
+            between_m[k, 0] = max(between_m[k, 0], min(shifted_m, lowest_m[near & (low_m > 0.0)].max()))
         if between_m[k, 1] - between_m[k, 0] < GAP_M:
             between_m[k] = between_m[k].mean() + np.array([-0.5, 0.5]) * GAP_M
     return between_m
 
 
-def _raised_for_ankle_m(leg: Leg, v: Points, sole: Rotation) -> Series:
-    """How much higher hips at ``v`` (n, 3) from their ankle have to be for its shank not to lean too far."""
+def _raised_for_lean_m(leg: Leg, v: Points, sole: Rotation, most_rad: float) -> Series:
+    """How much higher hips at ``v`` (n, 3) from their ankle have to be for its shank to lean at most ``most_rad``."""
     low, high = np.zeros(len(v)), np.full(len(v), MAX_RAISE_M)
     for _ in range(STEPS_OF_BISECTION):
         middle = 0.5 * (low + high)
         at = (v + middle[:, None] * np.array([0.0, 0.0, 1.0])) @ sole
         shank = np.interp(np.linalg.norm(at, axis=1), leg.lengths_m, leg.shank_rad)
-        leans = np.arctan2(at[:, 0], at[:, 2]) + shank > leg.tilt_max_rad
+        leans = np.arctan2(at[:, 0], at[:, 2]) + shank > most_rad
         low, high = np.where(leans, middle, low), np.where(leans, high, middle)
     return np.where(low > 0.0, high, 0.0)
 

@@ -124,3 +124,20 @@ def test_a_swinging_hand_is_pushed_off_a_surface(talos: Robot) -> None:
     assert y > 5.0 * abs(x)
     assert np.linalg.norm([x, y, z]) <= HAND_PUSH_M_S2 * (1.0 + 1e-9)
     assert not avoidance.hand_push_m_s2("left_hand").any()
+
+
+def test_a_forearm_keeps_off_a_surface_also_while_its_hand_holds_it(talos: Robot) -> None:
+    """By a task of the arm, from the full distance on; the wrist beyond it is free to touch."""
+    body = RigidBody(talos)
+    body.update(talos.q_reference, np.zeros(talos.model.nv))
+    elbow, roll, wrist = (talos.model.getJointId(f"arm_right_{k}_joint") for k in (4, 5, 6))
+    forearm_m = body.data.oMi[roll].translation
+    rows = {}
+    for name, aside_m in (("near", 0.2), ("far", 0.5)):
+        beside = Box(name, Placement.from_wxyz((forearm_m - [0.0, aside_m, 0.0]).tolist()), np.array([0.1, 0.2, 0.1]))
+        avoidance = CollisionAvoidance(talos, Terrain.from_surfaces([beside]), AvoidanceSettings(near_m=0.2))
+        A = rows_of(avoidance, body)[0].A
+        columns = [talos.model.joints[joint].idx_v for joint in (elbow, roll, wrist)]
+        moves_elbow, rolls, moves_wrist = (np.abs(A[:, column]) > 1e-9 for column in columns)
+        rows[name] = int((moves_elbow & rolls & ~moves_wrist).sum())
+    assert rows["near"] > rows["far"]

@@ -83,8 +83,10 @@ Kind = Literal["arm", "body", "terrain", "hand"]
 KINDS: tuple[Kind, ...] = ("arm", "body", "terrain", "hand")
 _SCALE_MIN = 0.02
 _ARM_SCALE = 0.5
-"""Distance scale of an arm and a surface: a hand on it brings the forearm near."""
-_WRIST_JOINTS = 3
+"""Distance scale of hand or upper arm and a surface: a hand on it brings the arm near."""
+_FOREARM_SCALE = 1.0
+"""Distance scale of the forearm before the wrist and a surface: it needs more time to turn about a hand on a rail."""
+_WRIST_JOINTS = 2
 """The last joints of an arm, which carry a hand to the surfaces that it touches."""
 
 
@@ -206,7 +208,8 @@ class CollisionPairs:
             robot.model, robot.model.createData(), self._geometry, self._results, robot.q_reference
         )
         distances_m = [self._compute_distance(k) for k in range(self._body_pairs)]
-        terrain = [1.0 if kind == "terrain" else _ARM_SCALE for kind in self._kinds[self._body_pairs :]]
+        terrain = np.where(self.kind[self._body_pairs :] == "terrain", 1.0, _ARM_SCALE)
+        terrain[np.isin(self._joints[self._body_pairs :, 0], list(_forearm_joints(robot)))] = _FOREARM_SCALE
         return np.append(np.clip(shrunk * np.array(distances_m) / acts_m, _SCALE_MIN, 1.0), terrain)
 
 
@@ -228,9 +231,19 @@ def _above_ankle(robot: Robot, shape: int) -> bool:
 
 def wrist_joints(robot: Robot, hand: str | None = None) -> frozenset[int]:
     """The last joints of the arm of ``hand``, or of the arms of all hands: those that carry shapes near its contact."""
+    return frozenset(joint for chain in _arm_chains(robot, hand) for joint in chain[-_WRIST_JOINTS:])
+
+
+def _forearm_joints(robot: Robot) -> frozenset[int]:
+    """The joint before the wrist of every arm, which rolls the forearm."""
+    return frozenset(chain[-_WRIST_JOINTS - 1] for chain in _arm_chains(robot) if len(chain) > _WRIST_JOINTS)
+
+
+def _arm_chains(robot: Robot, hand: str | None = None) -> list[tuple[int, ...]]:
+    """The joints from the base to every hand, or to ``hand``."""
     hands = [one for name, one in robot.effectors.items() if one.kind == "point" and hand in (None, name)]
     ends = [robot.model.frames[robot.model.getFrameId(one.frame)].parentJoint for one in hands]
-    return frozenset(j for end in ends for j in tuple(robot.model.supports[end])[-_WRIST_JOINTS:])
+    return [tuple(robot.model.supports[end]) for end in ends]
 
 
 def bounding_sphere(part: pin.GeometryObject) -> Sphere:
