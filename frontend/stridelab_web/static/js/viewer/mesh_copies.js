@@ -13,7 +13,7 @@ export class MeshCopies {
         source = nodes[original];
       if (!node || !source) continue;
       const meshes = [];
-      source.traverse((part) => part.isMesh && meshes.push(part));
+      source.traverse((part) => part.isMesh && part.visible && meshes.push(part));
       if (!meshes.length || this.sources.get(node) === meshes[0].geometry) continue;
       this.sources.set(node, meshes[0].geometry);
       node.remove(...node.children.filter((part) => part.userData.copied));
@@ -31,6 +31,7 @@ function copyMaterial(material, paint) {
   const copy = material.clone();
   if (!paint) return copy;
   const [rgb, opacity] = paint;
+  copy.vertexColors = false;
   copy.color.setStyle(`rgb(${rgb})`);
   copy.opacity = opacity;
   copy.transparent = opacity < 1;
