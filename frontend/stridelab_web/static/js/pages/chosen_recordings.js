@@ -1,6 +1,6 @@
 // Actions on the recordings that are checked in the list; the list may be replaced after an upload.
 import { onClick, openNewJob, startJob } from "../shared/api.js";
-import { translate } from "../shared/translate.js";
+import { pageLanguage, translate } from "../shared/translate.js";
 
 const list = document.querySelector("[data-recordings]");
 
@@ -21,7 +21,7 @@ function setUpActions() {
   onClick(
     actions.querySelector("[data-report-chosen]"),
     status,
-    withChosen((ids) => openNewJob("gait-report", { recording_ids: ids })),
+    withChosen((ids) => openNewJob("gait-report", { recording_ids: ids, language: pageLanguage() })),
   );
   const all = actions.querySelector("[data-choose-all]");
   all.addEventListener("change", () => {
