@@ -12,7 +12,7 @@ function setUpActions() {
   if (!actions || actions.dataset.ready) return;
   actions.dataset.ready = "true";
   const status = actions.querySelector("[data-said]");
-  const withChosen = (action) => () => {
+  const withChosen = (/** @type {(ids: string[]) => unknown} */ action) => () => {
     const ids = chosenIds();
     if (!ids.length) throw new Error(translate("Choose recordings first."));
     return action(ids);
@@ -29,6 +29,7 @@ function setUpActions() {
   });
 }
 
+/** @param {string[]} ids */
 async function estimateEach(ids) {
   for (const id of ids) await startJob("estimate-com", { recording_id: id });
   location.assign("/jobs?kind=estimate-com");
