@@ -1,4 +1,4 @@
-"""Updates the catalogues of translations (frontend/stridelab_web/translations/*.po) from the pages and the scripts.
+"""Updates the catalogues of translations (backend/stridelab/translations/*.po) from pages, scripts and reports.
 
     scripts/translate            new messages are added without a translation, those that are no longer used are removed
     scripts/translate --check    changes nothing; exits with 1 if a catalogue is not complete and up to date
@@ -18,8 +18,10 @@ from babel.messages.catalog import Catalog, Message
 from babel.messages.extract import extract_from_dir
 from babel.messages.pofile import read_po, write_po
 
+from stridelab.pipelines.gait_report import reasons, texts
 from stridelab.schemas.measures import MEASURE_TITLES
-from stridelab_web import formatting, languages, served_sentences
+from stridelab.translations import catalogue, served_sentences
+from stridelab_web import formatting
 from stridelab_web.charts import plotly
 from stridelab_web.pages import errors, recording, render
 from stridelab_web.pages.results import (
@@ -42,8 +44,14 @@ from stridelab_web.scene import frames
 
 ROOT = Path(__file__).resolve().parents[1]
 WEB = ROOT / "frontend/stridelab_web"
-TRANSLATED = sorted(code for code in languages.LANGUAGES if code != languages.ENGLISH)
-METHODS = [("templates/**.html", "jinja2"), ("static/js/**.js", "javascript"), ("**.py", "python")]
+TRANSLATED = sorted(code for code in catalogue.LANGUAGES if code != catalogue.ENGLISH)
+REPORT = ROOT / "backend/stridelab/pipelines/gait_report"
+METHODS = [
+    ("templates/**.html", "jinja2"),
+    ("**.j2", "jinja2"),
+    ("static/js/**.js", "javascript"),
+    ("**.py", "python"),
+]
 OPTIONS = {"templates/**.html": {"trimmed": "true", "silent": "false"}}
 KEYWORDS = {
     "_": None,
@@ -62,15 +70,15 @@ TAGS = re.compile(r"</?[a-z][^>]*>|&\w+;")
 def make_template() -> Catalog:
     """All messages of the pages with the files that contain them."""
     template = Catalog(charset="utf-8", project="stridelab", fuzzy=False)
-    found = extract_from_dir(WEB, METHODS, OPTIONS, KEYWORDS)
-    for path, _, message, _, _ in found:
-        template.add(message, locations=[(path, 0)])
+    for folder, prefix in ((WEB, ""), (REPORT, "gait_report/")):
+        for path, _, message, _, _ in extract_from_dir(folder, METHODS, OPTIONS, KEYWORDS):
+            template.add(message, locations=[(f"{prefix}{path}", 0)])
     for script in sorted((WEB / "static/js").rglob("*.js")):
         for text in CALL.findall(script.read_text(encoding="utf-8")):
             if template.get(text) is None:
                 raise ValueError(f"{script.name}: not extracted, because it is within another call or string: {text}")
-    for place, texts in message_tables():
-        for text in texts:
+    for place, listed in message_tables():
+        for text in listed:
             template.add(text, locations=[(place, 0)])
     return template
 
@@ -104,6 +112,11 @@ def message_tables() -> Iterator[tuple[str, Iterable[str]]]:
     yield "pages/results/cycloid_steps.py", [*(one.meaning for one in cycloid_steps.PARAMETERS), "left", "right"]
     yield "pages/results/cycloid_steps.py", [*cycloid_steps.MODELS.values(), *cycloid_steps.FLAGS.values()]
     yield "pages/results/cycloid_steps.py", [text for texts in cycloid_steps.SPACES.values() for text in texts]
+    report_sides = [reasons.NO_STEP, reasons.STEP_NOT_ALLOWING, reasons.WHOLE_STEP_NOT_ALLOWING]
+    yield "gait_report/reasons.py", [text for sides in report_sides for text in sides.values()]
+    yield "gait_report/texts.py", [*texts.TILES.values(), *(text for pair in texts.PANELS.values() for text in pair)]
+    yield "gait_report/texts.py", [*texts.MASS_SOURCES.values(), "Positive work of the leg", "Negative work of the leg"]
+    yield "gait_report/drawing.py", ["left", "right", "reference"]
     quantities = population_charts.AGAINST
     yield "pages/results/population_charts.py", [text for one in quantities for text in (one.name, one.against)]
     yield "pages/results/population_bars.py", [text for texts in population_bars.TITLES.values() for text in texts]
@@ -118,7 +131,7 @@ def message_tables() -> Iterator[tuple[str, Iterable[str]]]:
 
 def read_catalogue(language: str) -> Catalog:
     """The stored catalogue; an empty one for a new language."""
-    path = languages.FOLDER / f"{language}.po"
+    path = catalogue.FOLDER / f"{language}.po"
     if not path.exists():
         return Catalog(locale=language, charset="utf-8", project="stridelab", fuzzy=False)
     with path.open("rb") as file:
@@ -202,12 +215,12 @@ def main() -> None:
     if parser.parse_args().check:
         faults = [fault for language in TRANSLATED for fault in faults_of(language, template)]
         sys.exit("\n".join(faults) if faults else 0)
-    languages.FOLDER.mkdir(exist_ok=True)
+    catalogue.FOLDER.mkdir(exist_ok=True)
     for language in TRANSLATED:
-        catalogue = updated_catalogue(language, template)
-        (languages.FOLDER / f"{language}.po").write_bytes(catalogue_text(catalogue))
-        missing = sum(not _is_translated(one) for one in catalogue if one.id)
-        sys.stdout.write(f"{language}: {len(catalogue)} messages, {missing} without a translation\n")
+        updated = updated_catalogue(language, template)
+        (catalogue.FOLDER / f"{language}.po").write_bytes(catalogue_text(updated))
+        missing = sum(not _is_translated(one) for one in updated if one.id)
+        sys.stdout.write(f"{language}: {len(updated)} messages, {missing} without a translation\n")
 
 
 if __name__ == "__main__":

@@ -11,8 +11,7 @@ from markupsafe import Markup
 from stridelab.schemas.base import FaultItem, Problem, Remark
 from stridelab.schemas.jobs import FINAL_STATES, Job
 from stridelab.schemas.robots import Capability
-from stridelab_web.languages import ENGLISH, current_language, gettext, ngettext, translate_sentence
-from stridelab_web.served_sentences import SERVED
+from stridelab.translations.catalogue import ENGLISH, current_language, gettext, ngettext, translate_sentence
 
 
 def fixed_decimals(value: float | None, digits: int = 2) -> str:
@@ -284,7 +283,7 @@ def served_text(message: str) -> Markup | str:
     """A sentence of the service: translated if the catalogue knows it, else marked as English."""
     if current_language() == ENGLISH or not message:
         return message
-    translated = translate_sentence(message, SERVED)
+    translated = translate_sentence(message)
     return translated if translated is not None else Markup('<span lang="en">{}</span>').format(message)
 
 

@@ -51,6 +51,9 @@ interface Vector3 {
 }
 
 interface Color {
+  r: number;
+  g: number;
+  b: number;
   clone(): Color;
   copy(other: Color): Color;
   getHSL(target: object): { h: number; s: number; l: number };
@@ -65,12 +68,23 @@ interface Material {
   depthWrite: boolean;
   opacity: number;
   transparent: boolean;
+  vertexColors: boolean;
   uniforms?: Record<string, { value: Color }>;
 }
 
+interface Attribute {
+  array: ArrayLike<number> & Iterable<number>;
+  needsUpdate: boolean;
+  setXYZ(index: number, x: number, y: number, z: number): void;
+}
+
 interface Geometry {
-  attributes: { position: { setXYZ(index: number, x: number, y: number, z: number): void; needsUpdate: boolean } };
+  attributes: { position: Attribute };
+  index: Attribute;
   computeBoundingSphere(): void;
+  computeVertexNormals(): void;
+  setAttribute(name: string, attribute: Attribute): void;
+  setIndex(attribute: Attribute): void;
 }
 
 interface SceneObject {
@@ -89,6 +103,7 @@ interface SceneObject {
   renderOrder: number;
   scale: Vector3;
   userData: { copied?: boolean };
+  visible: boolean;
 }
 
 interface SceneCamera {

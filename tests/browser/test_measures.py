@@ -57,12 +57,12 @@ def test_a_report_is_written_by_a_button(tab: Tab, service: Service) -> None:
 
 def test_a_session_has_a_report_by_a_button(tab: Tab, lab: Lab) -> None:
     walks = [lab.fake.add_recording(f"walk_{k}.c3d", session_id="report") for k in (1, 2)]
-    page = tab.go(f"/recordings/{walks[0].id}")
+    page = tab.go(f"/recordings/{walks[0].id}?language=ja")
     page.locator("[data-session-report]").click()
     page.wait_for_url("**/jobs/*")
     job = lab.fake.jobs[page.url.rpartition("/")[2]]
     assert job.kind == "gait-report"
-    assert lab.fake.inputs[job.id] == {"recording_ids": [walk.id for walk in walks]}
+    assert lab.fake.inputs[job.id] == {"recording_ids": [walk.id for walk in walks], "language": "ja"}
 
 
 def test_a_report_is_compared_with_a_group_and_with_earlier_walks(tab: Tab, lab: Lab) -> None:
@@ -82,6 +82,7 @@ def test_a_report_is_compared_with_a_group_and_with_earlier_walks(tab: Tab, lab:
         "title": "After training",
         "reference_recording_ids": [other.id],
         "before_recording_ids": sorted(one.id for one in earlier),
+        "language": "en",
     }
 
 
@@ -91,4 +92,8 @@ def test_a_report_of_one_recording_takes_the_chosen_method(tab: Tab, lab: Lab) -
     page.locator("[data-estimate] [name=method]").select_option("geometry")
     page.get_by_role("button", name="Write the report").click()
     page.wait_for_url("**/jobs/*")
-    assert lab.fake.inputs[page.url.rpartition("/")[2]] == {"recording_ids": [walk.id], "method": "geometry"}
+    assert lab.fake.inputs[page.url.rpartition("/")[2]] == {
+        "recording_ids": [walk.id],
+        "method": "geometry",
+        "language": "en",
+    }

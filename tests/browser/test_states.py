@@ -42,6 +42,13 @@ def first_tour(page: Page) -> None:
     expect(page.get_by_role("region", name="Tour")).to_be_visible()
 
 
+def next_of_tour(page: Page) -> None:
+    title = page.get_by_role("region", name="Tour").get_by_role("heading")
+    before = title.inner_text()
+    page.get_by_role("region", name="Tour").locator("button.primary").click()
+    expect(title).not_to_have_text(before)
+
+
 def refused_and_waiting_uploads(page: Page) -> None:
     """One file refused for good, one that may be tried again, and one on its way."""
     problem = {"title": "Unprocessable", "detail": "This is neither a C3D file nor a ZIP.", "code": "unknown-format"}
@@ -144,7 +151,7 @@ def obstacles_of_all_kinds(page: Page) -> None:
 
 
 STATES: dict[str, tuple[str, tuple[Callable[[Page], None], ...]]] = {
-    "first visit": ("/?tour=1", (first_tour,)),
+    "first visit": ("/?tour=1", (first_tour, next_of_tour, next_of_tour, next_of_tour)),
     "uploads": ("home", (refused_and_waiting_uploads,)),
     "chosen recordings": ("recordings", (chosen_recordings,)),
     "running job": ("running", (wanted_notification,)),
@@ -166,7 +173,7 @@ def test_a_state_is_accessible_at_every_size(tab: Tab, lab: Lab, addresses: dict
     page = opened(tab, where) if address.startswith("view-") else tab.go(where)
     page.evaluate(Axe().axe_script)
     result: dict[str, list[str]] = {}
-    for reach in states:
+    for number, reach in enumerate(states):
         page.set_viewport_size({"width": SIZES[0][0], "height": SIZES[0][1]})
         reach(page)
         for width, height in SIZES:
@@ -176,7 +183,7 @@ def test_a_state_is_accessible_at_every_size(tab: Tab, lab: Lab, addresses: dict
                 page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
                 page.evaluate(TWO_PICTURES)
                 if wrong := page.evaluate(FAULTS, [options, COUNTED]):
-                    result[f"{reach.__name__}, {width}, {scheme}"] = wrong
+                    result[f"{number} {reach.__name__}, {width}, {scheme}"] = wrong
         page.evaluate(SHEET, False)
         if page.locator("dialog[open]").count():
             page.keyboard.press("Escape")

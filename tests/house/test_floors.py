@@ -30,8 +30,9 @@ for wing in (WINGS, ROBOT_WING):
 for floor, room in enumerate(STUDIES):
     ALLOWED[room] = SCIENCE | set(STUDIES[: floor + 1])
 ALLOWED["schemas"] = {"schemas"}
+ALLOWED["translations"] = {"schemas", "translations"}
 ALLOWED["client"] = {"schemas", "client"}
-ALLOWED["pipelines"] = NUMERIC | {"schemas", "pipelines"}
+ALLOWED["pipelines"] = NUMERIC | {"schemas", "translations", "pipelines"}
 ALLOWED["service"] = NUMERIC | {"schemas", "client", "pipelines", "service"}
 ALLOWED["cli"] = NUMERIC | {"schemas", "client", "pipelines", "service", "cli"}
 ALLOWED["library"] = ALLOWED["service"] | {"library"}
@@ -86,7 +87,7 @@ def test_the_frontend_knows_the_backend_by_http_only(path: Path) -> None:
     for name in imports(path):
         top, _, rest = name.partition(".")
         if top == "stridelab":
-            assert rest.partition(".")[0] in {"client", "schemas", "machine", "__version__"}, (
+            assert rest.partition(".")[0] in {"client", "schemas", "translations", "machine", "__version__"}, (
                 f"the frontend must not import {name}"
             )
 

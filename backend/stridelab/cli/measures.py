@@ -23,6 +23,7 @@ from stridelab.schemas.measures import (
 from stridelab.schemas.recordings import RecordingPatch, SubjectFields
 from stridelab.service.local_recordings import ReportWalks, people_in, report_task, share_by_day, stage_walks
 from stridelab.service.local_runs import RESULT_FILE, collect_recordings, validate_options, write_result
+from stridelab.service.settings import current_settings
 
 if TYPE_CHECKING:
     from stridelab.client import Client
@@ -123,6 +124,10 @@ def report_gait(
         list[Path] | None, typer.Option("--before", help="Earlier recordings of the person, or folders; repeatable.")
     ] = None,
     title: Annotated[str | None, typer.Option("--title", help="Heading; the only place for a name.")] = None,
+    language: Annotated[
+        str | None,
+        typer.Option("--language", help="Language of the report: en, de, fr or ja; else STRIDELAB_LANGUAGE, else en."),
+    ] = None,
     pdf: Annotated[bool, typer.Option("--pdf", help="Also write report.pdf; needs no browser.")] = False,
     person: StatedPerson,
     method: BestMethod = None,
@@ -139,7 +144,8 @@ def report_gait(
 
     def compute_result(folder: Path) -> JobResult:
         run = _report_here if delivery.server is None else _report_there
-        result = run(walks, subject, {"title": title, "method": method}, static, folder, delivery)
+        fields = {"title": title, "method": method, "language": language or current_settings().language or "en"}
+        result = run(walks, subject, fields, static, folder, delivery)
         if not pdf:
             (folder / PDF).unlink()
             kept = [one for one in result.artifacts if one.name != PDF]

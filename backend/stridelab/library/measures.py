@@ -127,6 +127,7 @@ def gait_report(
     reference: str | Path | None = None,
     before: str | Path | Sequence[str | Path] = (),
     title: str | None = None,
+    language: str = "en",
     method: str | None = None,
     static: str | Path | None = None,
     progress: Progress | None = None,
@@ -140,6 +141,7 @@ def gait_report(
             one person.
         before: Earlier recordings of the person, or folders; the report then states the change.
         title: Heading of the report; no name of a person appears anywhere else, except in the names of files.
+        language: Language of the report: "en", "de", "fr" or "ja".
         method: An estimator of the centre of mass by name; None takes the best one.
         static: A static trial of the person.
         progress: Called with a fraction from 0 to 1 and a message.
@@ -160,6 +162,6 @@ def gait_report(
     walks = ReportWalks(paths_of(recordings), people, paths_of(before))
     subject = validate_fields(SubjectFields, person)
     with tempfile.TemporaryDirectory(prefix="stridelab-") as name:
-        fields = {"title": title, "method": method}
+        fields = {"title": title, "method": method, "language": language}
         task = report_task(walks, subject, fields, None if static is None else Path(static), Path(name))
         return GaitReport(task.input, _compose_report(task, Path(name), progress or ignore_progress))

@@ -11,6 +11,7 @@ from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.methods import Method
 from stridelab.schemas.population import MAX_RECORDINGS, LeftOut, refuse_repeated_recordings
 from stridelab.schemas.quality import Quality, TrialQuality
+from stridelab.schemas.service import Language
 from stridelab.schemas.sessions import SessionId
 from stridelab.schemas.tasks import EstimateComTask
 
@@ -91,6 +92,7 @@ class GaitReportInput(Contract):
     method: Method | None = Field(
         default=None, description="estimator of the centre of mass; null selects it as in `estimate-com`"
     )
+    language: Language = Field(default="en", description="language of the report; its tables are English")
 
     @model_validator(mode="after")
     def _check_ids(self) -> "GaitReportInput":

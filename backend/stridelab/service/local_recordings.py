@@ -116,7 +116,7 @@ def report_task(
     static: Path | None,
     folder: Path,
 ) -> GaitReportTask:
-    """Task of ``gait-report`` with copies of all files in ``folder``; ``fields`` are title and method."""
+    """Task of ``gait-report`` with copies of all files in ``folder``; ``fields`` are title, method and language."""
     from stridelab.service.kinds.gait_report.kind import stage_logo
     from stridelab.service.settings import current_settings
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from stridelab.schemas.recordings import PlateInfo, Recording
-from stridelab_web.languages import gettext
+from stridelab.translations.catalogue import gettext
 
 MAX_TICKS = 8
 MIN_NUMBERED_PERCENT = 1.6

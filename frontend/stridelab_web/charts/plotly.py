@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from stridelab_web.languages import gettext
+from stridelab.translations.catalogue import gettext
 from stridelab_web.parquet import Columns
 
 MAX_SAMPLES = 6000

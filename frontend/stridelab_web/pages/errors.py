@@ -8,7 +8,7 @@ from starlette.responses import Response
 
 from stridelab.client import ProblemError, Unreachable
 from stridelab.schemas.base import FaultItem
-from stridelab_web.languages import ENGLISH, current_language, gettext, translate_text
+from stridelab.translations.catalogue import ENGLISH, current_language, gettext, translate_text
 from stridelab_web.pages.render import render_page
 
 TITLES = {

@@ -14,9 +14,9 @@ from starlette.responses import Response
 from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import Job
 from stridelab.schemas.scenarios import StoredScenario
+from stridelab.translations.catalogue import gettext
 from stridelab_web.api_client import client_of, none_if_missing
 from stridelab_web.config import WebConfig
-from stridelab_web.languages import gettext
 from stridelab_web.pages.lists import subjects_of_jobs
 from stridelab_web.pages.render import render_page
 from stridelab_web.pages.scenarios.page import scenario_cards

@@ -8,21 +8,19 @@ from starlette.responses import HTMLResponse
 
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.schemas.service import Language
-from stridelab_web.assets import TEMPLATES
-from stridelab_web.book.contents import section_page
-from stridelab_web.config import WebConfig
-from stridelab_web.formatting import FILTERS
-from stridelab_web.languages import (
+from stridelab.translations.catalogue import (
     ENGLISH,
     current_language,
     gettext,
     in_language,
-    language_links,
-    reader_language,
-    script_catalogue,
     translate_count,
     translate_text,
 )
+from stridelab_web.assets import TEMPLATES
+from stridelab_web.book.contents import section_page
+from stridelab_web.config import WebConfig
+from stridelab_web.formatting import FILTERS
+from stridelab_web.languages import language_links, reader_language, script_catalogue
 
 NAVIGATION: Final = (
     ("Home", "/"),

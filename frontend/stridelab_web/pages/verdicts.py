@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from stridelab.schemas.jobs import Job
-from stridelab_web.languages import gettext
+from stridelab.translations.catalogue import gettext
 
 
 @dataclass(frozen=True)

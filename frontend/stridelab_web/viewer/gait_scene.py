@@ -7,7 +7,7 @@ import numpy as np
 import viser
 
 from stridelab.schemas.recordings import Recording
-from stridelab_web.languages import gettext
+from stridelab.translations.catalogue import gettext
 from stridelab_web.scene import com_frames, cycloid_frames, stability_frames
 from stridelab_web.scene.frames import Frames
 from stridelab_web.scene.second_walk import OTHER

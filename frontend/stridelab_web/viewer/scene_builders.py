@@ -15,8 +15,8 @@ from stridelab.client import Client, ProblemError
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.robots import Measure, RobotFacts
 from stridelab.schemas.scenarios import Scenario, StoredScenario
+from stridelab.translations.catalogue import in_language
 from stridelab_web.config import ANONYMOUS_KEY
-from stridelab_web.languages import in_language
 from stridelab_web.scene.contacts import half_sizes
 from stridelab_web.scene.documents import Document, DocumentKind
 from stridelab_web.scene.frames import Frames

@@ -18,7 +18,7 @@ import websockets
 from websockets.sync.client import connect
 
 from stridelab.client import ProblemError
-from stridelab_web.languages import LANGUAGES
+from stridelab.translations.catalogue import LANGUAGES
 from stridelab_web.parquet import read_columns
 from stridelab_web.scene.documents import USER_HEADER, Document, DocumentKind
 from stridelab_web.scene.recording_frames import build_frames

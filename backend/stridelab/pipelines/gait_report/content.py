@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from stridelab.measures.gait_cycle import CurveName
 from stridelab.pipelines.gait_report.logo import Logo
+from stridelab.schemas.service import Language
 
 Label = Literal["left", "right", "reference"]
 
@@ -110,6 +111,7 @@ class TrialRow:
 class ReportContent:
     """The report. Pairs are of a name and its text."""
 
+    language: Language
     title: str
     lab_name: str
     logo: Logo | None

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from stridelab.measures.gait_cycle import N_SAMPLES
 from stridelab.pipelines.gait_report.content import Curve, Label, Panel
+from stridelab.translations.catalogue import gettext
 
 Point = tuple[float, float]
 Place = Callable[[float, float], Point]
@@ -80,7 +81,7 @@ def draw_panel(panel: Panel) -> Drawing:
     left, top, right, bottom = _PLOT
     items: list[Item] = [Text(0.0, 3.0, panel.title, 3.0, bold=True), Text(0.0, 6.8, panel.caption, _SIZE, colour=PALE)]
     if not panel.curves:
-        items.append(Text((left + right) / 2, (top + bottom) / 2, "not measured", _SIZE, "middle", PALE))
+        items.append(Text((left + right) / 2, (top + bottom) / 2, gettext("not measured"), _SIZE, "middle", PALE))
         return Drawing(WIDTH, HEIGHT, tuple(items))
     drawn = [*([panel.reference] if panel.reference else []), *panel.curves]
     low, high = _limits(drawn)

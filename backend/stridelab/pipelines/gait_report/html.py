@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from stridelab.pipelines.gait_report.content import ReportContent
 from stridelab.pipelines.gait_report.drawing import Area, Drawing, Item, Line, Point, draw_panel, legend
+from stridelab.translations.catalogue import gettext, in_language
 
 TEMPLATE: Final = "report.html.j2"
 
@@ -16,12 +17,14 @@ TEMPLATE: Final = "report.html.j2"
 def render_html(content: ReportContent) -> str:
     """The page; every text of ``content`` is escaped."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    environment.globals["_"] = gettext
     template = environment.from_string((Path(__file__).parent / TEMPLATE).read_text(encoding="utf-8"))
-    return template.render(
-        report=content,
-        drawings=[draw_svg(draw_panel(panel), panel.title) for panel in content.panels],
-        keys=[(label, draw_svg(line, label)) for label, line in legend(content.panels)],
-    )
+    with in_language(content.language):
+        return template.render(
+            report=content,
+            drawings=[draw_svg(draw_panel(panel), panel.title) for panel in content.panels],
+            keys=[(gettext(label), draw_svg(line, gettext(label))) for label, line in legend(content.panels)],
+        )
 
 
 def draw_svg(drawing: Drawing, title: str) -> Markup:

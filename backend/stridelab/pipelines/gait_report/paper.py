@@ -2,11 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import Final
-
-from reportlab.pdfbase import pdfmetrics
-from reportlab.pdfbase.ttfonts import TTFont
 
 from stridelab.pipelines.gait_report.content import Cell, ReportContent, Row, Tile
 from stridelab.pipelines.gait_report.drawing import (
@@ -22,6 +18,8 @@ from stridelab.pipelines.gait_report.drawing import (
     draw_panel,
     legend,
 )
+from stridelab.pipelines.gait_report.fonts import REPLACEMENT, printable, text_width_mm, wrap_text
+from stridelab.translations.catalogue import gettext
 
 PAGE_WIDTH: Final = 210.0
 PAGE_HEIGHT: Final = 297.0
@@ -30,19 +28,13 @@ TOP_EDGE: Final = 13.0
 RIGHT_EDGE: Final = PAGE_WIDTH - LEFT_EDGE
 BOTTOM_EDGE: Final = PAGE_HEIGHT - 15.0
 WIDTH: Final = RIGHT_EDGE - LEFT_EDGE
-FONT: Final = "Vera"
-BOLD_FONT: Final = "VeraBd"
 SIZE: Final = 2.4
 SMALL: Final = 2.0
 LEADING: Final = 1.32
 """Distance of base lines per size."""
-REPLACEMENT: Final = "?"
 LOGO_BOX: Final = (45.0, 14.0)
 VERDICT_COLOURS: Final = {"good": "#0b6b3a", "doubtful": "#8a5a00", "contradicted": "#b3261e"}
 DOUBT: Final = VERDICT_COLOURS["doubtful"]
-LOST_NOTE: Final = (
-    f'Characters that the font of this document lacks are written as "{REPLACEMENT}"; the HTML report has them.'
-)
 
 
 @dataclass(frozen=True)
@@ -71,47 +63,6 @@ class Column:
 
 Lines = Sequence[tuple[str, float, str]]
 """Lines of a table cell: text, size and colour."""
-
-
-@cache
-def register_fonts() -> None:
-    """Make the fonts known, which come with reportlab and are embedded in the document."""
-    for name in (FONT, BOLD_FONT):
-        pdfmetrics.registerFont(TTFont(name, f"{name}.ttf"))
-
-
-def text_width_mm(text: str, size: float, *, bold: bool = False) -> float:
-    """Width of a text."""
-    register_fonts()
-    return float(pdfmetrics.stringWidth(text, BOLD_FONT if bold else FONT, size))
-
-
-def wrap_text(text: str, size: float, width: float, *, bold: bool = False) -> list[str]:
-    """Lines of at most ``width``; words that are longer are divided."""
-    lines: list[str] = []
-    line = ""
-    for word in text.split():
-        longer = f"{line} {word}".strip()
-        if text_width_mm(longer, size, bold=bold) <= width:
-            line = longer
-            continue
-        if line:
-            lines.append(line)
-        line = word
-        while text_width_mm(line, size, bold=bold) > width and len(line) > 1:
-            fits = next(
-                k for k in range(len(line) - 1, 0, -1) if k == 1 or text_width_mm(line[:k], size, bold=bold) <= width
-            )
-            lines.append(line[:fits])
-            line = line[fits:]
-    return [*lines, line] if line else lines
-
-
-def printable(text: str) -> str:
-    """``text`` with the characters that the font lacks replaced."""
-    register_fonts()
-    known = pdfmetrics.getFont(FONT).face.charToGlyph
-    return "".join(character if ord(character) in known else REPLACEMENT for character in text)
 
 
 @dataclass
@@ -198,27 +149,35 @@ def lay_out(content: ReportContent) -> list[Page]:
     _panels(layout, content)
     _measures(layout, content)
     _changes(layout, content)
-    for title, pairs in (("Not measured", content.missing), ("Recordings left out", content.left_out)):
+    for title, pairs in (
+        (gettext("Not measured"), content.missing),
+        (gettext("Recordings left out"), content.left_out),
+    ):
         if pairs:
             layout.heading(title, 4.0)
             for what, reason in pairs:
                 layout.paragraph(f"{what}: {reason}")
     if content.remarks:
-        layout.heading("Remarks", 4.0)
+        layout.heading(gettext("Remarks"), 4.0)
         for text in content.remarks:
             layout.paragraph(text)
     _recordings(layout, content)
-    layout.heading("Settings", 4.0)
+    layout.heading(gettext("Settings"), 4.0)
     layout.paragraph(" · ".join(f"{name}: {text}" for name, text in content.settings))
-    layout.heading("References", 4.0)
+    layout.heading(gettext("References"), 4.0)
     for text in content.references:
         layout.paragraph(text, size=SMALL)
     if layout.has_lost:
-        layout.paragraph(LOST_NOTE, size=SMALL, colour=PALE)
+        lost = gettext(
+            "Characters that the font of this document lacks are written as %(replacement)s; the HTML report has them.",
+            replacement=REPLACEMENT,
+        )
+        layout.paragraph(lost, size=SMALL, colour=PALE)
     for number, page in enumerate(layout.pages, start=1):
         foot = PAGE_HEIGHT - 9.0
+        foot_text = gettext("Page %(page)s of %(pages)s", page=number, pages=len(layout.pages))
         page.append(Text(LEFT_EDGE, foot, f"{content.version} · {content.created_on}", SMALL, colour=PALE))
-        page.append(Text(RIGHT_EDGE, foot, f"Page {number} of {len(layout.pages)}", SMALL, "end", PALE))
+        page.append(Text(RIGHT_EDGE, foot, foot_text, SMALL, "end", PALE))
     return layout.pages
 
 
@@ -234,12 +193,8 @@ def _header(layout: _Layout, content: ReportContent) -> None:
     for line in wrap_text(content.title, 5.0, room, bold=True):
         layout.put(Text(LEFT_EDGE, layout.y + 4.5, line, 5.0, bold=True))
         layout.y += 6.2
-    subtitle = (
-        f"{content.lab_name} · Report of {content.created_on}"
-        if content.lab_name
-        else f"Report of {content.created_on}"
-    )
-    for line in wrap_text(subtitle, SIZE, room):
+    dated = gettext("Report of %(date)s", date=content.created_on)
+    for line in wrap_text(f"{content.lab_name} · {dated}" if content.lab_name else dated, SIZE, room):
         layout.put(Text(LEFT_EDGE, layout.y + SIZE, line, SIZE, colour=PALE))
         layout.y += SIZE * LEADING
     layout.y = max(layout.y + 1.5, bottom)
@@ -247,7 +202,8 @@ def _header(layout: _Layout, content: ReportContent) -> None:
     layout.y += 1.5
     layout.paragraph(" · ".join(f"{name}: {text}" for name, text in content.facts))
     top = layout.y
-    layout.paragraph(f"Quality: {content.verdict}. {content.verdict_note}", indent=3.0)
+    verdict = gettext("Quality: %(verdict)s.", verdict=gettext(content.verdict))
+    layout.paragraph(f"{verdict} {content.verdict_note}", indent=3.0)
     for text in content.cautions:
         layout.paragraph(text, indent=3.0)
     layout.put(Area(_rectangle(LEFT_EDGE, top, 1.0, layout.y - top), VERDICT_COLOURS.get(content.verdict, PALE)))
@@ -283,7 +239,7 @@ def _tile_lines(tile: Tile, width: float) -> list[Text]:
         lines.append((tile.value, 4.2, INK, True))
         lines += [(text, SMALL, PALE, False) for text in (tile.interval, tile.sides, tile.symmetry) if text]
     else:
-        lines += [("not measured", 3.0, DOUBT, False), (tile.reason, SMALL, PALE, False)]
+        lines += [(gettext("not measured"), 3.0, DOUBT, False), (tile.reason, SMALL, PALE, False)]
     return [
         Text(0.0, 0.0, line, size, colour=colour, bold=bold)
         for text, size, colour, bold in lines
@@ -296,7 +252,7 @@ def _panels(layout: _Layout, content: ReportContent) -> None:
     drawings = [draw_panel(panel) for panel in content.panels]
     keys = legend(content.panels)
     if keys:
-        layout.heading("Gait cycle", drawings[0].height)
+        layout.heading(gettext("Gait cycle"), drawings[0].height)
         for start in range(0, len(drawings), 2):
             layout.require(drawings[start].height + 2.0)
             for drawing, x in zip(
@@ -308,22 +264,24 @@ def _panels(layout: _Layout, content: ReportContent) -> None:
         x = LEFT_EDGE
         for label, line in keys:
             layout.draw(line, x, layout.y + 0.4)
-            layout.put(Text(x + line.width + 1.5, layout.y + 2.2, label, SIZE))
-            x += line.width + 6.0 + text_width_mm(label, SIZE)
+            name = gettext(label)
+            layout.put(Text(x + line.width + 1.5, layout.y + 2.2, name, SIZE))
+            x += line.width + 6.0 + text_width_mm(name, SIZE)
         layout.y += 4.0
     layout.paragraph(content.panel_note, size=SMALL, colour=PALE)
 
 
 def _measures(layout: _Layout, content: ReportContent) -> None:
-    layout.heading("Measures", 20.0)
+    layout.heading(gettext("Measures"), 20.0)
     wide = [30.0, 30.0, 30.0, 17.0]
-    columns = [Column("Measure", 61.0, numeric=False), Column("Unit", 14.0, numeric=False)]
+    columns = [Column(gettext("Measure"), 61.0, numeric=False), Column(gettext("Unit"), 14.0, numeric=False)]
     if content.is_compared:
         wide = [22.5, 22.5, 22.5, 14.0]
-        columns = [Column("Measure", 35.0, numeric=False), Column("Unit", 9.5, numeric=False)]
-    columns += [Column(name, w) for name, w in zip(("Left", "Right", "Both", "Symmetry"), wide, strict=True)]
+        columns = [Column(gettext("Measure"), 35.0, numeric=False), Column(gettext("Unit"), 9.5, numeric=False)]
+    sides = gettext("Left"), gettext("Right"), gettext("Both"), gettext("Symmetry")
+    columns += [Column(name, w) for name, w in zip(sides, wide, strict=True)]
     if content.is_compared:
-        columns += [Column("Reference", 19.0), Column("Difference", 21.0), Column("z", 15.5)]
+        columns += [Column(gettext("Reference"), 19.0), Column(gettext("Difference"), 21.0), Column("z", 15.5)]
     layout.table(columns, [_measure_cells(row, compared=content.is_compared) for row in content.rows])
     layout.paragraph(f"{content.table_note} {content.reference_note}".strip(), size=SMALL, colour=PALE)
 
@@ -356,9 +314,10 @@ def _plain(text: str) -> Lines:
 def _changes(layout: _Layout, content: ReportContent) -> None:
     if not content.changes:
         return
-    layout.heading("Before and after", 20.0)
-    columns = [Column("Measure", 66.0, numeric=False), Column("Unit", 14.0, numeric=False)]
-    columns += [Column(name, 25.0) for name in ("Before", "After", "Change")] + [Column("95 %", 27.0)]
+    layout.heading(gettext("Before and after"), 20.0)
+    columns = [Column(gettext("Measure"), 66.0, numeric=False), Column(gettext("Unit"), 14.0, numeric=False)]
+    titles = gettext("Before"), gettext("After"), gettext("Change")
+    columns += [Column(name, 25.0) for name in titles] + [Column("95 %", 27.0)]
     rows = [
         [_plain(text) for text in (one.title, one.unit, one.before, one.after, one.change, one.interval or "–")]
         for one in content.changes
@@ -368,11 +327,18 @@ def _changes(layout: _Layout, content: ReportContent) -> None:
 
 
 def _recordings(layout: _Layout, content: ReportContent) -> None:
-    layout.heading("Recordings", 12.0)
-    widths = {"File": 58.0, "Recorded": 22.0, "Steps": 29.0, "Speed": 18.0, "Estimator": 22.0, "Quality": 33.0}
+    layout.heading(gettext("Recordings"), 12.0)
+    columns = [
+        Column(gettext("File"), 58.0, numeric=False),
+        Column(gettext("Recorded"), 22.0, numeric=False),
+        Column(gettext("Steps"), 29.0, numeric=False),
+        Column(gettext("Speed"), 18.0, numeric=False),
+        Column(gettext("Estimator"), 22.0, numeric=False),
+        Column(gettext("Quality"), 33.0, numeric=False),
+    ]
     rows = []
     for one in content.trials:
         cells = [_plain(text) for text in (one.filename, one.recorded_on, one.steps, one.speed, one.method)]
         quality = [(one.verdict, SIZE, INK)] + ([(one.note, SMALL, PALE)] if one.note else [])
         rows.append([*cells, quality])
-    layout.table([Column(name, width, numeric=False) for name, width in widths.items()], rows)
+    layout.table(columns, rows)

@@ -9,26 +9,32 @@ from reportlab.pdfgen.canvas import Canvas
 
 from stridelab.pipelines.gait_report.content import ReportContent
 from stridelab.pipelines.gait_report.drawing import Area, Line, Text
+from stridelab.pipelines.gait_report.fonts import JAPANESE, font_name
 from stridelab.pipelines.gait_report.paper import (
-    BOLD_FONT,
-    FONT,
     PAGE_HEIGHT,
     PAGE_WIDTH,
     PageItem,
     Picture,
     lay_out,
-    register_fonts,
 )
+from stridelab.translations.catalogue import in_language
 
 POINTS_PER_MM: Final = 72.0 / 25.4
+OUTLINE: Final = 0.03
+"""Width of the outline of a bold text in a font without a bold face, per size of the text."""
+FILLED_AND_OUTLINED: Final = 2
 
 
 def render_pdf(content: ReportContent) -> bytes:
     """The document, on pages of A4."""
-    register_fonts()
+    with in_language(content.language):
+        return _render(content)
+
+
+def _render(content: ReportContent) -> bytes:
     buffer = io.BytesIO()
     size = (PAGE_WIDTH * POINTS_PER_MM, PAGE_HEIGHT * POINTS_PER_MM)
-    canvas = Canvas(buffer, pagesize=size, invariant=1, pageCompression=1, lang="en")
+    canvas = Canvas(buffer, pagesize=size, invariant=1, pageCompression=1, lang=content.language)
     canvas.setTitle(content.title)
     canvas.setAuthor(content.lab_name)
     canvas.setCreator(content.version)
@@ -48,10 +54,16 @@ def _draw_item(canvas: Canvas, item: PageItem) -> None:
         image = ImageReader(io.BytesIO(item.content))
         canvas.drawImage(image, x, y, item.width * POINTS_PER_MM, item.height * POINTS_PER_MM, mask="auto")
     elif isinstance(item, Text):
-        canvas.setFont(BOLD_FONT if item.bold else FONT, item.size * POINTS_PER_MM)
+        name = font_name(bold=item.bold)
+        canvas.setFont(name, item.size * POINTS_PER_MM)
         canvas.setFillColor(HexColor(item.colour))
         draw = {"start": canvas.drawString, "middle": canvas.drawCentredString, "end": canvas.drawRightString}
-        draw[item.anchor](*_at(item.x, item.y), item.text)
+        outlined = item.bold and name == JAPANESE
+        if outlined:
+            canvas.setStrokeColor(HexColor(item.colour))
+            canvas.setDash([])
+            canvas.setLineWidth(OUTLINE * item.size * POINTS_PER_MM)
+        draw[item.anchor](*_at(item.x, item.y), item.text, mode=FILLED_AND_OUTLINED if outlined else None)
     else:
         _draw_path(canvas, item)
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from stridelab.pipelines.gait_measures import SIDES, GaitMeasuresResult, MeasuredRecording
 from stridelab.schemas.measures import MEASURE_TITLES, GaitReportSummary, measure_title
+from stridelab.translations.catalogue import gettext, ngettext, translate_sentence
 
 REASON_OF: Final[Mapping[str, str]] = {
     "cadence": "step_time",
@@ -41,32 +42,60 @@ SAME_HEIGHT_M: Final = 0.03
 SAME_MASS: Final = 0.15
 """Differences of the stated height, and of the body mass in relation to the smallest, beyond those of one person."""
 SIGNIFICANT_Z: Final = 2.0
+NO_STEP: Final[Mapping[str, str]] = {
+    "left": "No whole step of the left foot is measured.",
+    "right": "No whole step of the right foot is measured.",
+}
+STEP_NOT_ALLOWING: Final[Mapping[str, str]] = {
+    "left": "No step of the left foot allows it.",
+    "right": "No step of the right foot allows it.",
+}
+WHOLE_STEP_NOT_ALLOWING: Final[Mapping[str, str]] = {
+    "left": "No whole step of the left foot allows it.",
+    "right": "No whole step of the right foot allows it.",
+}
 
 
 def cautions_of(result: GaitMeasuresResult, summary: GaitReportSummary) -> tuple[str, ...]:
     """What a reader should know before the numbers."""
-    cautions = [one.message for one in summary.warnings if one.code == "force-not-used"]
+    cautions = [
+        translate_sentence(one.message) or one.message for one in summary.warnings if one.code == "force-not-used"
+    ]
     if _may_be_several_people(result.recordings):
         cautions.append(
-            "Height or body mass differ between the recordings more than those of one person do: report people one by "
-            "one."
+            gettext(
+                "Height or body mass differ between the recordings more than those of one person do: report people one "
+                "by one."
+            )
         )
     missing = [side for side in SIDES if not summary.sides.get(side)]
-    cautions += [f"No whole step of the {side} foot is measured." for side in missing]
+    cautions += [gettext(NO_STEP[side]) for side in missing]
     if summary.steps < FEW_STEPS and not missing:
-        steps = count_of(summary.steps, "step is", "steps are")
-        cautions.append(f"Only {steps} measured: symmetry and scatter between the steps are uncertain.")
+        cautions.append(
+            ngettext(
+                "Only %(num)s step is measured: symmetry and scatter between the steps are uncertain.",
+                "Only %(num)s steps are measured: symmetry and scatter between the steps are uncertain.",
+                summary.steps,
+            )
+        )
     speeds = [speed for one in result.recordings if (speed := speed_m_s_of(one)) is not None]
     if speeds and max(speeds) - min(speeds) > MAX_SPEED_SPREAD * float(np.mean(speeds)):
         cautions.append(
-            f"The recordings have speeds from {min(speeds):.2f} to {max(speeds):.2f} m/s. Most measures depend on the "
-            "speed: report the conditions one by one."
+            gettext(
+                "The recordings have speeds from %(low)s to %(high)s m/s. Most measures depend on the speed: report "
+                "the conditions one by one.",
+                low=f"{min(speeds):.2f}",
+                high=f"{max(speeds):.2f}",
+            )
         )
     apart = next((one for one in summary.reference if one.name == "walking_speed"), None)
     if apart is not None and apart.z is not None and abs(apart.z) > SIGNIFICANT_Z:
         cautions.append(
-            f"The person walks at another speed than the reference group (z = {apart.z:+.1f}); other differences may "
-            "follow from that."
+            gettext(
+                "The person walks at another speed than the reference group (z = %(score)s); other differences may "
+                "follow from that.",
+                score=f"{apart.z:+.1f}",
+            )
         )
     return tuple(dict.fromkeys(cautions))
 
@@ -91,24 +120,21 @@ def missing_measures(summary: GaitReportSummary) -> tuple[tuple[str, str], ...]:
     grouped: dict[str, list[str]] = {}
     for name in MEASURE_TITLES:
         if (name, None) not in given:
-            grouped.setdefault(missing_reason(name, summary), []).append(measure_title(name))
+            grouped.setdefault(missing_reason(name, summary), []).append(gettext(measure_title(name)))
             continue
         if name.startswith("limb_work_") or not {(name, side) for side in SIDES} & given:
             continue
         for side in SIDES:
             if (name, side) not in given:
-                reason = f"No {'step' if summary.sides.get(side) else 'whole step'} of the {side} foot allows it."
-                grouped.setdefault(reason, []).append(f"{measure_title(name)}, {side}")
+                reason = gettext((STEP_NOT_ALLOWING if summary.sides.get(side) else WHOLE_STEP_NOT_ALLOWING)[side])
+                grouped.setdefault(reason, []).append(f"{gettext(measure_title(name))}, {gettext(side)}")
     return tuple(("; ".join(titles), reason) for reason, titles in grouped.items())
 
 
 def missing_reason(name: str, summary: GaitReportSummary) -> str:
     """Why a measure is missing in the summary."""
     reasons = {one.name: one.message for one in summary.not_measured}
-    fallback = "No step of the recordings allows it: a marker is hidden or the estimate does not cover it."
-    return reasons.get(name) or reasons.get(REASON_OF.get(name, "")) or fallback
-
-
-def count_of(number: int, one: str, several: str) -> str:
-    """A number with its noun."""
-    return f"{number} {one if number == 1 else several}"
+    given = reasons.get(name) or reasons.get(REASON_OF.get(name, ""))
+    if given:
+        return translate_sentence(given) or given
+    return gettext("No step of the recordings allows it: a marker is hidden or the estimate does not cover it.")

@@ -19,6 +19,7 @@ from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.base import Remark
 from stridelab.schemas.measures import GaitMeasuresTask, GaitReportSummary, GaitReportTask, MeasuresMember
 from stridelab.schemas.population import LeftOut
+from stridelab.translations.catalogue import in_language
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,8 @@ def gait_report(task: GaitReportTask, folder: Path, progress: ProgressCallback) 
         if (mean := mean_curve(person.curves[name].mean_m for person in people if name in person.curves)) is not None
     }
     curves = person_curves(measured.recordings)
-    content = report_content(task, measured, summary, curves, reference, logo)
+    with in_language(task.input.language):
+        content = report_content(task, measured, summary, curves, reference, logo)
     return GaitReport(content, measured, summary)
 
 

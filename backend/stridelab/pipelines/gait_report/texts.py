@@ -1,15 +1,12 @@
-"""Writes the numbers of the measures as the texts of the report."""
+"""Writes the numbers of the measures as the texts of the report, in its language."""
 
 import re
-import unicodedata
 from collections.abc import Mapping, Sequence
-from functools import cache
 from typing import Any, Final
 
 import numpy as np
 
 import stridelab
-from stridelab.machine.models_folder import models_dir
 from stridelab.measures.gait_cycle import CURVE_NAMES, CurveName, CycleCurve, MeanCurve, mean_curve
 from stridelab.pipelines.gait_measures import SIDES, GaitMeasuresResult, MeasuredRecording
 from stridelab.pipelines.gait_report.content import (
@@ -23,10 +20,10 @@ from stridelab.pipelines.gait_report.content import (
     Tile,
     TrialRow,
 )
+from stridelab.pipelines.gait_report.literature import reference_text
 from stridelab.pipelines.gait_report.logo import Logo
 from stridelab.pipelines.gait_report.reasons import (
     cautions_of,
-    count_of,
     missing_measures,
     missing_reason,
     speed_m_s_of,
@@ -45,6 +42,7 @@ from stridelab.schemas.measures import (
     measure_title,
 )
 from stridelab.schemas.population import LeftOut
+from stridelab.translations.catalogue import gettext, ngettext, translate_sentence
 
 TILES: Final[Mapping[str, str]] = {
     "walking_speed": "Speed",
@@ -64,8 +62,6 @@ PANELS: Final[Mapping[CurveName, tuple[str, str]]] = {
 }
 """Title and caption of every chart."""
 MASS_SOURCES: Final = {"stated": "as stated", "file": "from the file", "force": "measured by the force plates"}
-NOT_KNOWN: Final = "not known"
-NO_MEANING: Final = "means nothing"
 
 
 def report_content(
@@ -76,33 +72,36 @@ def report_content(
     reference_curves: Mapping[CurveName, MeanCurve],
     logo: Logo | None,
 ) -> ReportContent:
-    """Texts of the report; ``curves`` are those of the person, ``reference_curves`` the means of the people."""
+    """Texts of the report in the current language; ``curves`` are the person's, ``reference_curves`` the people's."""
     quality = summary.quality
     wrong = dict.fromkeys(
-        check.message for trial in summary.trials for check in trial.quality.checks if not check.passed
+        _translated(check.message) for trial in summary.trials for check in trial.quality.checks if not check.passed
     )
-    steps = f"{summary.steps} (left {summary.sides.get('left', 0)}, right {summary.sides.get('right', 0)})"
+    left, right = (summary.sides.get(side, 0) for side in SIDES)
+    steps = gettext("%(number)s (left %(left)s, right %(right)s)", number=summary.steps, left=left, right=right)
+    passed = gettext("%(number)s checks of the sensors against each other passed.", number=len(quality.checks))
     rows = _rows(summary)
     return ReportContent(
-        title=task.input.title or "Gait report",
+        language=task.input.language,
+        title=task.input.title or gettext("Gait report"),
         lab_name=task.lab_name,
         logo=logo,
         created_on=task.created_on.isoformat(),
         version=f"stridelab {stridelab.__version__}",
         verdict=quality.verdict,
-        verdict_note=" ".join(wrong) or f"{len(quality.checks)} checks of the sensors against each other passed.",
+        verdict_note=" ".join(wrong) or passed,
         cautions=cautions_of(result, summary),
         facts=(
-            ("Steps", steps),
-            ("Recordings", str(summary.n_recordings)),
-            ("Body mass", mass_text(result.recordings)),
-            ("Height", height_text(result.recordings)),
+            (gettext("Steps"), steps),
+            (gettext("Recordings"), str(summary.n_recordings)),
+            (gettext("Body mass"), mass_text(result.recordings)),
+            (gettext("Height"), height_text(result.recordings)),
         ),
-        tiles=tuple(_tile(name, title, summary) for name, title in TILES.items()),
+        tiles=tuple(_tile(name, gettext(title), summary) for name, title in TILES.items()),
         panels=tuple(_panel(name, curves, reference_curves.get(name)) for name in CURVE_NAMES),
         panel_note=_panel_note(curves, summary.reference_people),
         rows=rows,
-        table_note=(
+        table_note=gettext(
             "Mean ± standard deviation between the steps, 95 % interval of the mean, and number n of steps or strides. "
             "The interval also has the measurement error; two steps have none. "
             "Symmetry: (left - right) / mean of both sides. "
@@ -125,7 +124,7 @@ def _left_out(recordings: Sequence[LeftOut]) -> tuple[tuple[str, str], ...]:
     """Names of files joined by the reason."""
     grouped: dict[str, list[str]] = {}
     for one in recordings:
-        grouped.setdefault(one.message, []).append(one.filename)
+        grouped.setdefault(_translated(one.message), []).append(one.filename)
     return tuple((", ".join(names), reason) for reason, names in grouped.items())
 
 
@@ -134,21 +133,21 @@ def mass_text(recordings: Sequence[MeasuredRecording]) -> str:
     masses = [one.prepared.mass for one in recordings]
     known = [mass.known_kg for mass in masses if mass.known_kg is not None]
     if not known:
-        return "not known: neither stated, nor in the files, nor measured by force plates"
-    sources = ", ".join(dict.fromkeys(MASS_SOURCES[mass.source] for mass in masses if mass.source is not None))
+        return gettext("not known: neither stated, nor in the files, nor measured by force plates")
+    sources = ", ".join(dict.fromkeys(gettext(MASS_SOURCES[mass.source]) for mass in masses if mass.source is not None))
     if max(known) - min(known) < 0.1:
         sd = max(mass.sd_kg for mass in masses if mass.source is not None)
         return f"{np.mean(known):.1f} ± {sd:.1f} kg, {sources}"
-    return f"{min(known):.1f} to {max(known):.1f} kg, {sources}"
+    return f"{_translated_range(f'{min(known):.1f} to {max(known):.1f}')} kg, {sources}"
 
 
 def height_text(recordings: Sequence[MeasuredRecording]) -> str:
     """Stated height; of recordings that differ by 1 cm or more, the range."""
     known = [one.motion.stature_m for one in recordings if one.motion.stature_m is not None]
     if not known:
-        return NOT_KNOWN
+        return gettext("not known")
     is_one = max(known) - min(known) < 0.01
-    return f"{known[0]:.2f} m" if is_one else f"{min(known):.2f} to {max(known):.2f} m"
+    return f"{known[0]:.2f} m" if is_one else _translated_range(f"{min(known):.2f} to {max(known):.2f} m")
 
 
 def _tile(name: str, title: str, summary: GaitReportSummary) -> Tile:
@@ -157,15 +156,20 @@ def _tile(name: str, title: str, summary: GaitReportSummary) -> Tile:
     if both is None:
         return Tile(name, title, reason=missing_reason(name, summary))
     scale = measure_scale(name, both.unit)
-    sides = [f"{side} {scale.number(found[side].mean) if side in found else 'not measured'}" for side in SIDES]
+    sides = [
+        f"{gettext(side)} {scale.number(found[side].mean) if side in found else gettext('not measured')}"
+        for side in SIDES
+    ]
     has_sides = any(side in found for side in SIDES)
+    no_interval = gettext("n %(number)s: no 95 %% interval", number=both.n)
+    percent = "" if both.symmetry is None else f"{100.0 * both.symmetry:+z.1f}"
     return Tile(
         name,
         title,
         value=f"{scale.number(both.mean)} {scale.unit}".strip(),
-        interval=f"95 %: {interval}" if (interval := _interval(both)) else f"n {both.n}: no 95 % interval",
+        interval=f"95 %: {interval}" if (interval := _interval(both)) else no_interval,
         sides=" · ".join(sides) if has_sides else "",
-        symmetry="" if both.symmetry is None else f"symmetry {100.0 * both.symmetry:+z.1f} %",
+        symmetry=percent and gettext("symmetry %(percent)s %%", percent=percent),
     )
 
 
@@ -173,7 +177,7 @@ def _interval(one: MeasureValue) -> str:
     """Interval of the mean; empty if it is not known, and for two values: Student's quantile is then 12.7."""
     if one.ci95 is None or one.n == 2:
         return ""
-    return measure_scale(one.name, one.unit).interval(one.ci95)
+    return _translated_range(measure_scale(one.name, one.unit).interval(one.ci95))
 
 
 def _rows(summary: GaitReportSummary) -> tuple[Row, ...]:
@@ -187,7 +191,7 @@ def _rows(summary: GaitReportSummary) -> tuple[Row, ...]:
                 works = [found.get((f"limb_work_{side}_{match[2]}", None)) for side in SIDES]
                 if any(works):
                     title = f"{match[2].capitalize()} work of the leg"
-                    rows.append(Row(name, title, "J/kg", _cell(works[0]), _cell(works[1]), None))
+                    rows.append(Row(name, gettext(title), "J/kg", _cell(works[0]), _cell(works[1]), None))
             continue
         both = found.get((name, None))
         if both is None:
@@ -196,7 +200,7 @@ def _rows(summary: GaitReportSummary) -> tuple[Row, ...]:
         rows.append(
             Row(
                 name=name,
-                title=measure_title(name),
+                title=gettext(measure_title(name)),
                 unit=scale.unit,
                 left=_cell(found.get((name, "left"))),
                 right=_cell(found.get((name, "right"))),
@@ -220,14 +224,15 @@ def _beside_group(scale: MeasureScale, group: ReferenceValue) -> dict[str, Any]:
     """Fields of a row about the reference group; intervals of few people have no numbers."""
     sd = "" if group.between_sd is None else _spread(scale, group.between_sd)
     few = group.n_people < FEW_PEOPLE
-    interval = scale.interval(group.ci95)
-    score = "" if group.z_ci95 is None else f"{group.z_ci95[0]:+z.1f} to {group.z_ci95[1]:+z.1f}"
+    interval = _translated_range(scale.interval(group.ci95))
+    score = "" if group.z_ci95 is None else _translated_range(f"{group.z_ci95[0]:+z.1f} to {group.z_ci95[1]:+z.1f}")
+    no_meaning = gettext("means nothing")
     return {
         "reference": Cell(scale.number(group.mean), sd, "", group.n_people),
         "difference": "" if group.difference is None else scale.signed(group.difference),
-        "difference_interval": f"{interval}: {NO_MEANING}" if interval and few else interval,
+        "difference_interval": f"{interval}: {no_meaning}" if interval and few else interval,
         "z": "" if group.z is None else f"{group.z:+z.1f}",
-        "z_interval": NO_MEANING if score and few else score,
+        "z_interval": no_meaning if score and few else score,
     }
 
 
@@ -241,15 +246,21 @@ def _reference_note(summary: GaitReportSummary) -> str:
     people = summary.reference_people
     if not people:
         return ""
-    note = (
-        f"Reference group: {count_of(people, 'person', 'people')}, each counted once; mean ± standard deviation "
-        "between them, and z = (value - mean) / standard deviation. The difference is that of a mixed model over all "
-        "steps; its 95 % interval contains zero for 95 % of the people of such a group. The interval of z says how "
-        "precisely the score is known."
+    note = ngettext(
+        "Reference group: %(num)s person, counted once; mean ± standard deviation between the people, and "
+        "z = (value - mean) / standard deviation. The difference is that of a mixed model over all steps; its 95 %% "
+        "interval contains zero for 95 %% of the people of such a group. The interval of z says how precisely the "
+        "score is known.",
+        "Reference group: %(num)s people, each counted once; mean ± standard deviation between them, and "
+        "z = (value - mean) / standard deviation. The difference is that of a mixed model over all steps; its 95 %% "
+        "interval contains zero for 95 %% of the people of such a group. The interval of z says how precisely the "
+        "score is known.",
+        people,
     )
-    if people < FEW_PEOPLE:
-        note += f" Intervals and scores of fewer than {FEW_PEOPLE} people mean nothing."
-    return note
+    if people >= FEW_PEOPLE:
+        return note
+    few = gettext("Intervals and scores of fewer than %(number)s people mean nothing.", number=FEW_PEOPLE)
+    return f"{note} {few}"
 
 
 def _place_in_table(one: ChangeValue) -> int:
@@ -263,18 +274,20 @@ def _change(one: ChangeValue) -> Change:
         f"{scale.number(value)} (n {n})" for value, n in ((one.before, one.n_before), (one.after, one.n_after))
     )
     change = scale.signed(one.change)
-    return Change(one.name, measure_title(one.name), scale.unit, before, after, change, scale.interval(one.ci95))
+    interval = _translated_range(scale.interval(one.ci95))
+    return Change(one.name, gettext(measure_title(one.name)), scale.unit, before, after, change, interval)
 
 
 def _change_note(changes: Sequence[ChangeValue]) -> str:
     if not changes:
         return ""
-    note = (
+    note = gettext(
         "n recordings. Levels, change and its 95 % interval are those of a mixed model over all steps with a random "
         "intercept per recording; of the means of the recordings (Welch) where steps do not repeat."
     )
     if any(one.ci95 is None for one in changes):
-        note += " Without an interval: it needs two recordings before and two after."
+        without = gettext("Without an interval: it needs two recordings before and two after.")
+        return f"{note} {without}"
     return note
 
 
@@ -285,7 +298,13 @@ def _panel(name: CurveName, curves: Sequence[CycleCurve], reference: MeanCurve |
         mean = mean_curve(curve.value_m for curve in curves if curve.name == name and curve.side == side)
         if mean is not None:
             drawn.append(_curve(side, mean))
-    return Panel(name, title, caption, tuple(drawn), None if reference is None else _curve("reference", reference))
+    return Panel(
+        name,
+        gettext(title),
+        gettext(caption),
+        tuple(drawn),
+        None if reference is None else _curve("reference", reference),
+    )
 
 
 def _curve(label: Label, mean: MeanCurve) -> Curve:
@@ -296,14 +315,21 @@ def _panel_note(curves: Sequence[CycleCurve], people: int) -> str:
     first = CURVE_NAMES[0]
     counts = [sum(curve.side == side and curve.name == first for curve in curves) for side in SIDES]
     if not any(counts):
-        return "No cycle from strike to strike of one foot lies within an estimate, so there are no curves."
-    note = (
-        f"Mean over {counts[0]} left and {counts[1]} right cycles, from strike to strike of the foot; bands: one "
-        "standard deviation between the cycles."
+        return gettext("No cycle from strike to strike of one foot lies within an estimate, so there are no curves.")
+    note = gettext(
+        "Mean over %(left)s left and %(right)s right cycles, from strike to strike of the foot; bands: one standard "
+        "deviation between the cycles.",
+        left=counts[0],
+        right=counts[1],
     )
-    if people:
-        note += f" Grey: mean and standard deviation of {count_of(people, 'person', 'people')} of the reference group."
-    return note
+    if not people:
+        return note
+    grey = ngettext(
+        "Grey: mean and standard deviation of %(num)s person of the reference group.",
+        "Grey: mean and standard deviation of %(num)s people of the reference group.",
+        people,
+    )
+    return f"{note} {grey}"
 
 
 def _remarks(remarks: Sequence[Remark]) -> tuple[str, ...]:
@@ -314,21 +340,32 @@ def _remarks(remarks: Sequence[Remark]) -> tuple[str, ...]:
     texts = []
     for messages in by_code.values():
         first, *others = messages
-        texts.append(f"{first} (Similar remarks of other recordings: {len(others)}.)" if others else first)
+        similar = gettext("(Similar remarks of other recordings: %(number)s.)", number=len(others))
+        texts.append(f"{_translated(first)} {similar}" if others else _translated(first))
     return tuple(texts)
 
 
+def _translated(sentence: str) -> str:
+    """A sentence of the pipelines in the language of the report; itself where there is no translation."""
+    return translate_sentence(sentence) or sentence
+
+
+def _translated_range(text: str) -> str:
+    """Two numbers with a "to" between them."""
+    return text.replace(" to ", gettext(" to "))
+
+
 def _trial(one: MeasuredRecording) -> TrialRow:
-    wrong = " ".join(check.message for check in one.quality.quality.checks if not check.passed)
+    wrong = " ".join(_translated(check.message) for check in one.quality.quality.checks if not check.passed)
     sides = [sum(step.side == side for step in one.steps) for side in SIDES]
     speed_m_s = speed_m_s_of(one)
     return TrialRow(
         filename=one.filename,
-        recorded_on=one.prepared.trial.recording.recorded_on or NOT_KNOWN,
-        steps=f"{sides[0]} left, {sides[1]} right",
-        speed=NOT_KNOWN if speed_m_s is None else f"{speed_m_s:.2f} m/s",
+        recorded_on=one.prepared.trial.recording.recorded_on or gettext("not known"),
+        steps=gettext("%(left)s left, %(right)s right", left=sides[0], right=sides[1]),
+        speed=gettext("not known") if speed_m_s is None else f"{speed_m_s:.2f} m/s",
         method=one.estimate.method,
-        verdict=one.quality.quality.verdict,
+        verdict=gettext(one.quality.quality.verdict),
         note=wrong,
     )
 
@@ -336,37 +373,10 @@ def _trial(one: MeasuredRecording) -> TrialRow:
 def _settings(result: GaitMeasuresResult) -> tuple[tuple[str, str], ...]:
     methods = ", ".join(dict.fromkeys(one.estimate.method for one in result.recordings))
     tables = ", ".join(dict.fromkeys(one.prepared.geometric.table for one in result.recordings))
-    sets = ", ".join(dict.fromkeys(one.prepared.trial.match.name or NOT_KNOWN for one in result.recordings))
+    sets = ", ".join(dict.fromkeys(one.prepared.trial.match.name or gettext("not known") for one in result.recordings))
     return (
-        ("Estimator of the centre of mass", methods),
-        ("Segment table", tables),
-        ("Marker set", sets),
-        ("Version", f"stridelab {stridelab.__version__}"),
+        (gettext("Estimator of the centre of mass"), methods),
+        (gettext("Segment table"), tables),
+        (gettext("Marker set"), sets),
+        (gettext("Version"), f"stridelab {stridelab.__version__}"),
     )
-
-
-_ENTRY: Final = re.compile(r"^@\w+\{([^,\s]+),(.*?)^\}", re.MULTILINE | re.DOTALL)
-_FIELD: Final = re.compile(r"^\s*(\w+)\s*=\s*\{(.*)\},?\s*$", re.MULTILINE)
-
-
-@cache
-def _entries() -> dict[str, dict[str, str]]:
-    text = (models_dir() / "references.bib").read_text(encoding="utf-8")
-    return {key: dict(_FIELD.findall(body)) for key, body in _ENTRY.findall(text)}
-
-
-def reference_text(key: str) -> str:
-    """Authors, title, journal, year and DOI of a citation key of ``models/references.bib``."""
-    fields = _entries()[key]
-    authors = [name.split(",")[0] for name in _without_tex(fields["author"]).split(" and ")]
-    named = ", ".join(authors[:3]) + (" et al." if len(authors) > 3 else "")
-    place = next((fields[name] for name in ("journal", "booktitle", "publisher", "school") if name in fields), "")
-    parts = (f"{named} ({fields.get('year', '')})", fields["title"], place, fields.get("doi", ""))
-    return _without_tex(". ".join(part for part in parts if part)) + "."
-
-
-def _without_tex(text: str) -> str:
-    accents = {"'": "\u0301", "`": "\u0300", '"': "\u0308", "^": "\u0302", "~": "\u0303"}
-    composed = re.sub(r"\{?\\([\"'`^~])\{?(\w)\}?\}?", lambda m: m[2] + accents[m[1]], text)
-    plain = re.sub(r"[{}]", "", composed).replace("---", "-").replace("--", "-").replace("\\&", "&")
-    return unicodedata.normalize("NFC", plain)

@@ -6,8 +6,8 @@ from typing import Any, Final
 from stridelab.schemas.comparison import BenchColumn, BenchScore, ComBenchSummary
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.methods import METHODS
+from stridelab.translations.catalogue import gettext, ngettext, translate_text
 from stridelab_web.formatting import method_name
-from stridelab_web.languages import gettext, ngettext, translate_text
 
 KIND: Final = "com-bench"
 MOVEMENT_TITLES: Final = {"standing": "Standing", "grounded": "On the ground", "airborne": "With flights"}

@@ -11,9 +11,9 @@ from starlette.responses import JSONResponse, Response
 
 from stridelab.schemas.comparison import Axes, CompareEstimatorsSummary, MethodAssessment
 from stridelab.schemas.jobs import JobResult
+from stridelab.translations.catalogue import gettext
 from stridelab_web.api_client import client_of
 from stridelab_web.formatting import method_name, other_remarks
-from stridelab_web.languages import gettext
 from stridelab_web.pages.results.comparison_plots import FIGURES, STYLES
 from stridelab_web.parquet import read_columns
 

@@ -12,9 +12,9 @@ from starlette.concurrency import run_in_threadpool
 
 from stridelab.schemas.cycloid import FitCycloidSummary
 from stridelab.schemas.jobs import JobResult
+from stridelab.translations.catalogue import gettext, ngettext
 from stridelab_web.api_client import JobFiles
 from stridelab_web.charts.svg import Chart, range_of
-from stridelab_web.languages import gettext, ngettext
 from stridelab_web.pages.results.cycloid_steps import (
     PARAMETERS,
     WheelStep,

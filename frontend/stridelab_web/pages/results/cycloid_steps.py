@@ -7,8 +7,8 @@ from statistics import median
 from typing import Final
 
 from stridelab.schemas.cycloid import FitCycloidSummary, FittedStep, Rival, StepScatter
+from stridelab.translations.catalogue import gettext
 from stridelab_web.formatting import code_words
-from stridelab_web.languages import gettext
 
 MS = 1000.0
 MAX_UNREPORTED_S = 0.015

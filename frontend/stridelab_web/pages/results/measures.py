@@ -20,7 +20,7 @@ from stridelab.schemas.measures import (
     measure_scale,
     measure_title,
 )
-from stridelab_web.languages import gettext, ngettext
+from stridelab.translations.catalogue import gettext, ngettext
 from stridelab_web.scene.result_files import STABILITY_TABLE
 
 KINDS: Final = frozenset({"gait-measures", "gait-report"})

@@ -9,8 +9,8 @@ from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.population import StudyPopulationSummary
 from stridelab.schemas.recordings import Recording
+from stridelab.translations.catalogue import ngettext
 from stridelab_web.api_client import client_of, none_if_missing, took_s
-from stridelab_web.languages import ngettext
 from stridelab_web.pages.render import render_page
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS
 from stridelab_web.pages.results.population_bars import bars_of

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from stridelab.schemas.population import SubjectResult
+from stridelab.translations.catalogue import gettext
 from stridelab_web.charts.svg import Shape, axis_ticks
-from stridelab_web.languages import gettext
 from stridelab_web.pages.results.population_charts import groups_of
 
 THESIS_ERROR_MM: Final = 3.5

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 
 from stridelab.schemas.population import SubjectResult
+from stridelab.translations.catalogue import gettext
 from stridelab_web.charts.svg import SHAPES, Chart, Shape, range_of
-from stridelab_web.languages import gettext
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS, Parameter
 
 WIDTH_PX, HEIGHT_PX = 560.0, 330.0

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from stridelab.schemas.population import CorrelationResult, MixedModelResult, StudyPopulationSummary
+from stridelab.translations.catalogue import gettext, ngettext
 from stridelab_web.formatting import code_words
-from stridelab_web.languages import gettext, ngettext
 from stridelab_web.pages.results.cycloid_steps import PARAMETERS, Parameter
 from stridelab_web.pages.results.population_charts import AGAINST
 

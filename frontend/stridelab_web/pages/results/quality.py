@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from stridelab.schemas.quality import Quality, QualityCheck
-from stridelab_web.languages import ENGLISH, current_language, gettext
+from stridelab.translations.catalogue import ENGLISH, current_language, gettext
 
 NAMES: Final[Mapping[str, str]] = {
     "force_tilt": "Tilt of the mean force from the vertical",

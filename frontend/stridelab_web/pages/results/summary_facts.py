@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from stridelab.schemas.jobs import JobResult
+from stridelab.translations.catalogue import gettext, ngettext, translate_sentence
 from stridelab_web.formatting import code_words
-from stridelab_web.languages import gettext, ngettext, translate_sentence
-from stridelab_web.served_sentences import SERVED
 
 
 @dataclass(frozen=True)
@@ -150,7 +149,7 @@ def sentences_of(result: JobResult) -> list[str]:
     summary = result.summary
     observability = summary.get("observability")
     sentence = observability.get("sentence") if isinstance(observability, Mapping) else None
-    sentences = [translate_sentence(sentence, SERVED) or sentence] if isinstance(sentence, str) and sentence else []
+    sentences = [translate_sentence(sentence) or sentence] if isinstance(sentence, str) and sentence else []
     if summary.get("latency_s") is not None:
         trials = summary.get("latency_n_trials", 1) if summary.get("latency_source") == "session" else None
         applied_s = summary.get("latency_applied_s", 0.0)

@@ -12,11 +12,12 @@ from starlette.responses import Response
 from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import Job
 from stridelab.schemas.recordings import Recording
+from stridelab.translations.catalogue import gettext, ngettext
 from stridelab_web.api_client import client_of, read_tracks
 from stridelab_web.assets import gzip_response
 from stridelab_web.charts import intervals
 from stridelab_web.charts.intervals import Layer, Row
-from stridelab_web.languages import gettext, in_english, ngettext
+from stridelab_web.languages import in_english
 from stridelab_web.pages import robot
 from stridelab_web.pages.render import render_page
 from stridelab_web.pages.results import measures

@@ -12,6 +12,7 @@ let cursor_s = NaN,
   isFromScene = false,
   drawn_ms = 0;
 
+/** @param {boolean} on */
 function show(on) {
   button.setAttribute("aria-pressed", String(on));
   panel.hidden = !on;

@@ -12,6 +12,7 @@ export class PartialPlan {
   }
 
   clear() {
+    /** @type {number} */
     this.attempt = 0;
     /** @type {string[]} */
     this.links = [];

@@ -1,6 +1,6 @@
 // Actions on the recordings that are checked in the list; the list may be replaced after an upload.
 import { onClick, openNewJob, startJob } from "../shared/api.js";
-import { translate } from "../shared/translate.js";
+import { pageLanguage, translate } from "../shared/translate.js";
 
 const list = document.querySelector("[data-recordings]");
 
@@ -12,7 +12,7 @@ function setUpActions() {
   if (!actions || actions.dataset.ready) return;
   actions.dataset.ready = "true";
   const status = actions.querySelector("[data-said]");
-  const withChosen = (action) => () => {
+  const withChosen = (/** @type {(ids: string[]) => unknown} */ action) => () => {
     const ids = chosenIds();
     if (!ids.length) throw new Error(translate("Choose recordings first."));
     return action(ids);
@@ -21,7 +21,7 @@ function setUpActions() {
   onClick(
     actions.querySelector("[data-report-chosen]"),
     status,
-    withChosen((ids) => openNewJob("gait-report", { recording_ids: ids })),
+    withChosen((ids) => openNewJob("gait-report", { recording_ids: ids, language: pageLanguage() })),
   );
   const all = actions.querySelector("[data-choose-all]");
   all.addEventListener("change", () => {
@@ -29,6 +29,7 @@ function setUpActions() {
   });
 }
 
+/** @param {string[]} ids */
 async function estimateEach(ids) {
   for (const id of ids) await startJob("estimate-com", { recording_id: id });
   location.assign("/jobs?kind=estimate-com");

@@ -11,12 +11,14 @@ const id = card.dataset.live;
 if (card.dataset.final !== "true") followJob(id, showProgress).then(finish);
 
 // Opens the result if the page was opened for it; a failed job stays here, with its reason.
+/** @param {Job} job */
 function finish(job) {
   notifyOfEnd(job);
   if (job.state === "succeeded" && card.dataset.then) location.replace(card.dataset.then);
   else location.reload();
 }
 
+/** @param {Job} job */
 function showProgress(job) {
   const state = card.querySelector("[data-state]");
   if (!state.classList.contains(`state-${job.state}`)) showJobState(state, job);

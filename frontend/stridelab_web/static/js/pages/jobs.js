@@ -13,6 +13,7 @@ for (const row of rows) {
   });
 }
 
+/** @param {PageElement} row */
 async function refreshRow(row) {
   const job = await call("GET", `/jobs/${row.dataset.job}`);
   const state = row.querySelector("[data-state]");
@@ -22,7 +23,7 @@ async function refreshRow(row) {
   bar.hidden = FINAL_STATES.has(job.state);
   row.querySelector("[data-message]").textContent = jobHeadline(job);
   showJobOutcome(row.querySelector("[data-outcome]"), job);
-  row.dataset.final = FINAL_STATES.has(job.state);
+  row.dataset.final = String(FINAL_STATES.has(job.state));
   if (FINAL_STATES.has(job.state)) notifyOfEnd(job, row.querySelector("td").textContent.replace(/\s+/g, " ").trim());
   row.querySelector("[data-cancel]").hidden = FINAL_STATES.has(job.state);
 }

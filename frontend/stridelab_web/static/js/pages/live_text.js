@@ -6,6 +6,7 @@ const NEAR_M = 0.02;
 const LEAST_M = -0.2;
 const MOST_M = 0.3;
 
+/** @type {Record<string, string>} */
 const REASONS = {
   "frame-late": translate("the frame came late"),
   overtaken: translate("the service is behind"),

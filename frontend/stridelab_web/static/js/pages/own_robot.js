@@ -13,10 +13,11 @@ if (upload) {
       location.assign(`/robots/${encodeURIComponent(name)}`);
       return "Added.";
     } catch (error) {
-      if (error.problem?.code !== "robot-several-descriptions") throw error;
+      const { problem } = /** @type {{ problem?: ApiProblem | null }} */ (error);
+      if (problem?.code !== "robot-several-descriptions") throw error;
       offerDescriptions(
         choice,
-        error.problem.errors.map((/** @type {{ where: string }} */ { where }) => where),
+        (problem.errors ?? []).map((/** @type {{ where: string }} */ { where }) => where),
       );
       return "The zip holds several descriptions: choose one, and upload again.";
     }

@@ -18,8 +18,9 @@ function showCount() {
   all.indeterminate = chosen.length > 0 && chosen.length < rows.length;
 }
 
+/** @param {PageElement} row @param {string} groupOfAll */
 function subjectEntry(row, groupOfAll) {
-  const text = (name) => row.querySelector(`[name=${name}]`).value.trim();
+  const text = (/** @type {string} */ name) => row.querySelector(`[name=${name}]`).value.trim();
   return {
     recording_id: row.dataset.recording,
     subject: text("subject") || null,

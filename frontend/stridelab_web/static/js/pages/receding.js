@@ -13,6 +13,7 @@ form?.querySelector("[data-add]").addEventListener("click", () => {
   row.querySelector("input").focus();
 });
 
+/** @param {Element} row @param {string} name */
 const inputNumber = (row, name) => row.querySelector(`[name=${name}]`).valueAsNumber;
 
 if (form) {

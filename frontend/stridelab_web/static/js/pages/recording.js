@@ -2,7 +2,7 @@
 import { call, confirmDeletion, onSubmit, openNewJob } from "../shared/api.js";
 import { setActive } from "../shared/focus.js";
 import { setUpMarkerNames } from "./marker_names.js";
-import { translate, translateServed } from "../shared/translate.js";
+import { pageLanguage, translate, translateServed } from "../shared/translate.js";
 
 const root = document.querySelector("[data-recording]");
 // Removes the notice's query from the address, so that a reload does not repeat the notice.
@@ -130,12 +130,15 @@ const startOnClick = (selector, kind, adapt) => {
 startOnClick("[data-compare]", "compare-estimators", (input) => ({ ...input, method: null }));
 startOnClick("[data-wheel]", "fit-cycloid", (input) => input);
 startOnClick("[data-measures]", "gait-measures", ({ method }) => ({ recording_ids: [id], method }));
-startOnClick("[data-gait]", "gait-report", (_input, button) => ({ recording_ids: button.dataset.gait.split(" ") }));
+const inPageLanguage = (input) => ({ ...input, language: pageLanguage() });
+startOnClick("[data-gait]", "gait-report", (_input, button) =>
+  inPageLanguage({ recording_ids: button.dataset.gait.split(" ") }),
+);
 startOnClick("[data-imitate]", "imitate", (input) => ({ ...input, robot: estimate.robot.value }));
-startOnClick("[data-report]", "gait-report", ({ method }) => ({ recording_ids: [id], method }));
+startOnClick("[data-report]", "gait-report", ({ method }) => inPageLanguage({ recording_ids: [id], method }));
 const sessionWalks = () => ({ recording_ids: find("[data-session-measures]").dataset.sessionMeasures.split(" ") });
 startOnClick("[data-session-measures]", "gait-measures", sessionWalks);
-startOnClick("[data-session-report]", "gait-report", sessionWalks);
+startOnClick("[data-session-report]", "gait-report", () => inPageLanguage(sessionWalks()));
 
 onSubmit(find("[data-gait-report]"), (data) => {
   const input = { recording_ids: (data.get("recordings") || id).split(" ") };
@@ -145,7 +148,7 @@ onSubmit(find("[data-gait-report]"), (data) => {
     const use = row.querySelector("select").value;
     if (use) input[use] = [...(input[use] ?? []), ...row.dataset.group.split(" ")];
   }
-  return openNewJob("gait-report", input);
+  return openNewJob("gait-report", inPageLanguage(input));
 });
 
 confirmDeletion(`/recordings/${id}`, "/recordings");

@@ -23,6 +23,7 @@ async function fetchList() {
   }
 }
 
+/** @param {Document} page */
 function replaceList(page) {
   const list = document.querySelector("[data-recordings]"),
     fresh = page.querySelector("[data-recordings]");
@@ -33,6 +34,7 @@ function replaceList(page) {
   );
   list.replaceChildren(...fresh.childNodes);
   for (const box of list.querySelectorAll("input[type=checkbox]")) box.checked = checked.has(box.value);
+  /** @param {PageElement} node */
   const isSame = (node) => (focused?.value ? node.value === focused.value : node.href === focused?.href);
   if (focused) [...list.querySelectorAll(focused.tagName)].find(isSame)?.focus();
   localiseTimes(list);

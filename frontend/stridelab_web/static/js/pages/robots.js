@@ -3,8 +3,9 @@ import { call, onClick, onSubmit, openNewJob } from "../shared/api.js";
 
 for (const card of document.querySelectorAll('[data-robot][data-available="true"]')) fillCard(card);
 
+/** @param {PageElement} card */
 async function fillCard(card) {
-  const write = (name, text) => {
+  const write = (/** @type {string} */ name, /** @type {string} */ text) => {
     card.querySelector(`[data-${name}]`).textContent = text;
   };
   try {
@@ -15,7 +16,7 @@ async function fillCard(card) {
     write("densities", robot.measures.join(", ") || "not learned");
   } catch (error) {
     for (const name of ["mass", "height", "joints", "densities"]) write(name, "–");
-    write("said", error.message);
+    write("said", /** @type {Error} */ (error).message);
   }
 }
 

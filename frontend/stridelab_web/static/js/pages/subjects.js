@@ -2,7 +2,9 @@
 import { call, confirmDeletion, onClick, onSubmit } from "../shared/api.js";
 import { translate } from "../shared/translate.js";
 
+/** @param {string} text */
 const parseNumber = (text) => (text === "" ? null : Number(text));
+/** @param {FormData} data */
 const subjectFields = (data) => ({
   name: data.get("name").trim() || null,
   sex: data.get("sex") || null,
@@ -22,7 +24,7 @@ if (addForm) {
 const subjectPage = document.querySelector("div[data-subject]");
 if (subjectPage) {
   const id = subjectPage.dataset.subject,
-    find = (selector) => subjectPage.querySelector(selector);
+    find = (/** @type {string} */ selector) => subjectPage.querySelector(selector);
   onSubmit(find("[data-change]"), async (data) => {
     await call("PATCH", `/subjects/${id}`, subjectFields(data));
     location.reload();

@@ -72,10 +72,11 @@ function start() {
   next.addEventListener("click", () => (step + 1 < STEPS.length ? show(step + 1) : end()));
   back.addEventListener("click", () => show(step - 1));
   leave.addEventListener("click", end);
-  card.addEventListener("keydown", (event) => event.key === "Escape" && end());
+  card.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => event.key === "Escape" && end());
   document.querySelector("main")?.prepend(card);
   show(0);
 
+  /** @param {number} k */
   function show(k) {
     step = k;
     title.textContent = STEPS[k].title;
@@ -86,6 +87,7 @@ function start() {
     mark(document.querySelector(STEPS[k].target));
   }
 
+  /** @param {PageElement | null} target */
   function mark(target) {
     for (const node of document.querySelectorAll(".shown-by-tour")) node.classList.remove("shown-by-tour");
     target?.classList.add("shown-by-tour");
@@ -93,6 +95,7 @@ function start() {
   }
 
   // The keyboard goes on at what the last step showed.
+  /** @param {string} selector */
   function focusShown(selector) {
     const shown = /** @type {PageElement | null} */ (document.querySelector(selector));
     const inside = /** @type {PageElement | null} */ (shown?.querySelector("a[href], button, input"));

@@ -28,7 +28,7 @@ picker?.addEventListener("change", async () => {
     const { id } = await call("POST", "/recordings?reuse=true", form);
     location.assign(`/view/?recording=${encodeURIComponent(id)}`);
   } catch (error) {
-    status.textContent = `${file.name}: ${error.message}`;
+    status.textContent = `${file.name}: ${/** @type {Error} */ (error).message}`;
     setActive(button, true);
   }
 });

@@ -1,6 +1,7 @@
 // Makes tables and logs that overflow scrollable by keyboard: a region without focusable elements becomes focusable and gets
 // a name. An edge with hidden content to its left or right is shaded. The entry of this page in the navigation, which is one
 // line on narrow screens, is scrolled into view.
+/** @type {PageElement[]} */
 let regions = [];
 const observer = new ResizeObserver(() => regions.forEach(updateRegion));
 watchScrollRegions();
@@ -16,12 +17,14 @@ export function watchScrollRegions() {
   }
 }
 
+/** @param {PageElement} region */
 function markOverflow(region) {
   const left = region.scrollLeft,
     right = region.scrollWidth - region.clientWidth - left;
   region.dataset.more = [left > 1 && "left", right > 1 && "right"].filter(Boolean).join(" ");
 }
 
+/** @param {PageElement} region */
 function updateRegion(region) {
   markOverflow(region);
   const larger = region.scrollWidth > region.clientWidth || region.scrollHeight > region.clientHeight;
@@ -35,9 +38,10 @@ function updateRegion(region) {
 }
 
 // A unique name: the nearest heading before the region, with a number if several regions share it.
+/** @param {PageElement} region */
 function regionName(region) {
   const headings = [...document.querySelectorAll("main :is(h1, h2, h3), main summary")];
-  const before = (one) =>
+  const before = (/** @type {Node} */ one) =>
     headings.findLast((heading) => heading.compareDocumentPosition(one) & Node.DOCUMENT_POSITION_FOLLOWING);
   const heading = before(region),
     sameHeading = regions.filter((one) => before(one) === heading);

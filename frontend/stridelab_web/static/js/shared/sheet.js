@@ -3,6 +3,7 @@
 const PULL_PX = 24;
 
 export class Sheet {
+  /** @param {PageElement} sheet */
   constructor(sheet) {
     this.sheet = sheet;
     this.handle = sheet.querySelector("[data-sheet-handle]");
@@ -34,6 +35,7 @@ export class Sheet {
     return this.sheet.hasAttribute("data-open");
   }
 
+  /** @param {boolean} open */
   setOpen(open) {
     this.sheet.toggleAttribute("data-open", open);
     this.handle.setAttribute("aria-expanded", String(open));

@@ -1,9 +1,11 @@
-// Texts of the scripts in the language of the page. The translations are those of translations/*.po; English needs none.
+// Texts of the scripts in the language of the page. The translations are those of stridelab/translations/*.po; English needs none.
 
 /** @typedef {string | string[]} Translation */
 
+export const pageLanguage = () => document.documentElement.lang || "en";
+
 // The forms of the page's language: singular first; a language without plural has one.
-const rules = typeof document === "undefined" ? null : new Intl.PluralRules(document.documentElement.lang || "en");
+const rules = typeof document === "undefined" ? null : new Intl.PluralRules(pageLanguage());
 
 /** @returns {Record<string, Translation>} */
 const catalogue = () => globalThis.stridelabMessages ?? {};

@@ -16,7 +16,7 @@ export function labelText(label) {
 // Everything with a name that is drawn; a force is named at its head, with its size.
 /** @param {Instant} instant @returns {Named[]} */
 export function namedPlaces({ values, points, arrows, arrowMPerN, isHidden }) {
-  const read = (k) => [0, 1, 2].map((i) => values[k + i]);
+  const read = (/** @type {number} */ k) => [0, 1, 2].map((i) => values[k + i]);
   const places = points
     .filter(([name, , label]) => label && !isHidden(name))
     .map(([, k, label]) => ({ text: labelText(label), at: read(k) }));
@@ -63,7 +63,7 @@ export class HoverNames {
     this.tag.hidden = true;
     stage.append(this.tag);
     const inside = iframe.contentDocument;
-    inside?.addEventListener("pointermove", (event) =>
+    inside?.addEventListener("pointermove", (/** @type {PointerEvent} */ event) =>
       this.pointTo(event.buttons || event.pointerType === "touch" ? null : [event.clientX, event.clientY]),
     );
     for (const name of ["pointerdown", "wheel"]) inside?.addEventListener(name, () => this.pointTo(null), true);

@@ -16,7 +16,7 @@ async function poll() {
     percent.textContent = String(bar.value);
     message.textContent = preparation.message;
   } catch (error) {
-    message.textContent = error.message;
+    message.textContent = /** @type {Error} */ (error).message;
   }
   setTimeout(poll, POLL_MS);
 }

@@ -1,6 +1,7 @@
 // Draws one instant of the decoded frames: points, bodies, sticks, arrows, ellipsoids, hoops, and nodes that exist for a
 // span of time.
 import { cubicHermiteWeights } from "./interpolation.js";
+import { MergedColours } from "./merged_colours.js";
 import { MeshCopies } from "./mesh_copies.js";
 import { HIDDEN, ViserNodes } from "./viser_nodes.js";
 import { rotationFromZ } from "./quaternions.js";
@@ -24,6 +25,7 @@ export class Scene {
     this.seeThrough = true;
     this.magnification = 1;
     this.row = new Float64Array(layout.width);
+    this.merged = new MergedColours(layout.bodies.map(([name]) => name));
     this.copies = new MeshCopies(layout.copies);
     this.nodes = new ViserNodes(frame, [
       ...layout.points.map(([name]) => name),
@@ -56,6 +58,7 @@ export class Scene {
   // Draws frame `at`, a real number: between two frames, positions and orientations are interpolated.
   show(at) {
     this.nodes.refreshClient();
+    this.merged.update(this.nodes.viser.nodeRefFromName);
     this.copies.update(this.nodes.viser.nodeRefFromName);
     this.interpolate(at);
     for (const [name, k] of this.layout.points) this.placeNode(name, k, null, 1);

@@ -343,6 +343,8 @@ ON_PAGES: Final = (
     "The knees are not marked in this trial; add a static trial of the same person that marks them.",
     "The segment model has no centre of mass for part of the window: markers are missing there.",
     "In no frame are all needed markers visible at once.",
+    "This is the static trial of the other recordings, without steps.",
+    "The markers give a centre of mass for %(duration)s s at a time; at least %(least)s s are needed.",
 )
 """Remarks and reasons that only the pages show, not their scripts, and the parts that they are composed of.
 

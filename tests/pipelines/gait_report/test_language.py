@@ -1,0 +1,74 @@
+"""The report in every language: no text stays English, and the Japanese PDF has its glyphs and its line breaks."""
+
+import re
+import shutil
+from pathlib import Path
+from typing import get_args
+
+import stridelab as sl
+from stridelab.pipelines.gait_report.drawing import Text
+from stridelab.pipelines.gait_report.fonts import JAPANESE, REPLACEMENT, printable, wrap_text
+from stridelab.pipelines.gait_report.paper import lay_out
+from stridelab.schemas.service import Language
+from stridelab.translations.catalogue import in_language, read_catalogue
+from support.command_line import SAMPLE
+
+TRIAL = SAMPLE / "recording.c3d"
+SAME_WORDS = {"Version", "Cadence", "position"}
+"""Texts that two languages have alike."""
+
+
+def drawn_texts(report: sl.GaitReport) -> set[str]:
+    content = report.report.content
+    with in_language(content.language):
+        return {item.text for page in lay_out(content) for item in page if isinstance(item, Text)}
+
+
+def test_a_report_is_written_in_its_language(tmp_path: Path) -> None:
+    """What the languages have alike are no words but names: files, methods, tables, literature."""
+    (tmp_path / "people").mkdir()
+    shutil.copyfile(TRIAL, tmp_path / "people/other.c3d")
+    reports = {
+        language: sl.gait_report(TRIAL, before=TRIAL, reference=tmp_path / "people", language=language)
+        for language in get_args(Language)
+    }
+    texts = {language: drawn_texts(report) for language, report in reports.items()}
+    assert all(len(said) > 100 for said in texts.values())
+    content = reports["en"].report.content
+    names = " ".join([*content.references, *(one.filename for one in content.trials), "smoother rad/s"])
+    for language in ("de", "fr", "ja"):
+        alike = texts["en"] & texts[language]
+        words = {text for text in alike if re.search("[A-Za-z]{3}", text.replace("/min", "")) and text not in names}
+        assert {text for text in words if not text.startswith("stridelab ")} <= SAME_WORDS, language
+        page = reports[language].html
+        assert f'<html lang="{language}">' in page
+        assert "Margin of stability" not in page
+        assert reports[language].pdf == reports[language].pdf
+    assert reports["ja"].summary == reports["en"].summary, "fields of the interface stay English"
+
+
+def test_the_japanese_font_has_every_character_of_the_texts_of_reports() -> None:
+    with in_language("ja"):
+        shown = ("gait_report/", "served_sentences", "pages/results/measures")
+        for message in read_catalogue("ja"):
+            if not any(place.startswith(shown) for place, _ in message.locations):
+                continue
+            for text in [message.string] if isinstance(message.string, str) else message.string:
+                assert printable(text.replace("\n", " ")) == text.replace("\n", " ")
+        assert printable("山田太郎、佐藤花子") == "山田太郎、佐藤花子"
+        assert printable("\U00020b9f") == REPLACEMENT
+
+
+def test_a_japanese_report_embeds_its_font() -> None:
+    written = sl.gait_report(TRIAL, title="歩行レポート 山田太郎", language="ja").pdf
+    assert f"+{JAPANESE}".encode() in written
+    assert b"/FontFile2" in written
+
+
+def test_japanese_lines_break_between_characters_and_not_before_punctuation() -> None:
+    text = "測定できたのは四歩だけです。左右対称性と歩ごとのばらつきは不確かです。" * 3
+    with in_language("ja"):
+        lines = wrap_text(text, 2.4, 40.0)
+    assert "".join(lines) == text
+    assert len(lines) > 5
+    assert not any(line[0] in "、。" for line in lines)
