@@ -1,23 +1,22 @@
 """Fonts of the PDF by the language of the report, and lines of text that fit a width."""
 
-import io
-import lzma
 import re
 from functools import cache
 from typing import Final
 
 from reportlab.pdfbase import pdfmetrics
+from reportlab.pdfbase.cidfonts import UnicodeCIDFont
 from reportlab.pdfbase.ttfonts import TTFont
 
-from stridelab.machine.models_folder import models_dir
 from stridelab.translations.catalogue import current_language
 
 LATIN: Final = ("Vera", "VeraBd")
 """Regular and bold; they come with reportlab."""
-JAPANESE: Final = "NotoSansJP"
-"""Has no bold face: bold texts are drawn with an outline (``pdf.py``)."""
-JAPANESE_FILE: Final = "fonts/japanese.ttf.xz"
+JAPANESE: Final = "HeiseiKakuGo-W5"
+"""One of PDF's own Japanese fonts, which is not embedded: who opens the document draws it with a Japanese font of the
+system. It has no bold face: bold texts are drawn with an outline (``pdf.py``)."""
 REPLACEMENT: Final = "?"
+LAST_OF_PLANE: Final = 0xFFFF
 _CJK: Final = "\u3000-\u30ff\u3400-\u9fff\uff00-\uffef"
 _CLOSING: Final = "、。，．・：；）」』】〕ー々％ぁぃぅぇぉっゃゅょァィゥェォッャュョ"
 """Characters that do not begin a line."""
@@ -35,12 +34,11 @@ def _register_latin() -> None:
 
 @cache
 def _register_japanese() -> None:
-    content = lzma.decompress((models_dir() / JAPANESE_FILE).read_bytes())
-    pdfmetrics.registerFont(TTFont(JAPANESE, io.BytesIO(content)))
+    pdfmetrics.registerFont(UnicodeCIDFont(JAPANESE))
 
 
 def font_name(*, bold: bool = False) -> str:
-    """Name of the font of the current language, which is embedded in the document."""
+    """Name of the font of the current language; all but Japanese ones are embedded in the document."""
     if current_language() == "ja":
         _register_japanese()
         return JAPANESE
@@ -75,6 +73,8 @@ def wrap_text(text: str, size: float, width: float, *, bold: bool = False) -> li
 
 
 def printable(text: str) -> str:
-    """``text`` with the characters that the font lacks replaced."""
+    """``text`` with the characters that the font lacks replaced: in Japanese those beyond the basic plane."""
+    if current_language() == "ja":
+        return "".join(character if ord(character) <= LAST_OF_PLANE else REPLACEMENT for character in text)
     known = pdfmetrics.getFont(font_name()).face.charToGlyph
     return "".join(character if ord(character) in known else REPLACEMENT for character in text)

@@ -1,4 +1,4 @@
-"""The report as PDF, the same bytes for the same report: no date but those in its texts, fonts embedded."""
+"""The report as PDF, the same bytes for the same report: no date but those in its texts, Latin fonts embedded."""
 
 import io
 from typing import Final
