@@ -182,7 +182,7 @@ def _change_in_place(node: ast.expr) -> Callable[[], None]:
         elif isinstance(value, int):
             node.value = value + 1
         elif isinstance(value, float):
-            node.value = round(value * 1.3, 12) if value else 1.0
+            node.value = float(f"{1.3 * value:.12g}") if value else 1.0
         else:
             node.value = OTHER[str(value)]
     elif isinstance(node, ast.Compare):
