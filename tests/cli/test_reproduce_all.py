@@ -66,6 +66,9 @@ def test_all_items_are_in_one_report_and_computed_once(
         (["fig-3.6-people", "--recordings", ".", "--server", "http://127.0.0.1:1"], "--server"),
         (["--all", "--quick", "--seeds", "5"], "--quick"),
         (["--all", "--seeds", "201"], "--seeds"),
+        (["fig-3.6", "--seeds", "201"], "--seeds"),
+        (["fig-4.2", "--seeds", "3"], "--seeds"),
+        (["fig-2.5", "--seed", "3"], "--seed"),
     ],
 )
 def test_invalid_arguments_are_refused_before_anything_is_computed(

@@ -26,7 +26,8 @@ from stridelab.reproduction.report.svg_plots import PALETTE, Bars, Curve, Panel,
 from stridelab.reproduction.studies.estimator_study import simulate_trial
 from stridelab.schemas.reproduction import ITEMS_WITH_DRAWS, ITEMS_WITH_SAMPLE, Evidence, Outcome, ReproductionItem
 from stridelab.schemas.reproduction import Verdict as ContractVerdict
-from support.recorded_claims import assert_as_recorded, assert_tables_as_recorded
+from support.recorded_claims import assert_as_recorded, assert_steps_as_recorded, assert_tables_as_recorded
+from support.recorded_steps import Steps, recorded_steps
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -34,8 +35,13 @@ SVG = "{http://www.w3.org/2000/svg}"
 class Found(dict[str, Reproduction]):
     """Every item is computed by the first test that asks for it: all of them are minutes of work."""
 
+    def __init__(self) -> None:
+        self.steps: dict[str, Steps] = {}
+
     def __missing__(self, name: str) -> Reproduction:
-        self[name] = reproduce_item(name, 1 if ITEMS[name].draws == "many" else None, lambda _fraction, _message: None)
+        with recorded_steps() as self.steps[name]:
+            draws = 1 if ITEMS[name].draws == "many" else None
+            self[name] = reproduce_item(name, draws, lambda _fraction, _message: None)
         return self[name]
 
 
@@ -51,7 +57,7 @@ def content(thing: Any) -> Hashable:
 
 
 @pytest.fixture(scope="module")
-def found() -> Iterator[Mapping[str, Reproduction]]:
+def found() -> Iterator[Found]:
     """The items of chapter 4 share their plans here, measure each time once, and draw a quarter of the postures."""
     plans: dict[Hashable, CentroidalPlan] = {}
 
@@ -118,10 +124,11 @@ def test_every_item_has_claims_tables_and_a_drawing(found: Mapping[str, Reproduc
 
 
 @pytest.mark.parametrize("name", ITEMS)
-def test_what_verdicts_stand_on_is_as_recorded(found: Mapping[str, Reproduction], name: str) -> None:
+def test_what_verdicts_stand_on_is_as_recorded(found: Found, name: str) -> None:
     """Numbers, bounds, cases and comparators of one draw; those of table 4.1 are times, which no record holds."""
     assert_as_recorded(name, found[name].claims)
     assert_tables_as_recorded(name, found[name].tables)
+    assert_steps_as_recorded(name, found.steps[name])
 
 
 def ours(found: Mapping[str, Reproduction], item: str, key: str) -> Claim:

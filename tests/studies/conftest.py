@@ -1,13 +1,5 @@
-"""The criteria of claims in the studies are checked on both sides of their bounds."""
+"""Every test checks the criteria of its claims on both sides, and the numbers on the way to them."""
 
-from collections.abc import Iterator
+from support.reproduction_fixtures import criteria_of_claims, steps_of_test
 
-import pytest
-
-from support.flipped_verdicts import remembered_criteria
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _criteria() -> Iterator[None]:
-    with remembered_criteria():
-        yield
+__all__ = ["criteria_of_claims", "steps_of_test"]

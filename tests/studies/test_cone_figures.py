@@ -1,10 +1,13 @@
 """Figures 4.6 and 4.7, and what is measured on random contact sets."""
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 
+from stridelab.contacts.wrench_cones.ellipsoids import Ellipsoid
 from stridelab.contacts.wrench_cones.support_region import area_m2
-from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
+from stridelab.contacts.wrench_cones.wrench_cone import LinearCone, LorentzCone
 from stridelab.reproduction.chapter4 import fig_4_6, fig_4_7
 from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.reproduction.studies.cone_validation import ConeCheck, Timed, check_cones, check_summary, thesis_cone
@@ -26,6 +29,16 @@ def test_sections_of_smaller_cones_lie_in_those_of_larger_ones(sets) -> None:
         assert area_m2(result["alpha 0.3"]) < area_m2(result["largest"]) < area_m2(result["4 rays"]) * 1.1
         assert fig_4_7._share_inside(result["largest"], result["circular"]) == 1.0
         assert fig_4_7._share_inside(result["4 rays"], result["circular"]) > 0.5
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_an_ellipse_is_outlined_counter_clockwise(sense: float) -> None:
+    """Its area, pi times its half axes, is positive also if its axes are those of a mirrored circle."""
+    ellipse = Ellipsoid(np.array([1.0, 2.0]), np.diag([2.0, 3.0 * sense]))
+    cone = Mock(spec=LorentzCone, section_ellipsoid=lambda _: ellipse)
+    outline = fig_4_7._lorentz_section(cone, np.eye(6, 3))
+    assert area_m2(outline) == pytest.approx(6.0 * np.pi, rel=1e-3)
+    assert outline.mean(axis=0) == pytest.approx([1.0, 2.0])
 
 
 def test_a_sole_on_the_floor_accelerates_as_far_as_its_edge(sets) -> None:

@@ -1,7 +1,9 @@
 """Runs tests on changed code in forks of a process that has imported all but the reproduction: 2 s less per mutant.
 
 ``python -m support.mutant_judge`` reads a line of JSON per run, ``{"tests": [...], "limit_s": 240}``, and answers with
-one: the first test that fails, "too slow", or an empty text.
+one: the first test that fails, "too slow", or an empty text. Results of slow functions outside of the reproduction are
+shared (``result_memo``): a run with ``"results": FILE`` stores them, later ones use them. A run with ``"lines": FILE``
+writes which lines each test executes (``executed_lines``).
 """
 
 import contextlib
@@ -16,6 +18,7 @@ import tempfile
 import traceback
 from collections.abc import Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Final
 
 import jaxtyping
@@ -39,13 +42,13 @@ def import_all_but_reproduction() -> None:
     assert not any(name.startswith(REPRODUCTION) for name in sys.modules)
 
 
-def first_failure(tests: Sequence[str], limit_s: float) -> str:
+def first_failure(tests: Sequence[str], limit_s: float, results: str = "", lines: str = "") -> str:
     """The first test that fails with the code as it is now, ``TOO_SLOW``, or an empty text."""
     with tempfile.TemporaryFile("r+", encoding="utf-8", errors="replace") as output:
         pid = os.fork()
         if pid == 0:
             try:
-                _run_tests(tests, limit_s, output.fileno())
+                _run_tests(tests, limit_s, output.fileno(), results, lines)
             except BaseException:
                 traceback.print_exc()
             os._exit(BROKEN)
@@ -70,16 +73,23 @@ def _wait(pid: int) -> int:
     return status
 
 
-def _run_tests(tests: Sequence[str], limit_s: float, output: int) -> None:
+def _run_tests(tests: Sequence[str], limit_s: float, output: int, results: str, lines: str) -> None:
     """In the fork, which ends here."""
     os.setsid()
     os.dup2(output, 1)
     os.dup2(output, 2)
     resource.setrlimit(resource.RLIMIT_CPU, (int(limit_s), int(limit_s) + 5))
     signal.alarm(int(WALL_PER_PROCESSOR * limit_s))
-    sys.dont_write_bytecode = True  # the changed module is as long as the original, or nearly so
-    imported_before = ["-W", "ignore::pytest.PytestAssertRewriteWarning"]
-    code = pytest.main(["-q", "-x", "-p", "no:cacheprovider", "--hypothesis-seed=0", *imported_before, *tests])
+    sys.dont_write_bytecode = not results  # the changed module is as long as the original, or nearly so
+    options = ["-q", "-p", "no:cacheprovider", "--hypothesis-seed=0", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
+    if lines:
+        os.environ["STRIDELAB_EXECUTED_LINES"] = lines
+        options += ["-p", "support.executed_lines"]
+    else:
+        options += ["-x"]
+    code = pytest.main([*options, *tests])
+    if results:
+        import_module("support.result_memo").write_results(Path(results))
     sys.stdout.flush()
     os._exit(int(code))
 
@@ -87,9 +97,16 @@ def _run_tests(tests: Sequence[str], limit_s: float, output: int) -> None:
 def main() -> None:
     """Answer line by line."""
     import_all_but_reproduction()
+    memo = import_module("support.result_memo")  # after the hook that checks types
+    memo.store_results()
+    memo.warm_caches()
     for line in sys.stdin:
         asked = json.loads(line)
-        print(json.dumps(first_failure(asked["tests"], asked["limit_s"])), flush=True)
+        if (results := Path(asked.get("results", ""))).is_file():
+            memo.read_results(results)
+        print(json.dumps(first_failure(**asked)), flush=True)
+        if results.is_file():
+            memo.read_results(results)
 
 
 if __name__ == "__main__":

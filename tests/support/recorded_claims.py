@@ -19,8 +19,10 @@ import numpy as np
 
 from stridelab.reproduction.claims import Claim, Column
 from support.flipped_verdicts import assert_flips
+from support.recorded_steps import Steps, step_differences
 
 RECORDS: Final = Path(__file__).parents[1] / "reproduction" / "recorded_claims.json"
+STEPS: Final = RECORDS.with_name("recorded_steps.json")
 FIELDS: Final = ("verdict", "thesis", "holds_from", "holds_to", "strict", "threshold", "aim", "evidence", "n", "where",
                  "interval", "comparator", "solver", "cases_inside", "no_interval")  # fmt: skip
 MEASURED_TIMES: Final = ("time", "u_c_faster", "per_second", "iteration_", "u_c_gain", "u_f_", "horizon_hz",
@@ -52,19 +54,35 @@ def assert_as_recorded(name: str, claims: Iterable[Claim], *, timed: bool = Fals
 
 
 def _compare_or_record(name: str, now: Mapping[str, Mapping[str, Any]]) -> None:
-    records = json.loads(RECORDS.read_text(encoding="utf-8")) if RECORDS.exists() else {}
-    if os.environ.get("STRIDELAB_RECORD_CLAIMS"):
-        records = dict(sorted((records | {name: now}).items()))
-        rows = (f" {json.dumps(item)}: {{\n{_lines_of(of)}\n }}" for item, of in records.items())
-        RECORDS.write_text("{\n" + ",\n".join(rows) + "\n}\n", encoding="utf-8")
+    recorded = _recorded_or_none(RECORDS, name, now)
+    if recorded is None:
+        assert os.environ.get("STRIDELAB_RECORD_CLAIMS"), f"{name} is not recorded: docs/tests.md"
         return
-    assert now.keys() == records[name].keys()
+    assert now.keys() == recorded.keys()
     changed = [
-        f"{key}: {field} is {one}, recorded {records[name][key].get(field)}"
+        f"{key}: {field} is {one}, recorded {recorded[key].get(field)}"
         for key, record in now.items()
         for field, one in record.items()
-        if _differ(one, records[name][key].get(field), _room(key, field))
+        if _differ(one, recorded[key].get(field), _room(key, field))
     ]
+    assert not changed, "\n".join(changed)
+
+
+def _recorded_or_none(file: Path, name: str, now: Mapping[str, Any]) -> Any:
+    """The record of an item or test, if it has one; none while it is recorded anew."""
+    records = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    if not os.environ.get("STRIDELAB_RECORD_CLAIMS"):
+        return records.get(name)
+    records = dict(sorted((records | {name: now}).items()))
+    rows = (f" {json.dumps(item)}: {{\n{_lines_of(of)}\n }}" for item, of in records.items())
+    file.write_text("{\n" + ",\n".join(rows) + "\n}\n", encoding="utf-8")
+    return None
+
+
+def assert_steps_as_recorded(name: str, steps: Steps) -> None:
+    """The numbers between models and claims, of an item or a test, are as recorded, if they are."""
+    recorded = _recorded_or_none(STEPS, name, steps)
+    changed = [] if recorded is None else step_differences(steps, recorded, RELATIVE)
     assert not changed, "\n".join(changed)
 
 

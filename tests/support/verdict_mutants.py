@@ -24,8 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Self
 
-from stridelab.reproduction.registry import ITEMS
-from stridelab.reproduction.result_cache import transitive_imports
+from support.mutant_tests import ExecutedTests
 
 ROOT: Final = Path(__file__).parents[2]
 PACKAGE: Final = Path("backend/stridelab/reproduction")
@@ -35,16 +34,18 @@ RECORDED_ALL: Final = f"tests/{RECORDED}"
 TEST_FILES: Final = sorted(
     path.relative_to(ROOT).as_posix()
     for path in (ROOT / "tests").rglob("test_*.py")
-    if path.name != "test_reproduction.py" and "stridelab.reproduction" in path.read_text(encoding="utf-8")
+    if path.name not in ("test_reproduction.py", "test_collected_reproduction.py")
+    and path.relative_to(ROOT / "tests").parts[0] in ("reproduction", "studies")
+    and "stridelab.reproduction" in path.read_text(encoding="utf-8")
 )
-PEOPLE_FILES: Final = tuple(
-    f"tests/reproduction/{name}.py"
-    for name in ("chapter2/test_fig_2_8_people", "chapter3/test_people_figures", "chapter2/test_real_walks")
+"""Tests of the reproduction, beside the records of its items; those of reports and commands run none of them."""
+SLOW_TESTS: Final = (
+    "tests/reproduction/chapter3/test_people_figures.py::test_a_simulated_population_gives_no_verdict_on_people",
+    "tests/reproduction/report/test_sampled_figures.py::test_other_seeds_are_other_people",
 )
-LONG: Final = ("fig-2.8", "fig-2.9", "fig-4.2", "fig-4.9", "table-4.1", "flight", "partial-force", "numbers-4",
-               "errors", "fig-2.7", "fig-3.6", "fig-4.6", "coverage", "occupancy", "fig-4.8", "fig-4.5")  # fmt: skip
-"""Items of more than two seconds, the longest last: they run after the others."""
-LIMIT_S: Final = 240.0
+"""Half a minute each: they are not tried on mutants."""
+LIMIT_S: Final = 120.0
+UNCHANGED_LIMIT_S: Final = 3600.0
 UNSEEN: Final = re.compile(
     r"^_?draw_|_panels?$|curves?$|_bars$|(?<!wrong)(?<!rigid)_table$|_columns$|_rows?$|svg|_map|label|_text$|^_?spots$|^panel_"
 )
@@ -181,7 +182,7 @@ def _change_in_place(node: ast.expr) -> Callable[[], None]:
         elif isinstance(value, int):
             node.value = value + 1
         elif isinstance(value, float):
-            node.value = round(value * 1.3, 12) if value else 1.0
+            node.value = float(f"{1.3 * value:.12g}") if value else 1.0
         else:
             node.value = OTHER[str(value)]
     elif isinstance(node, ast.Compare):
@@ -202,8 +203,8 @@ class Copy:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        shutil.copytree(ROOT / "backend", folder / "backend", ignore=shutil.ignore_patterns("__pycache__"))
-        shutil.copytree(ROOT / "tests", folder / "tests", ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / "backend", folder / "backend", symlinks=True)
+        shutil.copytree(ROOT / "tests", folder / "tests", symlinks=True)
         for name in ("models", "scripts", "docs", "frontend", "pyproject.toml", "shared"):
             if (ROOT / name).exists():
                 (folder / name).symlink_to(ROOT / name)
@@ -233,38 +234,32 @@ class Copy:
             file.write_bytes(original)
             os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))  # its compiled form is valid again
 
-    def first_failure(self, tests: Sequence[str], limit_s: float) -> str:
+    def first_failure(self, tests: Sequence[str], limit_s: float, **files: str) -> str:
         """The first test that fails with the code as it is in the copy, "too slow", or an empty text."""
         assert self._judge.stdin is not None
         assert self._judge.stdout is not None
-        print(json.dumps({"tests": tests, "limit_s": limit_s}), file=self._judge.stdin, flush=True)
+        print(json.dumps({"tests": tests, "limit_s": limit_s, **files}), file=self._judge.stdin, flush=True)
         return str(json.loads(self._judge.stdout.readline()))
 
+    def executed_tests(self, results: Path | None, lines: Path | None) -> ExecutedTests:
+        """Run all tests on the code as it is: which lines each of them executes.
 
-def tests_of(file: str) -> list[str]:
-    """Records of the items that import a module, then the files of tests that lead to it, the closest first."""
-    module = "stridelab.reproduction." + file.removesuffix(".py").replace("/", ".")
-    leading = [name for name, item in ITEMS.items() if module in transitive_imports(item.run.__module__)]
-    items = [
-        f"{RECORDED_ALL}[{name}]"
-        for name in sorted(leading, key=lambda name: 1 + LONG.index(name) if name in LONG else 0)
-    ]
-    close = [path for path in TEST_FILES if module in _imports_of(ROOT / path)]
-    far = [
-        path
-        for path in PEOPLE_FILES
-        if path not in close and any(module in transitive_imports(one) for one in _imports_of(ROOT / path))
-    ]
-    return [*items, *close, *far]
-
-
-def _imports_of(path: Path) -> set[str]:
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("stridelab.reproduction"):
-            module = str(node.module)
-            names |= {module, *(f"{module}.{alias.name}" for alias in node.names)}
-    return {name for name in names if (ROOT / "backend" / (name.replace(".", "/") + ".py")).is_file()}
+        ``results`` is a file of results of slow functions outside of the reproduction that runs have in common,
+        ``lines`` that of the lines, which is only written if it does not exist.
+        """
+        results = results or self.folder / "results.pickle"
+        lines = lines or self.folder / "lines.json"
+        tests = [RECORDED_ALL, *TEST_FILES, *(f"--deselect={test}" for test in SLOW_TESTS)]
+        files = {"results": str(results.resolve()), "lines": str(lines.resolve())}
+        if lines.exists():
+            self.first_failure([RECORDED_ALL + "[fig-2.5]"], UNCHANGED_LIMIT_S, results=files["results"])
+            return ExecutedTests(self.folder / PACKAGE, json.loads(lines.read_text(encoding="utf-8")))
+        for _ in range(1 if results.exists() else 2):  # also with stored results: tests are in the order of that time
+            start_s = time.monotonic()
+            if failed := self.first_failure(tests, UNCHANGED_LIMIT_S, **files):
+                print(f"Fails without a change, and is not used: {failed}", flush=True)
+            print(f"Without a change: {time.monotonic() - start_s:.0f} s", flush=True)
+        return ExecutedTests(self.folder / PACKAGE, json.loads(lines.read_text(encoding="utf-8")))
 
 
 def _imported_names() -> set[str]:
@@ -286,6 +281,9 @@ def main() -> None:
     parser.add_argument(
         "--part", default="1/1", help="2/3: the second of three parts of the sample, with a log of its own"
     )
+    parser.add_argument("--first", type=int, default=0, help="leave out so many at the beginning of the sample")
+    parser.add_argument("--results", type=Path, help="file with results of slow functions that runs have in common")
+    parser.add_argument("--lines", type=Path, help="file with the lines of each test, while no test changes")
     parser.add_argument("--list", action="store_true", help="print the sample and try none")
     arguments = parser.parse_args()
     files = sorted(
@@ -309,13 +307,12 @@ def main() -> None:
         arguments.log.open("a") as log,
         Copy(Path(place)) as copied,
     ):
-        if not tried and (failed := copied.first_failure([RECORDED_ALL], 10.0 * arguments.limit)):
-            raise SystemExit(f"Without a change fails: {failed}")
+        executed = copied.executed_tests(arguments.results, arguments.lines)
         for k, mutant in enumerate(sample):
-            if (mutant.name, k) in tried:
+            if k < arguments.first or (mutant.name, k) in tried:
                 continue
             start_s = time.monotonic()
-            by = copied.notices(mutant, tests_of(mutant.file), arguments.limit)
+            by = copied.notices(mutant, executed.tests_of(mutant.file, mutant.line), arguments.limit)
             tried[mutant.name, k] = by
             log.write(json.dumps({"name": mutant.name, "place": k, "by": by}) + "\n")
             log.flush()

@@ -61,14 +61,20 @@ def validate_options(model: type[T], fields: Mapping[str, Any]) -> T:
         return model.model_validate(fields)
     except ValidationError as error:
         faults = [
-            Fault(
-                OPTIONS.get(str(item["loc"][0]), str(item["loc"][0])),
-                ": ".join((*(str(name) for name in item["loc"][-1:] if len(item["loc"]) > 1), item["msg"])),
-            )
+            _fault_of_option(item["loc"], item["msg"].removeprefix("Value error, "), model)
             for item in error.errors(include_url=False)
-            if item["loc"]
         ]
         raise InvalidInput("option-invalid", "An option has an invalid value.", faults) from error
+
+
+def _fault_of_option(path: Sequence[int | str], message: str, model: type[Contract]) -> Fault:
+    """Fault with the option in its place; messages on several fields begin with the name of the wrong one."""
+    field, _, reason = message.partition(": ")
+    if not path and field in model.model_fields:
+        path, message = (field,), reason
+    name = str(path[0]) if path else "options"
+    inside = f"{path[-1]}: " if len(path) > 1 else ""
+    return Fault(OPTIONS.get(name, name), inside + message)
 
 
 def require_file(path: Path) -> None:

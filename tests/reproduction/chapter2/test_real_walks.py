@@ -11,7 +11,8 @@ from stridelab.recordings.reader import read_recording
 from stridelab.reproduction.chapter2 import table_real_walks
 from stridelab.reproduction.claims import Reproduction
 from stridelab.reproduction.common.intervals import rms_ratio
-from support.recorded_claims import assert_as_recorded, assert_tables_as_recorded
+from support.recorded_claims import assert_as_recorded, assert_steps_as_recorded, assert_tables_as_recorded
+from support.recorded_steps import recorded_steps
 from support.recordings.walks import cut_recording, link_adults
 
 ADULTS, CHILDREN = ("2014001", "2014015"), ("HC002D", "HC030A")
@@ -25,7 +26,10 @@ def found(gait: Path, tmp_path_factory: pytest.TempPathFactory) -> Reproduction:
         for person in persons:
             (few / study / person).symlink_to((gait / study / person).resolve())
     cut_recording(gait, few, table_real_walks.GROUPS["children"])
-    return table_real_walks.run(few, lambda _fraction, _message: None)
+    with recorded_steps() as steps:
+        result = table_real_walks.run(few, lambda _fraction, _message: None)
+    assert_steps_as_recorded(table_real_walks.NAME, steps)
+    return result
 
 
 def test_what_verdicts_on_four_people_stand_on_is_as_recorded(found: Reproduction) -> None:

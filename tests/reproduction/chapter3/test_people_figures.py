@@ -25,7 +25,8 @@ from stridelab.reproduction.result_cache import digest_of
 from stridelab.reproduction.runner import recipes_of
 from stridelab.walking.population.correlations import two_sided_p
 from stridelab.walking.population.population import PARAMETERS, Pair, Person, StepRow, study
-from support.recorded_claims import assert_as_recorded, assert_tables_as_recorded
+from support.recorded_claims import assert_as_recorded, assert_steps_as_recorded, assert_tables_as_recorded
+from support.recorded_steps import recorded_steps
 from support.recordings.walks import cut_recording, link_adults
 
 BOOK = Path(__file__).parents[3] / "docs" / "reproduction.md"
@@ -49,7 +50,9 @@ def folder(gait: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def claims(folder: Path) -> dict[tuple[str, str], Claim]:
     by_item: dict[tuple[str, str], Claim] = {}
     for item in PEOPLE_ITEMS:
-        result = item.run(folder, silent)
+        with recorded_steps() as steps:
+            result = item.run(folder, silent)
+        assert_steps_as_recorded(item.name, steps)
         assert result.tables["people"]["people"].tolist() == [4, 4]
         assert result.tables["people"]["steps"].tolist() == [8, 8], "two steps each, also that beside the plates"
         assert "10.6084/m9.figshare.7734767" in result.note, "where the recordings are published"
