@@ -380,6 +380,7 @@ CHECKS: Final = (
     "flight acceleration",
     "pressure from feet",
     "pressure off plate",
+    "body axis",
     "outside body",
     "leg length change",
     "body proportions",
