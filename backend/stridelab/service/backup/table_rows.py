@@ -110,7 +110,7 @@ def open_snapshot(url: str) -> Iterator[TableRows]:
         connection.execute("SELECT pg_advisory_lock(%s)", (locks.REMOVAL,))
         with connection.transaction():
             yield TableRows(connection)
-        # said, because the server notices only some time later that a connection has been closed
+        # released here, because the server notices only some time later that a connection has been closed
         connection.execute("SELECT pg_advisory_unlock(%s)", (locks.REMOVAL,))
 
 
