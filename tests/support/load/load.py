@@ -1,8 +1,8 @@
 """``make load``: 200 clients at a whole service while both cores solve; prints the table for docs/load.md.
 
-Each client does something once per second: looks at a job (most often), lists jobs, follows one, or submits one. Times
-count from the moment a request was due, so that a slow answer is not hidden by the requests that it delayed. The HTTP
-client is written for little processor time, which it takes from the service that it measures.
+Each client does something once per second: looks at a job (most often), lists jobs, follows one, submits one, or opens
+a page. Times count from the moment a request was due, so that a slow answer is not hidden by the requests that it
+delayed. The HTTP client is written for little processor time, which it takes from the service that it measures.
 """
 
 import argparse
@@ -101,13 +101,15 @@ async def _chunks(reader: asyncio.StreamReader) -> AsyncIterator[bytes]:
         yield chunk[:-2]
 
 
-SHARES: Final = {"look": 0.80, "list": 0.05, "follow": 0.10, "submit": 0.05}
+SHARES: Final = {"look": 0.68, "list": 0.05, "follow": 0.10, "submit": 0.05, "page": 0.12}
 """What a client does with its second."""
+PAGES: Final = ("/", "/recordings", "/jobs", "/scenarios", "/subjects", "/robots")
 PATHS: Final = {
     "look": "GET /jobs/{id}",
     "list": "GET /jobs",
     "follow": "GET /jobs/{id}/events, first event",
     "submit": "POST /jobs/{kind}",
+    "page": "pages: home and lists",
 }
 FOLLOWED_S: Final = 5.0
 MANY: Final = 100
@@ -210,8 +212,12 @@ class Load:
                 elif what == "submit":
                     own = await self._submit(line, tally, due_at) or own
                 else:
-                    place = f"/api/v1/jobs/{own}" if what == "look" else "/api/v1/jobs?limit=20"
-                    answer = await line.call("GET", place)
+                    places = {
+                        "look": f"/api/v1/jobs/{own}",
+                        "list": "/api/v1/jobs?limit=20",
+                        "page": dice.choice(PAGES),
+                    }
+                    answer = await line.call("GET", places[what])
                     tally.note(what, answer, time.perf_counter() - due_at)
             except (ConnectionError, asyncio.IncompleteReadError) as error:
                 tally.failures[f"{what}: {type(error).__name__}"] += 1
