@@ -82,13 +82,13 @@ def _axis_of_body(raw: RawTrial) -> str | None:
     landmarks = identify(raw.labels).landmarks
     column = {label: i for i, label in enumerate(raw.labels)}
 
-    def middle(*names: str) -> Points | None:
+    def mean_of_pair(*names: str) -> Points | None:
         pairs = [[landmarks.get(f"{side}_{name}") for side in "lr"] for name in names]
         marked = next((pair for pair in pairs if None not in pair), None)
         return None if marked is None else raw.points_m[:, [column[str(label)] for label in marked]].mean(axis=1)
 
-    feet, pelvis = middle("heel", "ankle_lateral", "ankle_centre"), middle("asis", "psis", "hip_centre")
-    shoulders = middle("acromion", "shoulder_centre")
+    feet, pelvis = mean_of_pair("heel", "ankle_lateral", "ankle_centre"), mean_of_pair("asis", "psis", "hip_centre")
+    shoulders = mean_of_pair("acromion", "shoulder_centre")
     if feet is None or pelvis is None:
         return None
     parts = [pelvis - feet] + ([] if shoulders is None or raw.up_hint is None else [shoulders - pelvis])

@@ -17,7 +17,7 @@ from stridelab.schemas.scenarios import Scenario, SceneName
 from stridelab.wholebody.shoe_check import shoe_faults
 
 
-def scaled(scene: str, robot: str) -> tuple[Scenario, WalkerFacts]:
+def scaled_with_facts(scene: str, robot: str) -> tuple[Scenario, WalkerFacts]:
     facts = walker_facts(load_robot(robot))
     assert facts is not None
     return scene_for_robot(scene, robot, facts), facts
@@ -33,7 +33,7 @@ def rises_m(scenario: Scenario) -> set[float]:
 @pytest.mark.parametrize("robot", ["talos", "hrp2", "g1"])
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_scene_is_valid_for_every_robot(scene: str, robot: str) -> None:
-    scenario, _ = scaled(scene, robot)
+    scenario, _ = scaled_with_facts(scene, robot)
     sequence = sequence_of(scenario.model_dump(mode="json"), effector_shapes(robot))  # raises for an invalid one
     assert shoe_faults(load_robot(robot), sequence) == []
     assert scenario.robot == robot
@@ -41,11 +41,11 @@ def test_every_scene_is_valid_for_every_robot(scene: str, robot: str) -> None:
 
 @pytest.mark.parametrize("robot", ["talos", "hrp2", "g1"])
 def test_stairs_are_as_high_for_the_legs_as_those_of_talos(robot: str) -> None:
-    scenario, facts = scaled("six-stairs", robot)
+    scenario, facts = scaled_with_facts("six-stairs", robot)
     (rise_m,) = rises_m(scenario)
     assert rise_m == pytest.approx(0.10 * facts.leg_m / TALOS_LEG_M, abs=1e-3)
     assert len([box for box in scenario.terrain if box.name.startswith("stair")]) == 6
-    down, _ = scaled("stairs-down", robot)
+    down, _ = scaled_with_facts("stairs-down", robot)
     assert rises_m(down) == {-rise_m}
 
 

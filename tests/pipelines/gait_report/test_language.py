@@ -7,7 +7,7 @@ from typing import get_args
 
 import stridelab as sl
 from stridelab.pipelines.gait_report.drawing import Text
-from stridelab.pipelines.gait_report.fonts import JAPANESE, REPLACEMENT, printable, wrap_text
+from stridelab.pipelines.gait_report.fonts import JAPANESE, REPLACEMENT, replace_missing_glyphs, wrap_text
 from stridelab.pipelines.gait_report.paper import lay_out
 from stridelab.schemas.service import Language
 from stridelab.translations.catalogue import in_language
@@ -54,8 +54,8 @@ def test_a_japanese_report_names_a_font_of_pdf_and_embeds_none() -> None:
     assert b"/UniJIS-UCS2-H" in written
     assert b"/FontFile" not in written
     with in_language("ja"):
-        assert printable("山田太郎、佐藤花子, 1.25 ± 0.03 m/s²") == "山田太郎、佐藤花子, 1.25 ± 0.03 m/s²"
-        assert printable("\U00020b9f") == REPLACEMENT
+        assert replace_missing_glyphs("山田太郎、佐藤花子, 1.25 ± 0.03 m/s²") == "山田太郎、佐藤花子, 1.25 ± 0.03 m/s²"
+        assert replace_missing_glyphs("\U00020b9f") == REPLACEMENT
 
 
 def test_japanese_lines_break_between_characters_and_not_before_punctuation() -> None:

@@ -13,7 +13,7 @@ from stridelab.translations.catalogue import current_language
 LATIN: Final = ("Vera", "VeraBd")
 """Regular and bold; they come with reportlab."""
 JAPANESE: Final = "HeiseiKakuGo-W5"
-"""One of PDF's own Japanese fonts, which is not embedded: who opens the document draws it with a Japanese font of the
+"""One of PDF's own Japanese fonts, which is not embedded: the program that opens the document draws it with one of the
 system. It has no bold face: bold texts are drawn with an outline (``pdf.py``)."""
 REPLACEMENT: Final = "?"
 LAST_OF_PLANE: Final = 0xFFFF
@@ -72,7 +72,7 @@ def wrap_text(text: str, size: float, width: float, *, bold: bool = False) -> li
     return [*lines, line] if line else lines
 
 
-def printable(text: str) -> str:
+def replace_missing_glyphs(text: str) -> str:
     """``text`` with the characters that the font lacks replaced: in Japanese those beyond the basic plane."""
     if current_language() == "ja":
         return "".join(character if ord(character) <= LAST_OF_PLANE else REPLACEMENT for character in text)

@@ -12,14 +12,14 @@ _FIELD: Final = re.compile(r"^\s*(\w+)\s*=\s*\{(.*)\},?\s*$", re.MULTILINE)
 
 
 @cache
-def _entries() -> dict[str, dict[str, str]]:
+def _read_entries() -> dict[str, dict[str, str]]:
     text = (models_dir() / "references.bib").read_text(encoding="utf-8")
     return {key: dict(_FIELD.findall(body)) for key, body in _ENTRY.findall(text)}
 
 
 def reference_text(key: str) -> str:
     """Authors, title, journal, year and DOI of a citation key of ``models/references.bib``."""
-    fields = _entries()[key]
+    fields = _read_entries()[key]
     authors = [name.split(",")[0] for name in _without_tex(fields["author"]).split(" and ")]
     named = ", ".join(authors[:3]) + (" et al." if len(authors) > 3 else "")
     place = next((fields[name] for name in ("journal", "booktitle", "publisher", "school") if name in fields), "")

@@ -18,7 +18,7 @@ from stridelab.pipelines.gait_report.drawing import (
     draw_panel,
     legend,
 )
-from stridelab.pipelines.gait_report.fonts import REPLACEMENT, printable, text_width_mm, wrap_text
+from stridelab.pipelines.gait_report.fonts import REPLACEMENT, replace_missing_glyphs, text_width_mm, wrap_text
 from stridelab.translations.catalogue import gettext
 
 PAGE_WIDTH: Final = 210.0
@@ -85,7 +85,7 @@ class _Layout:
         """Add items to this page."""
         for item in items:
             if isinstance(item, Text):
-                text = printable(item.text)
+                text = replace_missing_glyphs(item.text)
                 self.has_lost |= text != item.text
                 item = replace(item, text=text)
             self.pages[-1].append(item)

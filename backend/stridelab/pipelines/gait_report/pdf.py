@@ -28,10 +28,10 @@ FILLED_AND_OUTLINED: Final = 2
 def render_pdf(content: ReportContent) -> bytes:
     """The document, on pages of A4."""
     with in_language(content.language):
-        return _render(content)
+        return _render_pages(content)
 
 
-def _render(content: ReportContent) -> bytes:
+def _render_pages(content: ReportContent) -> bytes:
     buffer = io.BytesIO()
     size = (PAGE_WIDTH * POINTS_PER_MM, PAGE_HEIGHT * POINTS_PER_MM)
     canvas = Canvas(buffer, pagesize=size, invariant=1, pageCompression=1, lang=content.language)

@@ -75,7 +75,10 @@ def report_content(
     """Texts of the report in the current language; ``curves`` are the person's, ``reference_curves`` the people's."""
     quality = summary.quality
     wrong = dict.fromkeys(
-        _translated(check.message) for trial in summary.trials for check in trial.quality.checks if not check.passed
+        _translate_sentence(check.message)
+        for trial in summary.trials
+        for check in trial.quality.checks
+        if not check.passed
     )
     left, right = (summary.sides.get(side, 0) for side in SIDES)
     steps = gettext("%(number)s (left %(left)s, right %(right)s)", number=summary.steps, left=left, right=right)
@@ -124,7 +127,7 @@ def _left_out(recordings: Sequence[LeftOut]) -> tuple[tuple[str, str], ...]:
     """Names of files joined by the reason."""
     grouped: dict[str, list[str]] = {}
     for one in recordings:
-        grouped.setdefault(_translated(one.message), []).append(one.filename)
+        grouped.setdefault(_translate_sentence(one.message), []).append(one.filename)
     return tuple((", ".join(names), reason) for reason, names in grouped.items())
 
 
@@ -341,11 +344,11 @@ def _remarks(remarks: Sequence[Remark]) -> tuple[str, ...]:
     for messages in by_code.values():
         first, *others = messages
         similar = gettext("(Similar remarks of other recordings: %(number)s.)", number=len(others))
-        texts.append(f"{_translated(first)} {similar}" if others else _translated(first))
+        texts.append(f"{_translate_sentence(first)} {similar}" if others else _translate_sentence(first))
     return tuple(texts)
 
 
-def _translated(sentence: str) -> str:
+def _translate_sentence(sentence: str) -> str:
     """A sentence of the pipelines in the language of the report; itself where there is no translation."""
     return translate_sentence(sentence) or sentence
 
@@ -356,7 +359,7 @@ def _translated_range(text: str) -> str:
 
 
 def _trial(one: MeasuredRecording) -> TrialRow:
-    wrong = " ".join(_translated(check.message) for check in one.quality.quality.checks if not check.passed)
+    wrong = " ".join(_translate_sentence(check.message) for check in one.quality.quality.checks if not check.passed)
     sides = [sum(step.side == side for step in one.steps) for side in SIDES]
     speed_m_s = speed_m_s_of(one)
     return TrialRow(
