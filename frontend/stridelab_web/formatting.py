@@ -180,7 +180,7 @@ def job_headline(job: Job) -> str:
 
 
 def job_subject(job: Job) -> str:
-    """What a job is about, for a job without one recording or scenario; the beginning of its id if nothing says it."""
+    """What a job is about; the beginning of its id if nothing says it."""
     if job.n_recordings is not None:
         return ngettext("%(num)s recording", "%(num)s recordings", job.n_recordings)
     if job.about is None:

@@ -29,6 +29,11 @@ def test_a_file_and_a_bundled_name_are_scenarios(tmp_path: Path) -> None:
         assert isinstance(read_scenario(name), Scenario)
 
 
+def test_the_file_of_a_stored_scenario_is_a_scenario(tmp_path: Path) -> None:
+    stored = {"id": "a", "created_at": "2026-01-01T00:00:00Z", "updated_at": None, "bundled": False, "owner": None}
+    assert read_scenario(written(tmp_path, {**body(), **stored})) == short_walk()
+
+
 def test_a_local_file_takes_precedence_over_a_bundled_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "six-stairs").write_text(short_walk().model_dump_json())

@@ -3,7 +3,7 @@
 Both clients have the functions that return a ``Call`` or a ``Download`` as methods, with their documentation.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -39,7 +39,7 @@ class Call(Generic[T]):
     method: str
     path: str
     read: Callable[[httpx.Response], T]
-    params: Mapping[str, str] = field(default_factory=dict)
+    params: Mapping[str, str | Sequence[str]] = field(default_factory=dict)
     headers: Mapping[str, str] = field(default_factory=dict)
     json: Any = None
     wait_s: float = 0.0
@@ -93,7 +93,9 @@ def health() -> Call[Health]:
     return Call("GET", f"{API}/health", response_reader(Health))
 
 
-def _list_page(path: str, page: type[T], limit: int, cursor: str | None, **filters: str | None) -> Call[T]:
+def _list_page(
+    path: str, page: type[T], limit: int, cursor: str | None, **filters: str | Sequence[str] | None
+) -> Call[T]:
     params = {"limit": str(limit), "cursor": cursor, **filters}
     return Call(
         "GET", path, response_reader(page), {name: value for name, value in params.items() if value is not None}
@@ -312,12 +314,16 @@ def jobs(
     state: str | None = None,
     kind: str | None = None,
     recording_id: str | None = None,
-    scenario_id: str | None = None,
+    scenario_id: str | Sequence[str] | None = None,
+    one_per_scenario: bool = False,
     search: str | None = None,
 ) -> Call[Page[Job]]:
-    """One page of jobs, newest first; ``search`` looks in the names of recording and scenario."""
+    """One page of jobs, newest first; ``search`` looks in the names of recording and scenario.
+
+    ``scenario_id`` is one id or several, ``one_per_scenario`` leaves only the newest job of each scenario.
+    """
     filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
-    filters["search"] = search
+    filters |= {"one_per_scenario": "true" if one_per_scenario else None, "search": search}
     return _list_page(f"{API}/jobs", Page[Job], limit, cursor, **filters)
 
 

@@ -107,7 +107,7 @@ def validate_document(model: type[T], document: Any, typed: str, kind: str) -> T
     Raises ``InvalidInput`` (``<what>-invalid``) naming every invalid field by its path.
     """
     try:
-        return model.model_validate(document)
+        return model.model_validate(model.readable_fields(document))
     except ValidationError as error:
         faults = [Fault(field_path(item["loc"], document), item["msg"]) for item in error.errors(include_url=False)]
         more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""

@@ -1,6 +1,6 @@
 """Base classes shared by all schemas of the HTTP interface."""
 
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -12,6 +12,16 @@ class Contract(BaseModel):
     """Base of every request and response: unknown fields are rejected, numbers are finite."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
+
+    ignored_fields: ClassVar[frozenset[str]] = frozenset()
+    """Fields of a document that ``readable_fields`` removes: those that the service adds to what it has stored."""
+
+    @classmethod
+    def readable_fields(cls, document: Any) -> Any:
+        """``document`` without the fields that this model ignores; anything but a mapping as it is."""
+        if not isinstance(document, dict):
+            return document
+        return {name: value for name, value in document.items() if name not in cls.ignored_fields}
 
     @classmethod
     def from_object(cls: type[Model], source: object, /, **others: Any) -> Model:  # noqa: PYI019 (beartype cannot check Self)

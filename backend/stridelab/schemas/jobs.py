@@ -66,8 +66,8 @@ class Job(Contract):
     n_recordings: int | None = Field(default=None, description="recordings of a job on several; null for other kinds")
     about: str | None = Field(
         default=None,
-        description="what a job without `recording_id` and `scenario_id` is about: the name of the scenario in its "
-        "body, of a robot, a session, or of an item of the reproduction",
+        description="what the job is about: the file name of its recording, or the name of its scenario, of a robot, a "
+        "session, or an item of the reproduction",
     )
     log_tail: str | None = None
     has_result: bool = False

@@ -30,7 +30,12 @@ class MarkerSetBody(Contract):
 
 
 class MarkerSetInput(MarkerSetBody):
-    """Body of ``POST /marker-sets``; ``source`` is a note, such as the laboratory or a publication."""
+    """Body of ``POST /marker-sets``; ``source`` is a note, such as the laboratory or a publication.
+
+    The fields of a stored marker set are ignored.
+    """
+
+    ignored_fields = frozenset({"id", "created_at", "owner", "recordings"})
 
     source: Annotated[str, Field(max_length=500)] | None = None
 

@@ -123,7 +123,12 @@ def _default_duration_s(stances: list[dict[str, Position]], k: int) -> float:
 
 
 class Scenario(Contract):
-    """Body of ``POST /scenarios`` and ``PUT /scenarios/{id}``: a contact sequence on a terrain."""
+    """Body of ``POST /scenarios`` and ``PUT /scenarios/{id}``: a contact sequence on a terrain.
+
+    The fields of a stored scenario are ignored, so that what was downloaded can be sent again.
+    """
+
+    ignored_fields = frozenset({"id", "created_at", "updated_at", "bundled", "owner"})
 
     name: OneLine
     description: Prose = ""

@@ -12,12 +12,10 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from stridelab.client import AsyncClient
-from stridelab.schemas.jobs import Job
 from stridelab.schemas.scenarios import StoredScenario
 from stridelab.translations.catalogue import gettext
 from stridelab_web.api_client import client_of, none_if_missing
 from stridelab_web.config import WebConfig
-from stridelab_web.pages.lists import subjects_of_jobs
 from stridelab_web.pages.render import render_page
 from stridelab_web.pages.scenarios.page import scenario_cards
 
@@ -30,7 +28,7 @@ async def home(request: Request) -> Response:
     """``GET /``."""
     client = client_of(request)
     recordings, jobs = await client.recordings(limit=LATEST), await client.jobs(limit=LATEST)
-    shown = await _featured_scenarios(client)
+    scenarios = await _featured_scenarios(client)
     return render_page(
         request,
         "pages/home.html",
@@ -38,11 +36,7 @@ async def home(request: Request) -> Response:
         sample=await none_if_missing(client.recording(SAMPLE_RECORDING)),
         recordings=recordings.items,
         jobs=jobs.items,
-        names=await subjects_of_jobs(client, jobs.items),
-        scenarios=[
-            {**card, "plan": await _motion_of(client, item.id)}
-            for card, item in zip(scenario_cards(shown), shown, strict=True)
-        ],
+        scenarios=await scenario_cards(client, scenarios),
     )
 
 
@@ -57,14 +51,6 @@ async def _featured_scenarios(client: AsyncClient) -> list[StoredScenario]:
     newest = (await client.scenarios(limit=SCENARIOS)).items
     first = [] if stairs is None else [stairs]
     return [*first, *(item for item in newest if item.id != SAMPLE_SCENARIO)][:SCENARIOS]
-
-
-async def _motion_of(client: AsyncClient, scenario_id: str) -> Job | None:
-    """The newest plan of a scenario, if it has a whole-body motion."""
-    plans = (await client.jobs(1, state="succeeded", kind="plan-motion", scenario_id=scenario_id)).items
-    if not plans or (await client.result(plans[0].id)).summary.get("certificate") is None:
-        return None
-    return plans[0]
 
 
 async def settings_page(request: Request) -> Response:

@@ -1,14 +1,11 @@
 """The lists of recordings, jobs and subjects, and the page of one subject with the recordings of that person."""
 
-from collections.abc import Sequence
 from typing import Final, TypedDict
 
 from starlette.requests import Request
 from starlette.responses import Response
 
-from stridelab.client import AsyncClient
-from stridelab.schemas.jobs import Job
-from stridelab_web.api_client import client_of, none_if_missing
+from stridelab_web.api_client import client_of
 from stridelab_web.formatting import KINDS
 from stridelab_web.formatting import job_kind_name as name_of
 from stridelab_web.pages.render import render_page
@@ -95,21 +92,7 @@ async def jobs_page(request: Request) -> Response:
         kind_filter=kind,
         query=query,
         kinds=sorted({*KINDS, *(job.kind for job in listed.items), kind} - {""}, key=name_of),
-        names=await subjects_of_jobs(client, listed.items),
     )
-
-
-async def subjects_of_jobs(client: AsyncClient, jobs: Sequence[Job]) -> dict[str, str]:
-    """By job id: the file name of the job's recording or the name of its scenario; deleted ones are left out."""
-    names: dict[str, str] = {}
-    for recording_id in {job.recording_id for job in jobs if job.recording_id is not None}:
-        if recording := await none_if_missing(client.recording(recording_id)):
-            names[recording_id] = recording.filename
-    for scenario_id in {job.scenario_id for job in jobs if job.scenario_id is not None}:
-        if scenario := await none_if_missing(client.scenario(scenario_id)):
-            names[scenario_id] = scenario.name
-    of_jobs = {job.id: names.get(job.recording_id or job.scenario_id or "") for job in jobs}
-    return {job_id: name for job_id, name in of_jobs.items() if name}
 
 
 def list_query(request: Request) -> ListQuery:

@@ -80,7 +80,7 @@ def test_the_viewer_says_the_verdict_and_links_its_reasons(fake: FakeService, br
 
 def test_the_viewer_says_of_a_plan_that_failed_how_far_its_motion_goes(fake: FakeService, browse: Browse) -> None:
     job = fake.add_plan()
-    fake.change(job.id, state="failed")
+    fake.change(job.id, state="failed", verdict=None)
     fake.stopped[job.id] = StoppedMotion(time_s=1.24, phase=1, level=0, level_name="dynamics", names=["torque"])
     page = browse(f"/view/?plan={job.id}").text
     assert "Failed: the body cannot follow the plan beyond 1.24 s</a>" in page

@@ -385,7 +385,7 @@ def test_jobs_have_the_same_verdict_in_the_list_and_alone(http: httpx.Client, se
     )
 
 
-def test_jobs_say_what_they_are_about(service: Served, recording_id: str) -> None:
+def test_jobs_say_what_they_are_about(service: Served) -> None:
     inputs: list[tuple[dict[str, Any], int | None, str | None]] = [
         ({"recording_ids": ["a", "b"]}, 2, None),
         ({"scenario": {"name": "Own <steps>", "robot": "talos"}, "robot": "hrp2"}, None, "Own <steps>"),
@@ -395,6 +395,6 @@ def test_jobs_say_what_they_are_about(service: Served, recording_id: str) -> Non
     ]
     record = service.run(service.parts.store.get(service.run(add_job(service.parts))))
     for body, number, about in inputs:
-        shown = job_of(replace(record, input=body, recording_id=None, scenario_id=None))
+        shown = job_of(replace(record, input=body, subject_name=None))
         assert (shown.n_recordings, shown.about) == (number, about)
-    assert job_of(replace(record, input={"robot": "talos"}, recording_id=recording_id)).about is None
+    assert job_of(replace(record, input={"robot": "talos"})).about == record.subject_name == "walk.c3d"

@@ -17,7 +17,7 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from stridelab.client import Client
-from stridelab.schemas.base import Problem, Remark
+from stridelab.schemas.base import FaultItem, Problem, Remark
 from stridelab.schemas.jobs import Artifact, Job, JobEvent, JobResult, Progress
 from stridelab.schemas.plans import StoppedMotion
 from stridelab.schemas.previews import SolverFacts, Solvers
@@ -25,6 +25,7 @@ from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
 from stridelab.schemas.robots import Measure
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab.schemas.service import Health
+from stridelab.service.jobs.verdict import verdict_of
 from support.fakes import courses, reachability, recorded_walk, results, robots
 from support.fakes.recorded_walk import (
     DURATION_S,
@@ -100,6 +101,9 @@ class FakeService:
     def add_job(self, kind: str = "estimate-com", state: str = "queued", **fields: Any) -> Job:
         """A job in a state."""
         fields.setdefault("has_result", state == "succeeded")
+        names = {key: one.filename for key, one in self.recordings.items()}
+        names |= {key: one.name for key, one in self.scenarios.items()}
+        fields.setdefault("about", names.get(fields.get("recording_id") or fields.get("scenario_id", "")))
         job = Job(
             id=uuid.uuid4().hex, kind=kind, state=state, priority=0, attempt=1, created_at=_NOW,
             progress=fields.pop("progress", Progress(fraction=1.0 if state == "succeeded" else 0.0)), **fields,
@@ -126,7 +130,8 @@ class FakeService:
         planned_scenario = given or robots.scenario()
         self.plans[job.id] = robots.plan_files(planned_scenario, whole_body=whole_body, replay=replay)
         self.inputs[job.id] = {"scenario_id": scenario_id}
-        return job
+        self.change(job.id, verdict=verdict_of(self.result(job.id).summary))
+        return self.jobs[job.id]
 
     def add_receding(self, pushes: list[dict[str, Any]]) -> Job:
         """A finished walk with a receding horizon."""
@@ -180,20 +185,15 @@ class FakeService:
         known = results.RESULTS | {recorded_walk.KIND: recorded_walk.result, reachability.KIND: reachability.result}
         if job.kind in known:
             return known[job.kind](job_input)
-        versions = {"stridelab": "0.1.0", "numpy": "2.4"}
+        about: dict[str, Any] = {"kind": job.kind, "input": job_input, "versions": {"stridelab": "0.1.0"}}
         if job.kind == "simulate-recording":
             summary = {"recording_id": next(iter(self.recordings)), "speed_m_s": 1.2, "n_steps": 6, "warnings": []}
-            return JobResult(
-                kind=job.kind, input=job_input, versions=versions, references=[], summary=summary, artifacts=[]
-            )
+            return JobResult(**about, references=[], summary=summary, artifacts=[])
         artifacts = [
             Artifact(name="com.parquet", media_type="application/vnd.apache.parquet", bytes=len(self.com)),
             Artifact(name="com.csv", media_type="text/csv", bytes=12345),
         ]
-        return JobResult(
-            kind=job.kind, input=job_input, versions=versions, references=["dumas2007"],
-            summary=SUMMARY, artifacts=artifacts,
-        )  # fmt: skip
+        return JobResult(**about, references=["dumas2007"], summary=SUMMARY, artifacts=artifacts)
 
     def client(self) -> Client:
         """A synchronous client of the fake, without a network."""
@@ -277,11 +277,13 @@ class FakeService:
         matching = [
             job
             for job in reversed(self.jobs.values())
-            if all(getattr(job, key) == query[key] for key in ("state", "kind", "scenario_id") if key in query)
+            if all(getattr(job, key) in query.getlist(key) for key in ("state", "kind", "scenario_id") if key in query)
             and query.get("recording_id", job.recording_id) in {job.recording_id, *self._pooled(job)}
         ]
-        limit = int(query.get("limit", 50))
-        return _answer({"items": [j.model_dump(mode="json") for j in matching[:limit]], "next": None})
+        if "one_per_scenario" in query:
+            matching = list({job.scenario_id: job for job in reversed(matching)}.values())
+        shown = matching[: int(query.get("limit", 50))]
+        return _answer({"items": [job.model_dump(mode="json") for job in shown], "next": None})
 
     async def _health(self, _: Request) -> Response:
         return _answer(Health(version="0.1.0", uptime_s=12.5).model_dump(mode="json"))
@@ -393,8 +395,6 @@ def _answer(value: Any, status: int = 200) -> Response:
 
 
 def _problem(status: int, code: str, detail: str, errors: list[tuple[str, str]] | None = None) -> Response:
-    body = Problem(
-        title=str(status), status=status, code=code, detail=detail,
-        errors=[{"where": w, "message": m} for w, m in errors or []],  # type: ignore[list-item]
-    )  # fmt: skip
+    faults = [FaultItem(where=where, message=message) for where, message in errors or []]
+    body = Problem(title=str(status), status=status, code=code, detail=detail, errors=faults)
     return Response(body.model_dump_json(), status_code=status, media_type="application/problem+json")

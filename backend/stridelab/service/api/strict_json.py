@@ -42,6 +42,10 @@ class StrictRoute(APIRoute):
                 )
             strict.raw = await read_limited(request, JSON_LIMIT_BYTES)
             strict.document = parse_json(strict.raw)
+            ignored: frozenset[str] = getattr(annotation, "ignored_fields", frozenset())
+            if isinstance(strict.document, dict) and not ignored.isdisjoint(strict.document):
+                strict.document = annotation.readable_fields(strict.document)
+                strict.raw = json.dumps(strict.document).encode()
             try:
                 # strict: a quoted number is not a number, and true is not 1
                 model.validate_json(strict.raw, strict=True)

@@ -8,13 +8,14 @@ States: ``queued -> running -> succeeded | failed | cancelled | timed_out``, ``q
 import hashlib
 import json
 import uuid
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final
 
 import psycopg
-from sqlalchemy import Select, and_, bindparam, case, func, insert, literal, or_, select, text, tuple_, update
+from sqlalchemy import Select, and_, bindparam, case, column, func, insert, literal, or_, select, text, tuple_, update
+from sqlalchemy.dialects.postgresql import JSONB, distinct_on
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from sqlalchemy.sql.elements import TextClause
@@ -25,6 +26,7 @@ from stridelab.schemas.previews import PartialResults
 from stridelab.service import telemetry
 from stridelab.service.cursors import decode_cursor, encode_cursor
 from stridelab.service.jobs.partial_results import decode_partial_cursor, read_chunks
+from stridelab.service.jobs.verdict import VERDICT_FIELDS
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.storage import locks
 from stridelab.service.storage.database import connect_autocommit
@@ -45,7 +47,12 @@ _RETRY_AFTER_S: Final = 5.0
 
 @dataclass(frozen=True)
 class JobRecord:
-    """Current state of a job; ``error`` is ``{"code", "detail", "errors": [{"where", "message"}]}``."""
+    """Current state of a job, without its result.
+
+    ``error`` is ``{"code", "detail", "errors": [{"where", "message"}]}``.
+    ``verdict_parts`` are the fields of the summary that the verdict is derived from, None unless the job succeeded;
+    ``subject_name`` is the file name of its recording, or the name of its stored scenario.
+    """
 
     id: str
     kind: str
@@ -63,7 +70,9 @@ class JobRecord:
     started_at: datetime | None
     finished_at: datetime | None
     error: dict[str, Any] | None
-    result: dict[str, Any] | None
+    has_result: bool
+    verdict_parts: dict[str, Any] | None
+    subject_name: str | None
     blob_prefix: str | None
     log_tail: str | None
     queue_position: int | None
@@ -199,25 +208,31 @@ class JobStore:
         state: str | None = None,
         kind: str | None = None,
         recording_id: str | None = None,
-        scenario_id: str | None = None,
+        scenario_ids: Sequence[str] = (),
+        one_per_scenario: bool = False,
         search: str | None = None,
     ) -> JobPage:
         """Jobs, newest first; ``search`` looks in the kind and in the names of recording and scenario.
 
         Those of a recording include the measures and reports of gait of several recordings of which it is one.
+        ``one_per_scenario`` leaves only the newest job of each scenario.
 
         Raises ``InvalidInput`` (``invalid-cursor``).
         """
-        wanted = _JOBS_SELECT.order_by(job.c.created_at.desc(), job.c.id.desc()).limit(limit + 1)
-        filters = {"state": state, "kind": kind, "scenario_id": scenario_id}
+        conditions = [job.c[name] == value for name, value in (("state", state), ("kind", kind)) if value is not None]
         if recording_id is not None:
             pooled = and_(job.c.kind.in_(POOLING_KINDS), job.c.input["recording_ids"].contains([recording_id]))
-            wanted = wanted.where(or_(job.c.recording_id == recording_id, pooled))
-        for column, value in filters.items():
-            if value is not None:
-                wanted = wanted.where(job.c[column] == value)
+            conditions.append(or_(job.c.recording_id == recording_id, pooled))
+        if scenario_ids:
+            conditions.append(job.c.scenario_id.in_(scenario_ids))
         if search is not None:
-            wanted = wanted.where(contains_words(search, *_SEARCHED_TEXTS))
+            conditions.append(contains_words(search, job.c.kind, _RECORDING_NAME, _SCENARIO_NAME))
+        newest_first = (job.c.created_at.desc(), job.c.id.desc())
+        if one_per_scenario:
+            newest = select(job.c.id).where(job.c.scenario_id.is_not(None), *conditions)
+            newest = newest.order_by(job.c.scenario_id, *newest_first).ext(distinct_on(job.c.scenario_id))
+            conditions = [job.c.id.in_(newest.correlate(None))]
+        wanted = _JOBS_SELECT.where(*conditions).order_by(*newest_first).limit(limit + 1)
         if cursor is not None:
             at, job_id = decode_cursor(cursor)
             wanted = wanted.where(tuple_(job.c.created_at, job.c.id) < tuple_(literal(at), literal(job_id)))
@@ -277,18 +292,22 @@ class JobStore:
 
         Raises ``NotFound`` (``job-not-found``), ``Conflict`` (``job-not-finished``, ``job-without-result``).
         """
-        record = await self.get(job_id)
-        if not record.is_final:
-            raise Conflict("job-not-finished", f"Job {job_id} is still {record.state}; it has no result yet.")
-        if record.result is None:
-            raise Conflict("job-without-result", f"Job {job_id} ended as {record.state} and has no result.")
+        wanted = select(job.c.state, job.c.kind, job.c.input, job.c.result).where(job.c.id == job_id)
+        async with connect_autocommit(self._engine) as connection:
+            row = (await connection.execute(wanted)).one_or_none()
+        if row is None:
+            raise _unknown_job(job_id)
+        if row.state not in FINAL_STATES:
+            raise Conflict("job-not-finished", f"Job {job_id} is still {row.state}; it has no result yet.")
+        if row.result is None:
+            raise Conflict("job-without-result", f"Job {job_id} ended as {row.state} and has no result.")
         return JobResult(
-            kind=record.kind,
-            input=record.input,
-            versions=record.result["versions"],
-            references=record.result["references"],
-            summary=record.result["summary"],
-            artifacts=[Artifact(**artifact) for artifact in record.result["artifacts"]],
+            kind=row.kind,
+            input=row.input,
+            versions=row.result["versions"],
+            references=row.result["references"],
+            summary=row.result["summary"],
+            artifacts=[Artifact(**artifact) for artifact in row.result["artifacts"]],
         )
 
     async def _find_by_idempotency_key(
@@ -344,8 +363,14 @@ def _unknown_reference(error: IntegrityError, recording_id: str | None, scenario
     return NotFound(f"{what}-not-found", f"There is no {what} {named}.", [Fault(f"{what}_id", "unknown")])
 
 
-def _jobs_with_queue_position() -> Select[Any]:
-    """Select jobs with their queue position, assuming round-robin over owners (``jobs.queue``)."""
+_RECORDING_NAME: Final = select(recording.c.filename).where(recording.c.id == job.c.recording_id).scalar_subquery()
+_SCENARIO_NAME: Final = (
+    select(scenario.c.body["name"].astext).where(scenario.c.id == job.c.scenario_id).scalar_subquery()
+)
+
+
+def _select_records() -> Select[Any]:
+    """Select the columns of ``JobRecord``; queue positions assume round-robin over owners (``jobs.queue``)."""
     order = (job.c.priority.desc(), job.c.created_at, job.c.id)
     turn = func.row_number().over(partition_by=job.c.owner, order_by=order).label("turn")
     waiting = select(job.c.id, job.c.priority, job.c.created_at, turn).where(job.c.state == "queued").subquery()
@@ -354,16 +379,20 @@ def _jobs_with_queue_position() -> Select[Any]:
     # computed once for all rows, and not at all if none of them is waiting
     placed = select(waiting.c.id, place.label("place")).cte("placed").prefix_with("MATERIALIZED")
     position = select(placed.c.place).where(placed.c.id == job.c.id).scalar_subquery()
-    return select(job, case((job.c.state == "queued", position)).label("queue_position"))
+    # results can be long: each is decompressed once, and a list needs only what the verdicts depend on
+    field = func.jsonb_each(job.c.result["summary"]).table_valued("key", column("value", JSONB))
+    parts = select(func.jsonb_object_agg(field.c.key, field.c.value)).where(field.c.key.in_(VERDICT_FIELDS))
+    return select(
+        *(one for one in job.c if one.name in JobRecord.__dataclass_fields__),
+        job.c.result.is_not(None).label("has_result"),
+        case((job.c.state == "succeeded", parts.scalar_subquery())).label("verdict_parts"),
+        func.coalesce(_RECORDING_NAME, _SCENARIO_NAME).label("subject_name"),
+        case((job.c.state == "queued", position)).label("queue_position"),
+    )
 
 
 # built once: building the statement costs more than executing it
-_JOBS_SELECT: Final = _jobs_with_queue_position()
-_SEARCHED_TEXTS: Final = (
-    job.c.kind,
-    select(recording.c.filename).where(recording.c.id == job.c.recording_id).scalar_subquery(),
-    select(scenario.c.body["name"].astext).where(scenario.c.id == job.c.scenario_id).scalar_subquery(),
-)
+_JOBS_SELECT: Final = _select_records()
 _JOB_BY_ID: Final = _JOBS_SELECT.where(job.c.id == bindparam("job_id"))
 
 

@@ -10,6 +10,8 @@ from typing import Any, Final
 
 from stridelab.schemas.jobs import JobVerdict
 
+VERDICT_FIELDS: Final = ("certificate", "replay", "quality", "replans", "carried_on")
+"""Fields of a summary that its verdict depends on."""
 MAX_LISTED_CHECKS: Final = 3
 """Maximum number of checks that a message names; the rest is counted."""
 

@@ -37,11 +37,30 @@ def test_a_plan_belongs_to_its_scenario(http: httpx.Client, service: Served, sce
     assert listed(scenario_id=other["scenario_id"]) == [other["id"]]
     assert listed(scenario_id=scenario_id, kind="estimate-com") == []
     assert listed(scenario_id="nope") == []
+    assert http.get(f"{JOBS}/{other['id']}").json()["about"] == one_step()["name"]
     assert refusal_code(http.get(JOBS, params={"scenario_id": "a\x00"})) == (422, "invalid-request")
 
     assert http.delete(f"/api/v1/scenarios/{scenario_id}").status_code == 204
     job = http.get(f"{JOBS}/{second['id']}").json()
     assert (job["state"], job["scenario_id"]) == ("queued", None)
+
+
+def test_the_newest_plan_of_each_of_several_scenarios(http: httpx.Client, service: Served) -> None:
+    scenario_ids = [service.run(add_scenario(service.parts)) for _ in range(3)]
+    plans = [http.post(PLAN, json={"scenario_id": scenario_ids[k]}).json()["id"] for k in (0, 1, 0, 2)]
+
+    def listed(**params: str | list[str]) -> list[str]:
+        answer = http.get(JOBS, params={"scenario_id": scenario_ids[:2], "one_per_scenario": "true", **params})
+        return [item["id"] for item in answer.json()["items"]]
+
+    assert listed(one_per_scenario="false") == [plans[2], plans[1], plans[0]]
+    assert listed() == [plans[2], plans[1]]
+    service.run(publish_result(service.parts, service.run(start_job(service.parts, plans[0]))))
+    assert listed(state="succeeded") == [plans[0]], "the newest of those that match"
+    first = http.get(JOBS, params={"scenario_id": scenario_ids, "one_per_scenario": "true", "limit": 2}).json()
+    assert [item["id"] for item in first["items"]] == [plans[3], plans[2]]
+    rest = http.get(JOBS, params={"scenario_id": scenario_ids, "one_per_scenario": "true", "cursor": first["next"]})
+    assert [item["id"] for item in rest.json()["items"]] == [plans[1]]
 
 
 def test_a_plan_of_a_scenario_in_the_request_belongs_to_no_stored_scenario(http: httpx.Client) -> None:

@@ -1,9 +1,11 @@
 """Endpoints of jobs: list, wait, follow, cancel, delete, and download of results."""
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Final
 
 import structlog
 from fastapi import APIRouter, Header, Query
+from pydantic import StringConstraints
 from starlette.responses import Response, StreamingResponse
 
 from stridelab.errors import NotFound
@@ -26,7 +28,11 @@ from stridelab.service.jobs.store import JobRecord
 router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
 
 Wait = Annotated[float, Query(ge=0, le=60, description="seconds to wait for the job to finish")]
-Text = Annotated[str | None, Query(max_length=64, pattern=r"^[A-Za-z0-9_-]*$")]
+IdText = Annotated[str, StringConstraints(max_length=64, pattern=r"^[A-Za-z0-9_-]*$")]
+Text = Annotated[IdText | None, Query()]
+ScenarioIds = Annotated[
+    Sequence[IdText], Query(max_length=50, description="only jobs of this scenario; may be repeated for several")
+]
 
 _UNKNOWN: Final = failure_responses(s404="No job with this id (`job-not-found`).")
 _NO_RESULT: Final = failure_responses(
@@ -49,10 +55,11 @@ async def list_jobs(
     state: Annotated[JobState | None, Query(description="only jobs in this state")] = None,
     kind: Text = None,
     recording_id: Text = None,
-    scenario_id: Text = None,
+    scenario_id: ScenarioIds = (),
+    one_per_scenario: Annotated[bool, Query(description="of each scenario only the newest of these jobs")] = False,
     search: Search = None,
 ) -> Page[Job]:
-    """List jobs, newest first, optionally of one state, kind, recording or scenario.
+    """List jobs, newest first, optionally of one state, kind, recording, or of some scenarios.
 
     `search` looks in the kind and in the names of the recording and the scenario.
     """
@@ -62,7 +69,8 @@ async def list_jobs(
         state=state,
         kind=kind or None,
         recording_id=recording_id or None,
-        scenario_id=scenario_id or None,
+        scenario_ids=[one for one in scenario_id if one],
+        one_per_scenario=one_per_scenario,
         search=search,
     )
     return Page[Job](items=[job_of(record) for record in page.items], next=page.next)

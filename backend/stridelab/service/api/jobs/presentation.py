@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from stridelab.schemas.base import FaultItem, Problem
-from stridelab.schemas.jobs import Job, JobState, JobVerdict, Progress
+from stridelab.schemas.jobs import Job, JobState, Progress
 from stridelab.service.jobs.store import JobRecord
 from stridelab.service.jobs.verdict import verdict_of
 
@@ -22,11 +22,10 @@ def job_of(record: JobRecord) -> Job:
     return Job.from_object(
         record,
         n_recordings=len(pooled) if isinstance(pooled := record.input.get("recording_ids"), list) else None,
-        about=_subject_of(record.input) if record.recording_id is None and record.scenario_id is None else None,
+        about=record.subject_name or _subject_of(record.input),
         progress=Progress(fraction=record.fraction, message=record.message),
         error=_problem_of(record),
-        has_result=record.result is not None,
-        verdict=_verdict_of(record),
+        verdict=None if record.verdict_parts is None else verdict_of(record.verdict_parts),
     )
 
 
@@ -38,13 +37,6 @@ def _subject_of(job_input: Mapping[str, Any]) -> str | None:
         *(job_input.get(field) for field in _NAMED_BY),
     )
     return next((name for name in names if isinstance(name, str) and name), None)
-
-
-def _verdict_of(record: JobRecord) -> JobVerdict | None:
-    """Verdict on the result; None for a job that did not succeed, even if it has a partial result."""
-    if record.state != "succeeded" or record.result is None:
-        return None
-    return verdict_of(record.result.get("summary") or {})
 
 
 def _problem_of(record: JobRecord) -> Problem | None:

@@ -203,13 +203,14 @@ def _is_open(path: str) -> bool:
 
 
 def as_internal_app(app: ASGIApp) -> ASGIApp:
-    """Wrap ``app`` for requests from within this process (the web pages), which skip authentication.
+    """Wrap ``app`` for requests from within this process (the web pages), which skip authentication and compression.
 
     The mark is set in the ASGI scope, which a client cannot do with a header.
     """
 
     async def call_internally(scope: Scope, receive: Receive, send: Send) -> None:
-        await app({**scope, _INTERNAL: True}, receive, send)
+        headers = [header for header in scope["headers"] if header[0] != b"accept-encoding"]
+        await app({**scope, "headers": headers, _INTERNAL: True}, receive, send)
 
     return call_internally
 

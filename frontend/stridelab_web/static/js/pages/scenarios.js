@@ -73,9 +73,6 @@ importForm?.elements.file.addEventListener("change", async () => {
   importForm.reset();
 });
 
-// Fields that the service adds to a downloaded scenario.
-const SERVICE_FIELDS = ["id", "created_at", "bundled", "owner"];
-
 async function readScenario(file) {
   let body;
   try {
@@ -83,12 +80,8 @@ async function readScenario(file) {
   } catch {
     throw new Error("this is not JSON");
   }
-  return withoutServiceFields(body);
-}
-
-function withoutServiceFields(body) {
   if (body === null || typeof body !== "object" || Array.isArray(body)) throw new Error("this is not a scenario");
-  return Object.fromEntries(Object.entries(body).filter(([key]) => !SERVICE_FIELDS.includes(key)));
+  return body;
 }
 
 const status = document.querySelector("[data-said-copy]");
@@ -96,7 +89,7 @@ const copyButton = document.querySelector("[data-copy]");
 onClick(copyButton, status, async () => {
   const original = await call("GET", `/scenarios/${copyButton.dataset.copy}`);
   const name = `${original.name} (copy)`.slice(0, 120);
-  const copy = await call("POST", "/scenarios", { ...withoutServiceFields(original), name });
+  const copy = await call("POST", "/scenarios", { ...original, name });
   location.assign(`/scenarios/${copy.id}`);
 });
 
