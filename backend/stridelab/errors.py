@@ -5,6 +5,7 @@ applies, the places in the input that caused it. The web layer maps the *class* 
 line maps it to an exit code; the layers below depend on neither.
 """
 
+import errno
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -69,7 +70,7 @@ class Unavailable(StridelabError):
 
 
 class StorageFull(Unavailable):
-    """Not enough storage is left for the upload."""
+    """Not enough storage is left for an upload or the files of a computation."""
 
 
 class Unauthenticated(Forbidden):
@@ -80,6 +81,18 @@ def problem_of(error: StridelabError) -> dict[str, Any]:
     """The error as JSON, without its class: ``{"code", "detail", "errors": [{"where", "message"}]}``."""
     faults = [{"where": fault.where, "message": fault.message} for fault in error.faults]
     return {"code": error.code, "detail": error.message, "errors": faults}
+
+
+def is_disk_full(error: BaseException) -> bool:
+    """Whether ``error`` was raised because a disk or a quota is full."""
+    return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
+
+
+def scratch_full_error() -> StorageFull:
+    """Error of a computation that could not write its files."""
+    return StorageFull(
+        "scratch-full", "The disk is full: the computation could not write its files. Free some space, then try again."
+    )
 
 
 def error_of(problem: Mapping[str, Any], class_name: str | None) -> StridelabError:

@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from stridelab.errors import NotEstimable
+from stridelab.errors import NotEstimable, StorageFull
 from stridelab.machine.cores import limit_cores, usable_cores
 from stridelab.machine.parallel import PROCESSES_MAX, WorkBeside, compute_beside, map_in_order, worthwhile_processes
 from support import parallel_work
@@ -71,6 +71,13 @@ def test_a_process_out_of_memory_is_reported_as_such() -> None:
     """So that a job says that it needed more memory than its limit."""
     with pytest.raises(MemoryError):
         list(map_in_order(parallel_work.hog, 2, 2))
+
+
+def test_a_full_disk_is_named() -> None:
+    """So that a job says that its files could not be written, and not only that a process ended."""
+    with pytest.raises(StorageFull) as refusal:
+        list(map_in_order(parallel_work.fill_disk, 2, 2))
+    assert refusal.value.code == "scratch-full"
 
 
 def test_a_process_that_vanishes_is_noticed() -> None:

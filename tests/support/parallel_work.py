@@ -56,6 +56,10 @@ def threads(_piece: int) -> list[int]:
     return [library["num_threads"] for library in threadpool_info()]
 
 
+def fill_disk(_piece: int) -> None:
+    Path("/dev/full").write_bytes(b"part of a result")
+
+
 def refuse(piece: int) -> int:
     if piece == 2:
         raise NotEstimable("no-posture", "There is no posture.", [Fault("robot", "stiff")])

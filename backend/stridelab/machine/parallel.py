@@ -30,7 +30,15 @@ from typing import Any, Final, Generic, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from stridelab.errors import NotEstimable, StridelabError, error_of, problem_of
+from stridelab.errors import (
+    NotEstimable,
+    StorageFull,
+    StridelabError,
+    error_of,
+    is_disk_full,
+    problem_of,
+    scratch_full_error,
+)
 from stridelab.machine.cluster import (
     call_on_cluster,
     count_cluster_slots,
@@ -367,6 +375,10 @@ def _serve_items(pipe: Connection, settings: _Settings, items: Sequence[Any], fo
         send_message({"memory": True})
     except BrokenPipeError:
         return  # the parent has closed the pipe
+    except OSError as error:
+        if not is_disk_full(error):
+            raise
+        send_message({"problem": problem_of(scratch_full_error()), "raised": StorageFull.__name__})
 
 
 def _limit_threads() -> contextlib.AbstractContextManager[Any]:

@@ -1,6 +1,5 @@
 """Creates the data folder where it is missing and checks that it can be used."""
 
-import errno
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -8,12 +7,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from stridelab.errors import StridelabError, Unavailable
+from stridelab.errors import StridelabError, Unavailable, is_disk_full
 
 FIRST_START_BYTES: Final = 100_000_000
 """A new database takes about 70 MB with its log."""
 LATER_START_BYTES: Final = 2_000_000
-DISK_FULL_ERRNOS: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 
 def open_data_folder(folder: Path, free_bytes: int = LATER_START_BYTES) -> None:
@@ -37,7 +35,7 @@ def explain_os_errors(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno in DISK_FULL_ERRNOS:
+        if is_disk_full(error):
             raise _disk_full_error(folder, LATER_START_BYTES) from error
         where = f" ({error.filename})" if error.filename and str(error.filename) != str(folder) else ""
         reason = error.strerror or str(error)

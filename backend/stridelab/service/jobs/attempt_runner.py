@@ -14,11 +14,10 @@ from typing import Any, Final, TypeVar
 import structlog
 from sqlalchemy.ext.asyncio import AsyncEngine
 
-from stridelab.errors import StorageFull, StridelabError, Unavailable, problem_of
+from stridelab.errors import StridelabError, Unavailable, is_disk_full, problem_of, scratch_full_error
 from stridelab.machine.cluster import scheduler_address
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service import telemetry
-from stridelab.service.data_folder import DISK_FULL_ERRNOS
 from stridelab.service.jobs.attempts import AttemptStore, FinalState
 from stridelab.service.jobs.partial_results import NumberedChunk, PartialReader
 from stridelab.service.jobs.queue import DATABASE_UNAVAILABLE, Attempt
@@ -308,9 +307,9 @@ def explain_full_disk() -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno not in DISK_FULL_ERRNOS:
+        if not is_disk_full(error):
             raise
-        raise StorageFull("scratch-full", "The worker's scratch disk is full.") from error
+        raise scratch_full_error() from error
 
 
 def add_last_progress(problem: Json, message: str) -> Json:

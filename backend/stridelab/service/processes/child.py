@@ -7,7 +7,6 @@ opens a file it enters its sandbox (``sandbox``). This module imports the standa
 """
 
 import contextlib
-import errno
 import faulthandler
 import importlib
 import io
@@ -22,7 +21,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any, Final, NoReturn
 
-from stridelab.errors import StridelabError, problem_of
+from stridelab.errors import StorageFull, StridelabError, is_disk_full, problem_of, scratch_full_error
 from stridelab.machine.cluster import leave_cluster, resolve_scheduler
 from stridelab.machine.cores import limit_cores
 from stridelab.service.processes.priority import lower_priority, raise_priority
@@ -136,11 +135,11 @@ def answer_or_problem(compute: Callable[[], Any]) -> dict[str, Any]:
     except BaseException as error:  # noqa: BLE001 (any error of the computation is reported to the parent)
         with _without_memory_limit():
             traceback.print_exc()
+        if is_disk_full(error):
+            return {"problem": problem_of(scratch_full_error()), "raised": StorageFull.__name__}
         summary = str(error).splitlines()[0][:300] if str(error) else "no message"
         detail = f"The computation stopped with an unexpected error ({type(error).__name__}: {summary})."
-        full = isinstance(error, OSError) and error.errno == errno.ENOSPC
-        code = "scratch-full" if full else "computation-failed"
-        return {"problem": {"code": code, "detail": detail, "errors": []}, "raised": None}
+        return {"problem": {"code": "computation-failed", "detail": detail, "errors": []}, "raised": None}
 
 
 def _progress_reporter(wire: IO[str], number: int) -> Callable[[float, str], None]:

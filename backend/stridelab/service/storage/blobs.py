@@ -18,8 +18,7 @@ import obstore
 from obstore.exceptions import BaseError
 from obstore.store import LocalStore, ObjectStore, from_url
 
-from stridelab.errors import InvalidInput, NotFound, StorageFull, Unavailable, UnreadableFile
-from stridelab.service.data_folder import DISK_FULL_ERRNOS
+from stridelab.errors import InvalidInput, NotFound, StorageFull, Unavailable, UnreadableFile, is_disk_full
 from stridelab.service.storage.local_files import DISK, FileSystem, sync_durably, write_durably
 
 if TYPE_CHECKING:
@@ -231,6 +230,6 @@ def _missing_file_error(key: str) -> NotFound:
 
 
 def _storage_error(error: Exception) -> Unavailable:
-    if isinstance(error, OSError) and error.errno in DISK_FULL_ERRNOS:
+    if is_disk_full(error):
         return StorageFull("storage-full", "The file storage is full; nothing was stored. Free some space.")
     return Unavailable("storage-unavailable", f"The file storage does not respond ({type(error).__name__}).")

@@ -1,6 +1,5 @@
 """Streaming parser of multipart forms: files are hashed and written to disk while they arrive."""
 
-import errno
 import hashlib
 import shutil
 from collections.abc import Callable, Mapping
@@ -13,7 +12,7 @@ from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.requests import Request
 
-from stridelab.errors import Fault, InvalidInput, StorageFull, TooLarge
+from stridelab.errors import Fault, InvalidInput, StorageFull, TooLarge, is_disk_full
 from stridelab.service.filenames import safe_filename
 
 FORM_OVERHEAD_BYTES: Final = 64_000
@@ -108,7 +107,7 @@ async def _read_form(request: Request, path_of: Callable[[int], Path], folder: P
     except FormParserError as error:
         raise InvalidInput("malformed-request", "The multipart form is damaged or cut off.") from error
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        if is_disk_full(error):
             raise _disk_full() from error
         raise
     finally:
