@@ -48,7 +48,7 @@ MARKER_ERROR: Final[Mapping[EventKind, EventError]] = {
 """Errors of events by markers against plates, measured on people.
 
 The common error of a strike is that of laboratories that did not inform its weights; the other sizes are of the sources
-that did (``scripts/make_strike_timing.py``).
+that did. ``scripts/make_event_calibration.py`` judges them on others.
 """
 FLAT_STRIKE_ERROR: Final = EventError(MARKER_ERROR["strike"].common_s, 0.010)
 """Error of a strike by markers of a foot that lands flat or on its forefoot."""
