@@ -281,7 +281,10 @@ def test_the_plates_of_a_session_calibrate_the_events_of_a_recording_without(tmp
         results[session_id] = measure_members(GaitMeasuresTask(members=members), tmp_path, quiet).recordings
     alone, calibrated = results[None][0], results["day"][0]
     truth = results[None][1]
-    assert results["day"][1].steps == truth.steps, "its own plates time all of its steps, or no other recording does"
+    assert results["day"][1].steps == truth.steps, "no other recording has plates"
+    members = [one.model_copy(update={"session_id": "day"}) for one in (*pair, member(tmp_path))]
+    copied = measure_members(GaitMeasuresTask(members=members), tmp_path, quiet).recordings
+    assert [one.steps for one in copied] == [calibrated.steps, truth.steps, truth.steps], "a copy adds nothing"
 
     def off_s(steps: Sequence[GaitStep]) -> np.ndarray:
         return np.array([one.strike_s - own.strike_s for one, own in zip(steps, truth.steps, strict=True)])

@@ -113,11 +113,11 @@ def _calibrate_events(
     differences = {one.recording_id: _plate_differences(one) for one in measured if sessions[one.recording_id]}
     calibrated = []
     for one in measured:
-        others = [
-            own
-            for name, own in differences.items()
-            if name != one.recording_id and sessions[name] == sessions[one.recording_id] and any(own.values())
-        ]
+        others: list[EventDifferences] = []
+        for name, own in differences.items():
+            same = name != one.recording_id and sessions[name] == sessions[one.recording_id]
+            if same and any(own.values()) and own not in (*others, differences[one.recording_id]):  # copies count once
+                others.append(own)
         if others and any("markers" in (c.strike_source, c.lift_off_source) for c in one.contacts):
             one = measure_steps(
                 one.recording_id,
