@@ -12,7 +12,7 @@ import sys
 from dataclasses import replace
 
 from stridelab.library.recordings import load_recording, staged_sources
-from stridelab.pipelines.gait_measures import measure_recording
+from stridelab.pipelines.gait_measures.recording import measure_recording
 from stridelab.pipelines.imitation.comparison import Walker
 from stridelab.pipelines.imitation.pace_search import Trial, find_pace, search_fastest, try_walk
 from stridelab.pipelines.imitation.recorded_walk import recorded_walk

@@ -3,7 +3,7 @@
 Walks with an even seed go over a walkway with a plate below every footprint, the others over two plates; the walks over
 two plates are measured a second time by their markers alone. The simulated
 feet roll without toes, so that speeds of their markers do not time their load: events by markers are the instants of
-the load with errors as they are measured on people (``walking.gait_events.MARKER_ERROR``).
+the load with errors as they are measured on people (``walking.event_calibration.MARKER_ERROR``).
 
 make_measures_coverage.py                 400 walks, then the tables of docs/theory/gait-measures.md
 make_measures_coverage.py --number 20     only so many of them
@@ -42,7 +42,7 @@ from stridelab.measures import (
 )
 from stridelab.measures.energy_exchange import step_energies
 from stridelab.measures.rolling_wheel import rolling_wheel
-from stridelab.pipelines.gait_measures import measure_recording
+from stridelab.pipelines.gait_measures.recording import measure_recording
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.foot_contact import find_feet, foot_outline
 from stridelab.recordings.gap_filling import true_runs
@@ -54,7 +54,8 @@ from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import NOISE_FREE, MeasurementNoise
 from stridelab.walking import gait_events
-from stridelab.walking.gait_events import MARKER_ERROR, Contact
+from stridelab.walking.event_calibration import MARKER_ERROR
+from stridelab.walking.gait_events import Contact
 from stridelab.walking.steps import GaitStep, find_steps, footprint_direction
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "gait-measures.md"

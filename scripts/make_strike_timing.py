@@ -30,9 +30,8 @@ from stridelab.recordings.plate_contacts import mean_visible, outline_off_plates
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording, Side
 from stridelab.walking import gait_events
+from stridelab.walking.event_calibration import MARKER_ERROR, MAX_SHIFT_S, PlateDifference, common_difference
 from stridelab.walking.gait_events import (
-    MARKER_ERROR,
-    MAX_SHIFT_S,
     MAX_SINKING_S,
     SINKING_WEIGHTS_S,
     STRIKE_DELAY_S,
@@ -230,15 +229,17 @@ def median_of_medians(strikes: Sequence[Strike], value: Callable[[Strike], float
 
 
 def without_common(own: Sequence[tuple[str, float]]) -> list[float]:
-    """Differences shifted by the other strikes of their recording, as ``walking.gait_events`` does."""
-    error = MARKER_ERROR["strike"]
+    """Differences shifted by the other strikes of their recording, as ``walking.event_calibration`` does.
+
+    All are taken as heel strikes (``make_event_calibration.py`` distinguishes flat landings).
+    """
+    own_s = MARKER_ERROR["strike"].own_s
     rest_s = []
     for k, (recording, late_s) in enumerate(own):
-        others_s = [s for j, (name, s) in enumerate(own) if j != k and name == recording and abs(s) < MAX_SHIFT_S]
-        if others_s:
-            n = len(others_s)
-            informed = n * error.common_s**2 / (n * error.common_s**2 + error.own_s**2)
-            rest_s.append(late_s - informed * float(np.mean(others_s)))
+        others = [PlateDifference(s, own_s) for j, (name, s) in enumerate(own) if j != k and name == recording]
+        common = common_difference("strike", others)
+        if common is not None:
+            rest_s.append(late_s - common[0])
     return rest_s
 
 

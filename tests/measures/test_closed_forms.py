@@ -28,7 +28,8 @@ from stridelab.measures.stated_errors import FACTORS, calibrate_errors
 from stridelab.measures.walk_motion import MARKER_SD_M
 from stridelab.recordings.recording import Side
 from stridelab.walking.curtate_cycloid import Wheel
-from stridelab.walking.gait_events import Contact, EventError
+from stridelab.walking.event_calibration import EventError
+from stridelab.walking.gait_events import Contact
 from stridelab.walking.path_fit import fit_path
 from support.recordings.analytic_motions import (
     FOOT_M,

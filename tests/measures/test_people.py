@@ -10,13 +10,14 @@ import pytest
 
 from stridelab.measures import MeasureSummary, summarise
 from stridelab.measures.spatiotemporal import timing_sd
-from stridelab.pipelines.gait_measures import MeasuredRecording, measure_recording
+from stridelab.pipelines.gait_measures.recording import MeasuredRecording, measure_recording
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
-from stridelab.walking.gait_events import MARKER_ERROR, Contact, find_contacts
+from stridelab.walking.event_calibration import MARKER_ERROR
+from stridelab.walking.gait_events import Contact, find_contacts
 
 GAIT = Path(os.environ.get("STRIDELAB_TEST_DATA", Path(__file__).parents[3] / "shared")).resolve() / "gait"
 ADULTS = sorted(GAIT.glob("rehazenter-adult-walking/*/*_C[45]_*.c3d"))

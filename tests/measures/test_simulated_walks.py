@@ -4,6 +4,7 @@ import importlib.util
 import json
 import math
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,12 +16,14 @@ from pydantic import ValidationError
 
 import stridelab as sl
 from stridelab.errors import NotEstimable, UnreadableFile
+from stridelab.pipelines.gait_measures.pooled import gait_measures as measure_members
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary, GaitMeasuresTask, MeasuresMember
 from stridelab.schemas.recordings import PlateSwitch
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.kinds.gait_measures import run as gait_measures
 from stridelab.simulation.noise import NOISE_FREE
+from stridelab.walking.steps import GaitStep
 from support.command_line import SAMPLE, quiet
 from support.docs.book import ROOT
 
@@ -264,3 +267,29 @@ def test_the_stability_table_is_in_the_world_of_the_recording() -> None:
         np.testing.assert_allclose(edge[stands] @ lateral, reach, atol=1e-9)
     spin = np.linalg.norm(track("momentum_{}_m2_s"), axis=1)
     np.testing.assert_allclose(spin, np.linalg.norm(one.motion.momentum_per_kg, axis=1), rtol=1e-9)
+
+
+def test_the_plates_of_a_session_calibrate_the_events_of_a_recording_without(tmp_path: Path) -> None:
+    """Its strikes are nearer to those of the plates of the same walk, and its double support is known better."""
+    off = {index: PlateSwitch(use=False) for index in range(1, 30)}
+    pair = member(tmp_path, plates=off), member(tmp_path)
+    for folder in ("alone", "session"):
+        (tmp_path / folder).mkdir()
+    results = {}
+    for session_id in (None, "day"):
+        members = [one.model_copy(update={"session_id": session_id}) for one in pair]
+        results[session_id] = measure_members(GaitMeasuresTask(members=members), tmp_path, quiet).recordings
+    alone, calibrated = results[None][0], results["day"][0]
+    truth = results[None][1]
+    assert results["day"][1].steps == truth.steps, "no other recording has plates"
+    members = [one.model_copy(update={"session_id": "day"}) for one in (*pair, member(tmp_path))]
+    copied = measure_members(GaitMeasuresTask(members=members), tmp_path, quiet).recordings
+    assert [one.steps for one in copied] == [calibrated.steps, truth.steps, truth.steps], "a copy adds nothing"
+
+    def off_s(steps: Sequence[GaitStep]) -> np.ndarray:
+        return np.array([one.strike_s - own.strike_s for one, own in zip(steps, truth.steps, strict=True)])
+
+    assert np.abs(off_s(calibrated.steps)).mean() < 0.5 * np.abs(off_s(alone.steps)).mean()
+    name = "double_support_share"
+    sds = [np.mean([m.sd for m in one.measures if m.name == name]) for one in (alone, calibrated)]
+    assert sds[1] < 0.9 * sds[0]

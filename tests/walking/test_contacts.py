@@ -15,9 +15,10 @@ from stridelab.recordings.plate_contacts import wrench_track
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
 from stridelab.walking import gait_events
-from stridelab.walking.gait_events import MARKER_ERROR, MAX_SINKING_S, STRIKE_DELAY_S, Contact, find_contacts
+from stridelab.walking.event_calibration import MARKER_ERROR
+from stridelab.walking.gait_events import MAX_SINKING_S, STRIKE_DELAY_S, Contact, find_contacts
 from stridelab.walking.low_passed_plates import low_pass_lead_s
-from support.recordings.walks import LANDMARKS, STANCE_S, STEP_S, walk
+from support.recordings.walks import LANDMARKS, STANCE_S, STEP_S, delayed, heel_first, walk
 
 LOADED_S = 0.003
 """A foot of the schematic walk carries 20 N this long after it landed."""
@@ -72,9 +73,8 @@ def test_the_latency_of_the_force_moves_the_times_of_the_plates() -> None:
 
 def test_markers_are_shifted_by_their_mean_difference_to_the_plates_of_the_recording() -> None:
     """All markers 20 ms late: the plates below stances 2 and 3 inform the strikes of 4 and 5, where there is none."""
-    recording = walk([2, 3])
-    rolled = {label: np.vstack([track[:2], track[:-2]]) for label, track in recording.markers_m.items()}
-    late = replace(recording, markers_m=rolled)
+    recording = heel_first(walk([2, 3]))
+    late = delayed(recording, 2)
     plain, alone = find_contacts(late, LANDMARKS, plates=False), find_contacts(recording, LANDMARKS, plates=False)
     shifted = find_contacts(late, LANDMARKS)
     for k in (4, 5):

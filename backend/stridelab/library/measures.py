@@ -10,8 +10,8 @@ from typing import Any
 from stridelab.library.job_files import write_job_files
 from stridelab.library.options import Progress, data_frame, ignore_progress, validate_fields
 from stridelab.library.recordings import LoadedRecording, load_recording, staged_sources
-from stridelab.pipelines.gait_measures import GaitMeasuresResult
-from stridelab.pipelines.gait_measures import gait_measures as _gait_measures
+from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult
+from stridelab.pipelines.gait_measures.pooled import gait_measures as _gait_measures
 from stridelab.pipelines.gait_report.html import render_html
 from stridelab.pipelines.gait_report.pdf import render_pdf
 from stridelab.pipelines.gait_report.report import GaitReport as ComposedReport

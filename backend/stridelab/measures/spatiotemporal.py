@@ -21,7 +21,7 @@ import numpy as np
 from stridelab.conventions import Points
 from stridelab.measures.measure import Measure
 from stridelab.measures.walk_motion import AHEAD, LEFT, MARKER_SD_M, OTHER_SIDE, UP, WalkMotion, strides
-from stridelab.walking.gait_events import EventError
+from stridelab.walking.event_calibration import EventError
 from stridelab.walking.steps import GaitStep
 
 

@@ -267,6 +267,9 @@ class MeasuresMember(Contract):
     recording_id: str
     folder: str
     task: EstimateComTask
+    session_id: str | None = Field(
+        default=None, description="recordings with the same one calibrate each other's events by markers"
+    )
 
 
 class GaitMeasuresTask(Contract):

@@ -94,6 +94,7 @@ def share_by_day(members: Sequence[MeasuresMember], folder: Path) -> list[Measur
                 static = source.model_copy(update={"file": f"static-{source.file}"})
                 shutil.copyfile(folder / chosen.folder / source.file, folder / one.folder / static.file)
             task = task.model_copy(update={"session": share.values, "static": static})
+            one = one.model_copy(update={"session_id": day})
         shared.append(one.model_copy(update={"task": task}))
     return shared
 

@@ -10,9 +10,10 @@ that still sinks after that instant lands later. With u the vertical velocities 
 where w, c and the constant are a regression on the strikes of 20 sources with plates, in which only differences within
 a recording inform w (``scripts/make_strike_timing.py``). At 0.35 m/s one lift-off was 93 ms late.
 
-Most of the error is the same in all events of a recording: it follows from the placement of the markers, the shoes and
-the filter of the plates. Where whole stances of a recording are timed by plates, the mean difference there, shrunk by
-its own error, shifts the events by markers (``_shift_to_plates``).
+Most of the error is the same in all events of a recording and of its session: it follows from the placement of the
+markers, the shoes and the filter of the plates. Where whole stances of a recording or of its session are timed by
+plates, the difference there shifts the events by markers (``walking.event_calibration``). A strike whose forefoot
+becomes slower than 0.45 v less than 20 ms after the heel, or before it, is one of a flat foot.
 
 A contact is loaded above the plate's threshold (20 N). Some laboratories store plates with a dead band: the Rehazenter
 files contain no force below 50 N. There the load begins before the first and ends after the last stored sample; linear
@@ -33,7 +34,18 @@ from stridelab.recordings.foot_contact import Foot, find_feet
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.plate_contacts import loaded_intervals, markers_on_plate, mean_visible
 from stridelab.recordings.recording import Plate, Recording, Side
-from stridelab.walking.low_passed_plates import FILTERED_LOAD_N, LEAD_SD_S, low_pass_lead_s
+from stridelab.walking.event_calibration import (
+    FLAT_STRIKE_ERROR,
+    LOW_PASSED_STRIKE_ERROR,
+    MARKER_ERROR,
+    PLATE_ERROR,
+    EventDifferences,
+    EventError,
+    EventKind,
+    PlateDifference,
+    common_difference,
+)
+from stridelab.walking.low_passed_plates import FILTERED_LOAD_N, low_pass_lead_s
 from stridelab.walking.marker_kinematics import level_speed_m_s, smooth_velocity_m_s, walking_speed_m_s
 
 LIFT_OFF_SPEED_SHARE, STRIKE_SPEED_SHARE = 0.9, 0.45
@@ -60,36 +72,10 @@ MAX_SOURCE_DIFFERENCE_S: Final = 0.1
 MIN_LOADED_SHARE: Final = 0.5
 """Minimum share of a plate's loaded time in which a foot must be on it to be the foot that loads it."""
 
+FLAT_LEAD_S: Final = 0.02
+"""Time from the heel to the forefoot becoming slow below which a foot lands flat; in heel strikes it is 40 to 80 ms."""
+
 EventSource = Literal["plates", "markers"]
-EventKind = Literal["strike", "lift_off"]
-
-
-@dataclass(frozen=True)
-class EventError:
-    """Standard deviations of one event: ``common_s`` is the same in all events of its kind, ``own_s`` its own."""
-
-    common_s: float
-    own_s: float
-
-
-PLATE_ERROR: Final[Mapping[EventKind, EventError]] = {
-    "strike": EventError(0.0, 0.0008),
-    "lift_off": EventError(0.0, 0.0004),
-}
-"""Errors of events by plates without low-pass, from the noise of simulated plates: toes unload slowly."""
-LOW_PASSED_STRIKE_ERROR: Final = EventError(0.0, LEAD_SD_S)
-"""Error of a strike by a plate whose force was low-passed before it was stored."""
-MARKER_ERROR: Final[Mapping[EventKind, EventError]] = {
-    "strike": EventError(0.011, 0.005),
-    "lift_off": EventError(0.006, 0.006),
-}
-"""Errors of events by markers against plates, measured on people.
-
-That of a strike is of laboratories that did not inform its weights (``scripts/make_strike_timing.py``), that of a
-lift-off of ``scripts/make_event_table.py``.
-"""
-MAX_SHIFT_S: Final = 0.05
-"""Largest difference between plates and markers that shifts other events; larger ones are not of the same instant."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +89,7 @@ class Contact:
     lift_off_source: EventSource = "markers"
     strike_error: EventError = MARKER_ERROR["strike"]
     lift_off_error: EventError = MARKER_ERROR["lift_off"]
+    lands_flat: bool = False
 
     @property
     def start_s(self) -> float:
@@ -122,25 +109,45 @@ def find_contacts(
     latency_s: float = 0.0,
     plates: bool = True,
     feet: Sequence[Foot] | None = None,
+    session: Sequence[EventDifferences] = (),
 ) -> tuple[Contact, ...]:
     """All contacts of both feet in order of time; empty if the feet are not marked.
 
     ``latency_s`` > 0 is the delay of the force; plate events are converted to the markers' clock. ``plates`` False uses
     the markers only: for validation, and if ``feet`` is the only marked one, since the other may load a plate as well.
+    ``session`` are the ``plate_differences`` of the other recordings of the session, which shift the events by markers.
     """
     if feet is None:
         feet = find_feet(recording, landmarks)
     if not feet:
         return ()
+    by_markers, timed = _timed_contacts(recording, landmarks, feet, latency_s if plates else None)
+    _shift_to_plates(timed, _differences(timed, by_markers), session)
+    both = [contact for contacts in timed.values() for contact in contacts]
+    return tuple(sorted(both, key=lambda contact: (contact.start_s, contact.end_s)))
+
+
+def plate_differences(
+    recording: Recording, landmarks: Mapping[str, str], *, latency_s: float = 0.0, feet: Sequence[Foot] | None = None
+) -> EventDifferences:
+    """Differences of marker events from plate events in the whole stances on plates; arguments of ``find_contacts``."""
+    if feet is None:
+        feet = find_feet(recording, landmarks)
+    by_markers, timed = _timed_contacts(recording, landmarks, feet, latency_s)
+    return _differences(timed, by_markers)
+
+
+def _timed_contacts(
+    recording: Recording, landmarks: Mapping[str, str], feet: Sequence[Foot], latency_s: float | None
+) -> tuple[dict[Side, list[Contact]], dict[Side, list[Contact]]]:
+    """Contacts by markers, and the same with the events of the plates, which have no part if ``latency_s`` is None."""
     by_markers = {foot.side: contacts_of_foot(recording, landmarks, foot) for foot in feet}
-    if plates:
-        unchanged = {side: list(contacts) for side, contacts in by_markers.items()}
+    timed = {side: list(contacts) for side, contacts in by_markers.items()}
+    if latency_s is not None:
         for plate in recording.plates:
             if plate.use:
-                _apply_plate_events(by_markers, recording, plate, feet, latency_s)
-        _shift_to_plates(by_markers, unchanged)
-    both = [contact for contacts in by_markers.values() for contact in contacts]
-    return tuple(sorted(both, key=lambda contact: (contact.start_s, contact.end_s)))
+                _apply_plate_events(timed, recording, plate, feet, latency_s)
+    return by_markers, timed
 
 
 def contacts_of_foot(recording: Recording, landmarks: Mapping[str, str], foot: Foot) -> list[Contact]:
@@ -151,10 +158,12 @@ def contacts_of_foot(recording: Recording, landmarks: Mapping[str, str], foot: F
     v_fore = smooth_velocity_m_s(mean_visible(np.asarray(foot.markers_m[:, 1:])), rate_hz) - floor
     v = walking_speed_m_s(recording, landmarks, floor)
     fore = np.linalg.norm(v_fore, axis=1)
-    slower = np.fmin(np.linalg.norm(v_heel, axis=1), fore)
+    heel = np.linalg.norm(v_heel, axis=1)
+    slower = np.fmin(heel, fore)
     swinging = np.nan_to_num(level_speed_m_s(0.5 * (v_heel + v_fore)))
     contacts: list[Contact] = []
     strike_s: float | None = None
+    flat = False
     down_again = -1
     for i, j in true_runs(swinging > SWING_SPEED_SHARE * v):
         if i < down_again:
@@ -164,14 +173,21 @@ def contacts_of_foot(recording: Recording, landmarks: Mapping[str, str], foot: F
         landing_s = _crossing_s(time_s, slower, fastest, 1, STRIKE_SPEED_SHARE * v)
         if lift_off_s is not None and landing_s is not None and landing_s - lift_off_s < MIN_SWING_S:
             continue
-        contacts.append(Contact(foot.side, strike_s, lift_off_s))
-        strike_s = None
+        contacts.append(_marker_contact(foot.side, strike_s, lift_off_s, flat))
+        strike_s, flat = None, False
         if landing_s is not None:
+            heel_s, fore_s = (_crossing_s(time_s, one, fastest, 1, STRIKE_SPEED_SHARE * v) for one in (heel, fore))
+            flat = heel_s is not None and fore_s is not None and fore_s - heel_s < FLAT_LEAD_S
             up = landing_velocities(time_s, v_heel, v_fore, landing_s) / v
             strike_s = landing_s + STRIKE_DELAY_S - _sinking_s(up)
         down_again = len(time_s) if landing_s is None else int(np.searchsorted(time_s, landing_s))
-    contacts.append(Contact(foot.side, strike_s, None))
+    contacts.append(_marker_contact(foot.side, strike_s, None, flat))
     return [c for c in contacts if len(contacts) == 1 or c.strike_s is not None or c.lift_off_s is not None]
+
+
+def _marker_contact(side: Side, strike_s: float | None, lift_off_s: float | None, flat: bool) -> Contact:
+    error = FLAT_STRIKE_ERROR if flat else MARKER_ERROR["strike"]
+    return Contact(side, strike_s, lift_off_s, strike_error=error, lands_flat=flat)
 
 
 def landing_velocities(time_s: Series, v_heel: Points, v_fore: Points, landing_s: float) -> Float[np.ndarray, "2 lags"]:
@@ -256,37 +272,50 @@ def _set_nearest(
         own[k] = replace(own[k], lift_off_s=at_s, lift_off_source="plates", lift_off_error=error)
 
 
-def _shift_to_plates(contacts: Mapping[Side, list[Contact]], by_markers: Mapping[Side, list[Contact]]) -> None:
-    """Shift the events by markers by their mean difference to plates in the whole stances that plates time.
+def _differences(
+    timed: Mapping[Side, list[Contact]], by_markers: Mapping[Side, list[Contact]]
+) -> dict[EventKind, list[PlateDifference]]:
+    """Differences of the events by markers from those of ``timed``, in the whole stances that plates time."""
+    differences: dict[EventKind, list[PlateDifference]] = {"strike": [], "lift_off": []}
+    for side, contacts in timed.items():
+        for c, m in zip(contacts, by_markers[side], strict=True):
+            if not c.strike_source == c.lift_off_source == "plates":
+                continue
+            if c.strike_s is not None and m.strike_s is not None:
+                late = PlateDifference(m.strike_s - c.strike_s, m.strike_error.own_s, m.lands_flat)
+                differences["strike"].append(late)
+            if c.lift_off_s is not None and m.lift_off_s is not None:
+                differences["lift_off"].append(PlateDifference(m.lift_off_s - c.lift_off_s, m.lift_off_error.own_s))
+    return differences
 
-    With n differences, own error w and common error b, the best estimate is their mean times
-    ``n b^2 / (n b^2 + w^2)``; its error remains common to all shifted events.
+
+def _shift_to_plates(
+    contacts: Mapping[Side, list[Contact]], own: EventDifferences, session: Sequence[EventDifferences]
+) -> None:
+    """Shift the events by markers by the common difference of their recording and session to the plates.
+
+    The strikes of flat feet follow the recording alone.
     """
-    pairs = [pair for side in contacts for pair in zip(contacts[side], by_markers[side], strict=True)]
-    whole = [(c, m) for c, m in pairs if c.strike_source == c.lift_off_source == "plates"]
-    late: dict[EventKind, list[float]] = {
-        "strike": [m.strike_s - c.strike_s for c, m in whole if m.strike_s is not None and c.strike_s is not None],
-        "lift_off": [
-            m.lift_off_s - c.lift_off_s for c, m in whole if m.lift_off_s is not None and c.lift_off_s is not None
-        ],
-    }
-    for kind, differences_s in late.items():
-        used_s = [difference_s for difference_s in differences_s if abs(difference_s) < MAX_SHIFT_S]
-        if not used_s:
-            continue
-        error = MARKER_ERROR[kind]
-        informed = len(used_s) * error.common_s**2 / (len(used_s) * error.common_s**2 + error.own_s**2)
-        shift_s = informed * float(np.mean(used_s))
-        remaining = EventError(error.common_s * float(np.sqrt(1.0 - informed)), error.own_s)
-        for own in contacts.values():
-            own[:] = [_shifted(contact, kind, shift_s, remaining) for contact in own]
+    for kind in MARKER_ERROR:
+        others = [[one for one in other[kind] if not one.lands_flat] for other in session]
+        of_recording, of_session = common_difference(kind, own[kind]), common_difference(kind, own[kind], others)
+        for one_side in contacts.values():
+            one_side[:] = [
+                _shifted(contact, kind, of_recording if kind == "strike" and contact.lands_flat else of_session)
+                for contact in one_side
+            ]
 
 
-def _shifted(contact: Contact, kind: EventKind, shift_s: float, error: EventError) -> Contact:
-    """The contact with its event ``kind``, if it is by markers, ``shift_s`` earlier."""
+def _shifted(contact: Contact, kind: EventKind, late: tuple[float, float] | None) -> Contact:
+    """The contact with its event ``kind``, if it is by markers, earlier by the first of ``late``; see there."""
+    if late is None:
+        return contact
+    shift_s, remaining_s = late
     if kind == "strike" and contact.strike_source == "markers" and contact.strike_s is not None:
+        error = EventError(remaining_s, contact.strike_error.own_s)
         return replace(contact, strike_s=contact.strike_s - shift_s, strike_error=error)
     if kind == "lift_off" and contact.lift_off_source == "markers" and contact.lift_off_s is not None:
+        error = EventError(remaining_s, contact.lift_off_error.own_s)
         return replace(contact, lift_off_s=contact.lift_off_s - shift_s, lift_off_error=error)
     return contact
 

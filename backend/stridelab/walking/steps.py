@@ -14,7 +14,8 @@ from stridelab.conventions import Points, Series, Vector3
 from stridelab.recordings.foot_contact import Foot, find_feet, ground_of_feet_m_s
 from stridelab.recordings.plate_contacts import mean_visible
 from stridelab.recordings.recording import Recording, Side, Window
-from stridelab.walking.gait_events import MARKER_ERROR, Contact, EventError, find_contacts
+from stridelab.walking.event_calibration import MARKER_ERROR, EventError
+from stridelab.walking.gait_events import Contact, find_contacts
 from stridelab.walking.marker_kinematics import pelvis_m
 
 TimingSource = Literal["plates", "markers", "mixed"]

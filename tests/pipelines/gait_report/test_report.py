@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 
 from stridelab.errors import NotEstimable
-from stridelab.pipelines.gait_measures import GaitMeasuresResult
+from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult
 from stridelab.pipelines.gait_report.content import Curve, Panel
 from stridelab.pipelines.gait_report.drawing import Area, Line, Text, draw_panel
 from stridelab.pipelines.gait_report.html import render_html

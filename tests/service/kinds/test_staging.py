@@ -116,6 +116,19 @@ def test_the_task_holds_files_switches_and_the_stated_subject(
     assert task.input.latency == "apply"
 
 
+def test_members_name_the_session_of_their_recording(
+    database_url: str, blobs: BlobStore, folder: Path, tmp_path: Path
+) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        for key, session_id in {"one": "day", "two": "day", "three": None}.items():
+            await store_recording(connection, blobs, tmp_path / "a", key, session_id=session_id)
+        return await staging.stage_members(connection, blobs, ["one", "two", "three"], None, folder)
+
+    members = within(database_url, act)
+    assert [one.session_id for one in members] == ["day", "day", None]
+    assert len({one.folder for one in members}) == 3
+
+
 def test_a_recording_deleted_meanwhile_is_named(database_url: str, blobs: BlobStore, folder: Path) -> None:
     async def act(connection: AsyncConnection) -> Any:
         return await staging.stage_estimate_com(connection, blobs, EstimateComInput(recording_id="gone"), folder)

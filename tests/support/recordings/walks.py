@@ -92,6 +92,25 @@ def walk(
     return Recording(markers, rate_hz, force_rate_hz, tuple(plates), Subject(), (), "+z", np.array([1.0, 0.0, 0.0]))
 
 
+def heel_first(recording: Recording) -> Recording:
+    """The walk with its forefeet 30 ms later: the heels strike first, where those of ``walk`` land flat."""
+    moved = {
+        label: delayed_track(track, 3) if label[2:] in ("mt1", "mt5") else track
+        for label, track in recording.markers_m.items()
+    }
+    return replace(recording, markers_m=moved)
+
+
+def delayed(recording: Recording, frames: int) -> Recording:
+    """The recording with all markers ``frames`` frames late."""
+    markers = {label: delayed_track(track, frames) for label, track in recording.markers_m.items()}
+    return replace(recording, markers_m=markers)
+
+
+def delayed_track(track: Points, frames: int) -> Points:
+    return np.vstack([track[:frames], track[: len(track) - frames]])
+
+
 def share_of_weight(contact: Contact, stances: list[Contact], time_s: np.ndarray) -> np.ndarray:
     """1 in single support, shared linearly in double support; all shares add to 1."""
     double_s = STANCE_S - STEP_S

@@ -5,7 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.pipelines.gait_measures import SIDES, GaitMeasuresResult, MeasuredRecording
+from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult
+from stridelab.pipelines.gait_measures.recording import SIDES, MeasuredRecording
 from stridelab.schemas.measures import MEASURE_TITLES, GaitReportSummary, measure_title
 from stridelab.translations.catalogue import gettext, ngettext, translate_sentence
 

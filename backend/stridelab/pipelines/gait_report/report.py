@@ -10,7 +10,8 @@ from pathlib import Path
 from stridelab.errors import InvalidInput, StridelabError
 from stridelab.measures.gait_cycle import CURVE_NAMES, CurveName, CycleCurve, MeanCurve, cycle_curves, mean_curve
 from stridelab.measures.measure import Measure
-from stridelab.pipelines.gait_measures import GaitMeasuresResult, MeasuredRecording, gait_measures
+from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult, gait_measures
+from stridelab.pipelines.gait_measures.recording import MeasuredRecording
 from stridelab.pipelines.gait_report.comparison import change_between, compare_with_people
 from stridelab.pipelines.gait_report.content import ReportContent
 from stridelab.pipelines.gait_report.logo import Logo, read_logo

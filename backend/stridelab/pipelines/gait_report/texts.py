@@ -8,7 +8,8 @@ import numpy as np
 
 import stridelab
 from stridelab.measures.gait_cycle import CURVE_NAMES, CurveName, CycleCurve, MeanCurve, mean_curve
-from stridelab.pipelines.gait_measures import SIDES, GaitMeasuresResult, MeasuredRecording
+from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult
+from stridelab.pipelines.gait_measures.recording import SIDES, MeasuredRecording
 from stridelab.pipelines.gait_report.content import (
     Cell,
     Change,

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.pipelines.gait_measures import MeasuredRecording, measure_recording
+from stridelab.pipelines.gait_measures.recording import MeasuredRecording, measure_recording
 from stridelab.pipelines.imitation.comparison import Walker, compare_walks, compared_curves
 from stridelab.pipelines.imitation.pace_search import Imitation, Trial, find_pace
 from stridelab.pipelines.imitation.person_tracks import person_columns

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from stridelab.conventions import Points, Series
 from stridelab.measures.walk_motion import AHEAD, WalkMotion
-from stridelab.pipelines.gait_measures import MeasuredRecording
+from stridelab.pipelines.gait_measures.recording import MeasuredRecording
 from stridelab.pipelines.imitation.recorded_walk import RecordedWalk
 from stridelab.pipelines.imitation.robot_walk import RobotWalk, straightening_frame
 

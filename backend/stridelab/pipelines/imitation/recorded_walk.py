@@ -16,7 +16,7 @@ from jaxtyping import Float
 from stridelab.conventions import Mask
 from stridelab.errors import NotEstimable
 from stridelab.measures.walk_motion import AHEAD, OTHER_SIDE, FootMotion, WalkMotion
-from stridelab.pipelines.gait_measures import MeasuredRecording
+from stridelab.pipelines.gait_measures.recording import MeasuredRecording
 from stridelab.recordings.foot_contact import find_feet, ground_of_feet_m_s, is_treadmill
 from stridelab.recordings.recording import Side
 from stridelab.walking.gait_events import Contact

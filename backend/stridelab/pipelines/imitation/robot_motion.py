@@ -16,7 +16,7 @@ from stridelab.measures.walk_motion import AHEAD, FootMotion, WalkMotion
 from stridelab.recordings.recording import Side
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
-from stridelab.walking.gait_events import PLATE_ERROR
+from stridelab.walking.event_calibration import PLATE_ERROR
 from stridelab.walking.steps import GaitStep
 
 if TYPE_CHECKING:

@@ -62,7 +62,8 @@ async def stage_members(
         (folder / name).mkdir()
         one = EstimateComInput(recording_id=recording_id, method=method)
         task = EstimateComTask.model_validate(await stage_estimate_com(connection, blobs, one, folder / name))
-        members.append(MeasuresMember(recording_id=recording_id, folder=name, task=task))
+        session_id = (await recording_row(connection, recording_id))["session_id"]
+        members.append(MeasuresMember(recording_id=recording_id, folder=name, task=task, session_id=session_id))
     return members
 
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from stridelab.measures.margin_of_stability import sideways_margin_m
 from stridelab.measures.measure import Measure
-from stridelab.pipelines.gait_measures import SIDES, GaitMeasuresResult, MeasuredRecording, gait_measures
+from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult, gait_measures
+from stridelab.pipelines.gait_measures.recording import SIDES, MeasuredRecording
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.measures import GaitMeasuresTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
@@ -35,7 +36,7 @@ OUTLINE_POINTS: Final = 5
 def run(task: GaitMeasuresTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """Measure every recording of ``task``; the summary is a ``GaitMeasuresSummary``.
 
-    Raises as ``stridelab.pipelines.gait_measures.gait_measures`` does.
+    Raises as ``stridelab.pipelines.gait_measures.pooled.gait_measures`` does.
     """
     result = gait_measures(task, folder, progress)
     progress(0.97, "writing the tables")

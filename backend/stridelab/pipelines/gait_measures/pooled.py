@@ -1,86 +1,47 @@
-"""Measures of gait of one or more recordings, pooled.
+"""Measures of gait of one or more recordings, calibrated by their sessions and pooled."""
 
-file -> Prepared -> ComEstimate -> contacts, steps -> WalkMotion -> measures -> summaries
-"""
-
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from stridelab.conventions import GRAVITY_M_S2
 from stridelab.errors import Fault, NotEstimable, StridelabError
-from stridelab.estimation.estimator import ComEstimate
-from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.quality.assessment import CONTRADICTED
-from stridelab.measures.angular_momentum import angular_momentum_ranges
-from stridelab.measures.energy_exchange import energy_exchange
-from stridelab.measures.extrapolated_com import ExtrapolatedCom, extrapolated_com
 from stridelab.measures.foot_placement import LEAST_STEPS, foot_placement
-from stridelab.measures.limb_work import limb_work
-from stridelab.measures.local_stability import LEAST_STRIDES, local_stability, longest_run_s
-from stridelab.measures.margin_of_stability import margins_of_stability
+from stridelab.measures.local_stability import LEAST_STRIDES, longest_run_s
 from stridelab.measures.measure import Measure, summarise, symmetry_index
-from stridelab.measures.rolling_wheel import rolling_wheel
-from stridelab.measures.spatiotemporal import spatiotemporal
-from stridelab.measures.stated_errors import calibrate_errors
-from stridelab.measures.walk_motion import WalkMotion, walk_motion
-from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs
-from stridelab.pipelines.estimate_com import assess_estimate, estimate_with_fallback, quality_schema, worst_quality
+from stridelab.pipelines.estimate_com import worst_quality
+from stridelab.pipelines.gait_measures.recording import (
+    ONE_FOOT,
+    SIDES,
+    WEIGHT_BESIDE,
+    MeasuredRecording,
+    measure_recording,
+    measure_steps,
+    measure_without_plates,
+)
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.recordings.foot_contact import find_marked_feet
-from stridelab.recordings.recording import Recording, Remark, Side
 from stridelab.schemas import base
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import GaitMeasuresSummary, GaitMeasuresTask, MeasuresMember, MeasureValue, NotMeasured
 from stridelab.schemas.population import LeftOut
-from stridelab.schemas.quality import TrialQuality
-from stridelab.schemas.tasks import EstimateComTask
-from stridelab.walking.gait_events import Contact, find_contacts
-from stridelab.walking.preconditions import require_walk
-from stridelab.walking.steps import GaitStep, find_one_sided_steps, find_steps
+from stridelab.walking.event_calibration import EventDifferences
+from stridelab.walking.gait_events import plate_differences
 
 REFERENCES: Final = ("hof2005", "donelan2002", "cavagna1976", "herr2008", "wang2014", "rosenstein1993", "bruijn2009")
-SIDES: Final[tuple[Side, ...]] = ("left", "right")
 SIGNED: Final = frozenset(
     {"margin_of_stability_ap_contact", "capture_point_offset_ap", "capture_point_offset_ml", "step_width"}
 )
 """Measures that may be zero or negative, for which a ratio of the sides says nothing."""
-LEAST_WEIGHT_SHARE: Final = 0.96
-"""Share of the weight on the plates below which something else carries the person: limit of ``mass_from_motion``."""
-ONE_FOOT: Final = "one-foot-marked"
-"""Code of the remark, and of the reason why what needs the other foot is not measured."""
 NEED_BOTH_FEET: Final = (
     *("step_length", "step_width", "step_time", "margin_of_stability_ml_min", "cycloid_wheel_radius"),
     *("angular_momentum_range_x", "limb_work_left_positive", "limb_work_right_positive", "foot_placement_residual"),
 )
 """Measures that are refused with the code ``ONE_FOOT``; others follow from them, as a cadence from a step time."""
-AID_WORDS: Final = re.compile(
-    r"(?<![a-z])[lr]?(cane|crutch|stick|rollator|walker|handrail|rail)(?![a-z]{2})", re.IGNORECASE
-)
-"""In the label of a marker on a walking aid, behind the name of its subject."""
 SUPPORT_BESIDE: Final = "support_beside_feet"
-WEIGHT_BESIDE: Final = "weight-beside-plates"
-"""Code of the remark, and of the reason why the work of the legs is not measured."""
-
-
-@dataclass(frozen=True)
-class MeasuredRecording:
-    """Measures of one recording with the motion and steps they are computed from."""
-
-    recording_id: str
-    filename: str
-    motion: WalkMotion
-    contacts: tuple[Contact, ...]
-    steps: tuple[GaitStep, ...]
-    measures: tuple[Measure, ...]
-    xcom: ExtrapolatedCom
-    prepared: ComInputs
-    estimate: ComEstimate
-    quality: TrialQuality
 
 
 @dataclass(frozen=True)
@@ -105,7 +66,8 @@ def gait_measures(task: GaitMeasuresTask, folder: Path, progress: ProgressCallba
 
     Recordings that cannot be measured, or whose sensors contradict each other, are listed with the reason, the static
     trial of the others as such (``static-trial``). Where the plates carry too little weight for the body, as with a
-    walking aid, the measures are those of the markers alone.
+    walking aid, the measures are those of the markers alone. The plates of the other recordings of a session
+    (``MeasuresMember.session_id``) calibrate its events by markers.
 
     Raises ``NotEstimable`` (``nothing-measured``) if no recording of several has a whole step; the error of a single
     one is raised as it is.
@@ -127,7 +89,7 @@ def gait_measures(task: GaitMeasuresTask, folder: Path, progress: ProgressCallba
             left_out.append(LeftOut(**identity, code=code, message=message))
             continue
         if one.quality.quality.verdict == CONTRADICTED:
-            one = _without_plates(one, member, folder) or one
+            one = measure_without_plates(one, member, folder) or one
         if one.quality.quality.verdict == CONTRADICTED:
             wrong = [check.message for check in one.quality.quality.checks if not check.passed]
             message = f"The sensors of this recording contradict each other. {' '.join(wrong)}"
@@ -137,145 +99,46 @@ def gait_measures(task: GaitMeasuresTask, folder: Path, progress: ProgressCallba
     if not measured:
         faults = [Fault(one.filename, f"{one.message} ({one.code})") for one in left_out]
         raise NotEstimable("nothing-measured", "No recording has a whole step that can be measured.", faults)
+    measured = _calibrate_events(task.members, measured)
     pooled = tuple(foot_placement([(one.motion, one.steps) for one in measured]))
     return GaitMeasuresResult(tuple(measured), pooled, _summary(measured, pooled, left_out))
 
 
-def measure_recording(recording_id: str, task: EstimateComTask, folder: Path) -> MeasuredRecording:
-    """Measures of one recording.
+def _calibrate_events(
+    members: Sequence[MeasuresMember], measured: Sequence[MeasuredRecording]
+) -> list[MeasuredRecording]:
+    """Measure again, with the events by markers calibrated by the plates of the other recordings of the session."""
+    sessions = {one.recording_id: one.session_id for one in members}
+    tasks = {one.recording_id: one.task for one in members}
+    differences = {one.recording_id: _plate_differences(one) for one in measured if sessions[one.recording_id]}
+    calibrated = []
+    for one in measured:
+        others: list[EventDifferences] = []
+        for name, own in differences.items():
+            same = name != one.recording_id and sessions[name] == sessions[one.recording_id]
+            if same and any(own.values()) and own not in (*others, differences[one.recording_id]):  # copies count once
+                others.append(own)
+        if others and any("markers" in (c.strike_source, c.lift_off_source) for c in one.contacts):
+            one = measure_steps(
+                one.recording_id,
+                tasks[one.recording_id],
+                one.prepared,
+                one.estimate,
+                one.quality,
+                mass_kg=one.motion.mass_kg,
+                session=others,
+            )
+        calibrated.append(one)
+    return calibrated
 
-    Without plates, body mass or an interval with all force on plates the CoM is that of the geometry alone, unless a
-    method is requested. Raises the errors of ``estimate-com``, and ``NotEstimable`` if the recording is no walk
-    (``require_walk``) or contains no whole step (``no-steps``).
-    """
-    request = task.input
-    prepared, estimate = _estimate(task, folder)
-    recording, landmarks = prepared.trial.recording, prepared.trial.match.landmarks
+
+def _plate_differences(one: MeasuredRecording) -> EventDifferences:
+    """Differences of marker events from plate events; none if one foot is marked: the other may load its plate."""
+    recording, landmarks = one.prepared.trial.recording, one.prepared.trial.match.landmarks
     feet = find_marked_feet(recording, landmarks)
-    both = len(feet) == len(SIDES)
-    contacts = find_contacts(recording, landmarks, latency_s=prepared.latency.applied_s, plates=both, feet=feet)
-    require_walk(recording, landmarks, contacts, feet)
-    if both:
-        steps = find_steps(recording, landmarks, prepared.windows, contacts=contacts)
-    else:
-        steps = find_one_sided_steps(recording, contacts)
-    motion = walk_motion(
-        recording,
-        landmarks,
-        estimate,
-        prepared.geometric,
-        contacts,
-        mass_kg=prepared.mass.known_kg,
-        stature_m=task.recording.subject.height_m or recording.subject.height_m,
-        latency_s=prepared.latency.applied_s,
-        feet=feet,
-    )
-    if not steps or motion is None:
-        raise NotEstimable("no-steps", "The recording contains no whole step of a marked foot.")
-    measures = (
-        *spatiotemporal(motion, steps),
-        *margins_of_stability(motion, steps),
-        *energy_exchange(motion, steps),
-        *rolling_wheel(motion, steps),
-        *(angular_momentum_ranges(motion, steps) if both else ()),
-        *limb_work(motion, contacts, steps),
-        *local_stability(motion, steps),
-    )
-    quality = TrialQuality(
-        recording_id=request.recording_id,
-        filename=task.recording.filename,
-        quality=quality_schema(assess_estimate(prepared, estimate)),
-    )
-    return MeasuredRecording(
-        recording_id,
-        task.recording.filename,
-        motion,
-        contacts,
-        steps,
-        tuple(calibrate_errors(motion, steps, measures)),
-        extrapolated_com(motion),
-        prepared,
-        replace(estimate, remarks=(*estimate.remarks, *_support_remarks(recording, [foot.side for foot in feet]))),
-        quality,
-    )
-
-
-def _support_remarks(recording: Recording, marked: Sequence[Side]) -> tuple[Remark, ...]:
-    """Remarks about a foot that is not marked, and about a walking aid that is."""
-    remarks: list[Remark] = []
-    if len(marked) == 1:
-        hidden = "right" if marked[0] == "left" else "left"
-        message = (
-            f"Only the {marked[0]} foot is marked: strides and the margins at its strikes are those of this foot. When "
-            f"the {hidden} foot stands is unknown, so that nothing that needs it is measured."
-        )
-        remarks.append(Remark(ONE_FOOT, message))
-    aids = sorted(label for label in recording.markers_m if AID_WORDS.search(label.rpartition(":")[2]))
-    if aids:
-        message = (
-            f"The labels {', '.join(aids[:8])} name a walking aid or a rail. What it carries is not measured, and the "
-            "base of support that the margins end at is that of the feet alone."
-        )
-        remarks.append(Remark("walking-aid-marked", message))
-    return tuple(remarks)
-
-
-def _without_plates(one: MeasuredRecording, member: MeasuresMember, folder: Path) -> MeasuredRecording | None:
-    """Measures by the markers alone of a recording whose plates carry too little of the weight; else None.
-
-    None as well if a method is requested. The share of the weight is the mean vertical force over that which the motion
-    of the markers needs, m (g + a_z). A verdict of contradicted markers remains.
-    """
-    wrench, mass_kg = one.prepared.wrench, one.prepared.mass.stated_kg or one.prepared.mass.known_kg
-    if member.task.input.method is not None or mass_kg is None or not wrench.complete.any():
-        return None
-    request = member.task.input.model_copy(update={"method": GeometryOnly.name})
-    task = member.task.model_copy(update={"input": request})
-    try:
-        again = measure_recording(member.recording_id, task, folder / member.folder)
-    except StridelabError:
-        return None
-    used = wrench.complete & np.isin(wrench.time_s, again.estimate.time_s)
-    if not used.any():
-        return None
-    rising_m_s2 = again.estimate.acceleration_m_s2[np.isin(again.estimate.time_s, wrench.time_s[used]), 2]
-    share = float(wrench.force_n[used, 2].mean() / (mass_kg * (GRAVITY_M_S2 + rising_m_s2.mean())))
-    if share >= LEAST_WEIGHT_SHARE:
-        return None
-    remark = Remark(
-        WEIGHT_BESIDE,
-        f"The plates carry {100.0 * share:.0f} % of the body weight. A walking aid, a rail or another person may carry "
-        "the rest, or the mass is wrong. The force is not used: the centre of mass is that of the markers alone, and "
-        "the work of the legs is not measured.",
-    )
-    return replace(
-        again,
-        motion=replace(again.motion, mass_kg=mass_kg),
-        measures=tuple(measure for measure in again.measures if not measure.name.startswith("limb_work")),
-        estimate=replace(again.estimate, remarks=(*again.estimate.remarks, remark)),
-    )
-
-
-def _estimate(task: EstimateComTask, folder: Path) -> tuple[ComInputs, ComEstimate]:
-    """Estimate over the whole recording; markers alone if the default method is not applicable."""
-    request = task.input
-
-    def estimate_by(method: str | None) -> tuple[ComInputs, ComEstimate]:
-        prepared = prepare_com_inputs(task, folder, _no_progress, needs_force=method != GeometryOnly.name)
-        return prepared, estimate_with_fallback(method, request, prepared, beyond_window=True)
-
-    try:
-        return estimate_by(request.method)
-    except NotEstimable as refusal:
-        if request.method is not None:
-            raise
-        prepared, estimate = estimate_by(GeometryOnly.name)
-        remark = Remark("force-not-used", f"The centre of mass is that of the markers alone: {refusal.message}")
-        return prepared, replace(estimate, remarks=(*estimate.remarks, remark))
-
-
-def _no_progress(_fraction: float, _message: str) -> None:
-    """Progress is reported per recording."""
+    if len(feet) < len(SIDES):
+        return {}
+    return plate_differences(recording, landmarks, latency_s=one.prepared.latency.applied_s, feet=feet)
 
 
 def _summary(
