@@ -83,6 +83,8 @@ def test_a_delay_of_the_replay_is_an_option_of_the_job() -> None:
     assert job_input == PlanMotionInput(scenario=short_walk(), replay=ReplayOptions(delay_s=0.003))
     predicted = PlanRequest("x", replay_delay_ms=6.0, expected_delay_ms=6.0).to_input(short_walk())
     assert predicted.replay == ReplayOptions(delay_s=0.006, expected_delay_s=0.006)
+    soft = PlanRequest("x", replay_delay_ms=10.0, expected_delay_ms=10.0, soft_gains=True).to_input(short_walk())
+    assert soft.replay == ReplayOptions(delay_s=0.010, expected_delay_s=0.010, gains="soft")
     for without in ({"replay": False}, {"no_whole_body": True}):
         with pytest.raises(InvalidInput) as refusal:
             PlanRequest("x", replay_delay_ms=3.0, **without)  # type: ignore[arg-type]

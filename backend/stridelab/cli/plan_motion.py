@@ -69,6 +69,9 @@ class PlanRequest:
             help="Delay for which the replay's joint control allows, in ms.",
         ),
     ] = 0.0
+    soft_gains: Annotated[
+        bool, typer.Option("--soft-gains", help="Gains of the replay's joint control for 10 ms of delay.")
+    ] = False
     pushes: Annotated[
         list[str] | None,
         typer.Option(
@@ -171,6 +174,7 @@ class PlanRequest:
         return {
             "--delay": bool(self.replay_delay_ms),
             "--expected-delay": bool(self.expected_delay_ms),
+            "--soft-gains": self.soft_gains,
             "--push": bool(self.pushes),
             "--payload": bool(self.payload_kg),
             "--friction": self.friction is not None,
@@ -184,6 +188,7 @@ class PlanRequest:
         fields = {
             "delay_s": 1e-3 * self.replay_delay_ms,
             "expected_delay_s": 1e-3 * self.expected_delay_ms,
+            "gains": "soft" if self.soft_gains else "stiff",
             "pushes": [parse_push(text) for text in self.pushes or ()],
             "payload_kg": self.payload_kg,
             "friction": self.friction,

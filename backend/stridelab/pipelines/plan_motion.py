@@ -265,7 +265,7 @@ def replay_motion(
     clock = motion_progress(progress, sequence.duration_s)
     observe, disturbed = observer_of(options, robot), disturbances_of(options)
     resume = PlanResumer(sequence, plan_scenario_motion) if resumes else None
-    physics = PhysicsReplay(expected_delay_s=options.expected_delay_s)
+    physics = PhysicsReplay(expected_delay_s=options.expected_delay_s, soft_gains=options.gains == "soft")
     watch = watcher.on_replay_samples
     return physics.run(robot, sequence, motion, clock, observe, disturbed, watch=watch, resume=resume)
 

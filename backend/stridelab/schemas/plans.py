@@ -49,15 +49,16 @@ class ReplayOptions(Contract):
 
     ``delay_s`` is the age of all readings that the control uses: joint angles and rates, and the inputs of the
     stabiliser; it is rounded to milliseconds. ``expected_delay_s`` is the delay for which the joint control allows:
-    it predicts the joints from the torques that it commanded in that time. ``payload_kg`` is added to the trunk at
-    its centre of mass. ``friction`` replaces that of all boxes. With ``sensors`` ``estimated``, noise is added to
-    the stabiliser's inputs and the filter of chapter 2 estimates the centre of mass from joint angles and contact
-    forces; the pose of the base remains that of the simulator.
+    it predicts the joints from the torques that it commanded in that time. ``gains`` ``soft`` are those for 10 ms of
+    delay. ``payload_kg`` is added to the trunk at its centre of mass. ``friction`` replaces that of all boxes. With
+    ``sensors`` ``estimated``, noise is added to the stabiliser's inputs and the filter of chapter 2 estimates the
+    centre of mass from joint angles and contact forces; the pose of the base remains that of the simulator.
     """
 
     pushes: Annotated[list[ReplayPush], Field(max_length=MAX_PUSHES)] = Field(default_factory=list)
     delay_s: Annotated[float, Field(ge=0.0, le=MAX_DELAY_S)] = 0.0
     expected_delay_s: Annotated[float, Field(ge=0.0, le=MAX_DELAY_S)] = 0.0
+    gains: Literal["stiff", "soft"] = "stiff"
     payload_kg: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
     friction: Annotated[float, Field(gt=0.0, le=2.0)] | None = None
     sensors: Literal["true", "estimated"] = "true"
@@ -74,6 +75,7 @@ class ReplayOptions(Contract):
             f"friction {self.friction}": self.friction is not None,
             f"control {1e3 * self.delay_s:.0f} ms late": self.delay_s,
             f"{1e3 * self.expected_delay_s:.0f} ms expected": self.expected_delay_s,
+            "soft gains": self.gains == "soft",
             "estimated centre of mass": self.sensors == "estimated",
         }
         return ", ".join([*pushes, *(text for text, given in others.items() if given)]) or "nothing"

@@ -271,6 +271,9 @@ def test_a_late_joint_loop_falls_where_a_late_stabiliser_stands(
     six = Disturbances(delay_s=0.006, joint_delay_s=0.006)
     late = replayed(PhysicsReplay(recovery=None, expected_delay_s=0.006), six)
     assert late.completed, "a control that allows for 6 ms"
+    ten = Disturbances(delay_s=0.010, joint_delay_s=0.010)
+    assert replayed(PhysicsReplay(recovery=None, soft_gains=True, expected_delay_s=0.010), ten).completed
+    assert replayed(PhysicsReplay(recovery=None), ten).fell
 
 
 @pytest.mark.parametrize("delay_ms", [2, 6, 10])
