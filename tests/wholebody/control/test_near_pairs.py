@@ -76,13 +76,13 @@ def test_nothing_near_is_missed(talos: Robot, seed: int) -> None:
 
 @pytest.mark.parametrize(("name", "forearm"), [("talos", 1.5), ("g1", 1.0)])
 def test_legs_and_forearms_keep_off_a_rail(name: str, forearm: float) -> None:
-    """Legs with one and a half times the distances, forearms with more the longer the arm is."""
+    """Legs with the usual distances, forearms with more the longer the arm is."""
     robot = load_robot(name)
     rail = Rail("rail", np.array([0.0, -0.4, 0.8]), np.array([2.0, -0.4, 0.8]), 0.02, 0.6)
     pairs = CollisionPairs(robot, Terrain.from_surfaces([rail]), 0.06, 0.5)
     of_legs = pairs.kind == "terrain"
     assert of_legs.any()
-    assert np.allclose(pairs.scale[of_legs], 1.5)
+    assert np.allclose(pairs.scale[of_legs], 1.0)
     of_arms = (pairs.kind == "arm") & (pairs.scale >= 1.0) & (np.arange(len(pairs.kind)) >= of_legs.argmax())
     assert np.allclose(pairs.scale[of_arms], forearm, atol=0.01)
     assert of_arms.any()

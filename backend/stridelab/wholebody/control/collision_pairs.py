@@ -84,8 +84,6 @@ KINDS: tuple[Kind, ...] = ("arm", "body", "terrain", "hand")
 _SCALE_MIN = 0.02
 _ARM_SCALE = 0.5
 """Distance scale of hand or upper arm and a surface: a hand on it brings the arm near."""
-_LEG_SCALE = 1.5
-"""Distance scale of thigh or shank and a surface: a row at the hip turns the base, which may take the shank nearer."""
 _FOREARM_SCALE_1_M = 2.2
 """Distance scale of the forearm before the wrist and a surface over the arm's length, and at least 1: a long forearm
 needs more time to turn about a hand on a rail (TALOS 1.5, HRP-2 1.1, G1 1)."""
@@ -211,7 +209,7 @@ class CollisionPairs:
             robot.model, robot.model.createData(), self._geometry, self._results, robot.q_reference
         )
         distances_m = [self._compute_distance(k) for k in range(self._body_pairs)]
-        terrain = np.where(self.kind[self._body_pairs :] == "terrain", _LEG_SCALE, _ARM_SCALE)
+        terrain = np.where(self.kind[self._body_pairs :] == "terrain", 1.0, _ARM_SCALE)
         forearms = np.isin(self._joints[self._body_pairs :, 0], list(_forearm_joints(robot)))
         terrain[forearms] = max(1.0, _FOREARM_SCALE_1_M * _arm_length_m(robot))
         return np.append(np.clip(shrunk * np.array(distances_m) / acts_m, _SCALE_MIN, 1.0), terrain)
