@@ -55,17 +55,21 @@ Written by `make terrains`. {count} random scenarios of {classes} classes for th
 service, followed by the whole-body controller, checked by the [certificate](whole-body.md) and replayed in the
 physics simulation without disturbances. All results are simulated.{share}
 """
-NOTE = """The seed was used for nothing before, and nothing was changed after a look at these results. Planner and
+NOTE = """The seed was used for nothing before, and nothing was changed because of these results. Planner and
 controller were developed on other seeds (1, 31, 501, 502, 7311, 8123, 8124, 94127; flights 31874 and 52017) and on
 single scenarios of 861207 (68, 101, 104, 138, 174, 176, 197), 90417 (68), 77003 (flights 3 and 6) and 558201 (193);
 turns on the spot were narrowed to 24 degrees for TALOS and HRP-2 after such turns had been seen, since from 26 and 29
 degrees on their shoes overlap.
 
-The draw before it, seed 558201, was used for nothing before either and shows the program before [limits](whole-body.md#limits-that-random-scenarios-found)
-were moved: of its first 86 scenarios in random order (of
-200) 84 are certified and completed (95 % interval 92 to 99 %; TALOS 26 of 26, HRP-2 31 of 32, G1 27 of 28), the other
-two are refused by the certificate, none fell. They are a spiral stair of HRP-2 (193: a shank 9.2 mm from a tread, where
-10 mm are required) and stones of G1 (53: a leg 17 mm too short at a landing, a hip in the pelvis), and both still fail.
+The first 30 scenarios of this order had been computed before with one difference, 1.5 times the distances at which
+legs keep off boxes and rails, which was taken back because the body of a test stopped, not for these results: 30 of
+30 were certified and completed. The table repeats the first of them with the final program; it shows them only.
+
+The draw before, seed 558201, was used for nothing before either and shows the program before [its limits were
+moved](whole-body.md#limits-that-random-scenarios-found): of its first 86 scenarios in random order (of 200) 84 are
+certified and completed (95 % interval 92 to 99 %; TALOS 26 of 26, HRP-2 31 of 32, G1 27 of 28), the other two are
+refused by the certificate, none fell. They are a spiral stair of HRP-2 (193: a shank 9.2 mm from a tread, where 10 mm
+are required) and stones of G1 (53: a leg 17 mm too short at a landing, a hip in the pelvis), and both still fail.
 
 Former draws, each of another state of the program and with no failure mended before it was counted: 193 of 200 (seed
 861207: TALOS 65 of 67, HRP-2 67 of 67, G1 61 of 66; five of the seven failures were rails with both hands), 191 of 200
@@ -74,7 +78,8 @@ Former draws, each of another state of the program and with no failure mended be
 8124). None was certified and fell.
 """
 FLIGHTS_NOTE = """
-The seed was used for nothing before, and nothing was changed after a look at these results. Former draws, each of
+The seed was used for nothing before, and nothing was changed because of these results; they show the program with
+1.5 times the distances at which legs keep off boxes and rails, which was taken back later. Former draws, each of
 another state of the program (simulated and replayed):
 
 | seed | both | alternate | both, rail | alternate, rail | certified | the others |
@@ -82,8 +87,8 @@ another state of the program (simulated and replayed):
 | 31874 | 15 of 15 | 15 of 15 | 15 of 15 | 6 of 15 | 57 of 60 | six torques, three distances |
 | 77003 | 15 of 15 | 15 of 15 | 14 of 15 | 14 of 15 | 59 of 60 | a torque (6), a forearm in its rail (3) |
 
-Flights 3 and 6 of seed 77003 are certified and completed since [limits](whole-body.md#limits-that-random-scenarios-found)
-were moved, which were tuned on them.
+On flights 3 and 6 of seed 77003 [limits](whole-body.md#limits-that-random-scenarios-found) were tuned. Both are
+certified now; 6 is completed, a torque of 3 reaches 1.4 times its limit.
 """
 SHARE = """
 They are the first {count} of {all} in a random order that was fixed before; the survey ended with the time for it."""
