@@ -40,8 +40,8 @@ from stridelab.schemas.scenarios import Scenario
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "theory" / "terrains.md"
-PAGE_SEED = 861207
-FLIGHTS_SEED = 31874
+PAGE_SEED = 914663
+FLIGHTS_SEED = 330718
 NUMBER = 200
 CRASH = "error"
 ERRORS = (ArithmeticError, AssertionError, LookupError, RuntimeError, TypeError, ValueError)
@@ -55,36 +55,40 @@ Written by `make terrains`. {count} random scenarios of {classes} classes for th
 service, followed by the whole-body controller, checked by the [certificate](whole-body.md) and replayed in the
 physics simulation without disturbances. All results are simulated.{share}
 """
-NOTE = """The seed was used for nothing before, and nothing was changed after a look at these results. Planner and
-controller were developed on other seeds (1, 31, 501, 502, 7311, 8123, 8124, 94127); turns on the spot were narrowed to
-24 degrees for TALOS and HRP-2 after such turns had been seen, since from 26 and 29 degrees on their shoes overlap. The
-survey shows the program before hands searched their rails [at a set speed](whole-body.md), which was tuned on seed 501.
-Three of its rails were used later to tune [the wrists' mend](whole-body.md), which it does not show either, nor plans
-that [keep shanks off risers and forearms off rails](whole-body.md), which were tuned on flights of another seed.
+NOTE = """The seed was used for nothing before, and nothing was changed because of these results. Planner and
+controller were developed on other seeds (1, 31, 501, 502, 7311, 8123, 8124, 94127; flights 31874 and 52017) and on
+single scenarios of 861207 (68, 101, 104, 138, 174, 176, 197), 90417 (68), 77003 (flights 3 and 6) and 558201 (193);
+turns on the spot were narrowed to 24 degrees for TALOS and HRP-2 after such turns had been seen, since from 26 and 29
+degrees on their shoes overlap.
 
-Former draws, each of another state of the program and with no failure mended before it was counted: 191 of 200 (seed
-730451: TALOS 66 of 67, HRP-2 67 of 67, G1 58 of 66, five of whose failures were stones; then plans got
-[bounds from legs and ankles](whole-body.md), tuned on seed 501 and two scenarios of 94127), 46 of 48 (seed 94127),
+The first 30 scenarios of this order had been computed before with one difference, 1.5 times the distances at which
+legs keep off boxes and rails, which was taken back because the body of a test stopped, not for these results: 30 of
+30 were certified and completed. The table repeats the first of them with the final program; it shows them only.
+
+The draw before, seed 558201, was used for nothing before either and shows the program before [its limits were
+moved](whole-body.md#limits-that-random-scenarios-found): of its first 86 scenarios in random order (of 200) 84 are
+certified and completed (95 % interval 92 to 99 %; TALOS 26 of 26, HRP-2 31 of 32, G1 27 of 28), the other two are
+refused by the certificate, none fell. They are a spiral stair of HRP-2 (193: a shank 9.2 mm from a tread, where 10 mm
+are required) and stones of G1 (53: a leg 17 mm too short at a landing, a hip in the pelvis), and both still fail.
+
+Former draws, each of another state of the program and with no failure mended before it was counted: 193 of 200 (seed
+861207: TALOS 65 of 67, HRP-2 67 of 67, G1 61 of 66; five of the seven failures were rails with both hands), 191 of 200
+(seed 730451: TALOS 66 of 67, HRP-2 67 of 67, G1 58 of 66, five of whose failures were stones), 46 of 48 (seed 94127),
 39 of 45 (second draw of seed 2026; G1 9 of 15), 43 of 45 (seed 8123), and of G1 alone 13 of 15 twice (seeds 7311 and
 8124). None was certified and fell.
 """
 FLIGHTS_NOTE = """
-The table shows the program before the [wrists' mend](whole-body.md), which was tuned on the alternate flights beside
-a rail of this seed and on three rails with both hands of seed 861207, and before
-[shanks kept off risers and forearms off rails](whole-body.md), which was tuned on seed 52017. With both, on a seed that
-was used for nothing before (77003, 60 drawn, nothing changed after a look at them; simulated and replayed):
+The seed was used for nothing before, and nothing was changed because of these results; they show the program with
+1.5 times the distances at which legs keep off boxes and rails, which was taken back later. Former draws, each of
+another state of the program (simulated and replayed):
 
-| flights, seed 77003 | certified | certified and completed | the others |
-| --- | --- | --- | --- |
-| both | 15 of 15 | 15 of 15 |  |
-| alternate | 15 of 15 | 15 of 15 |  |
-| both, rail | 15 of 15 | 14 of 15 | 6: a torque of 1.8 times its limit, the hand in place for 76 % |
-| alternate, rail | 14 of 15 | 14 of 15 | 3: the forearm 18 mm inside the rail as the hand takes it |
+| seed | both | alternate | both, rail | alternate, rail | certified | the others |
+| --- | --- | --- | --- | --- | --- | --- |
+| 31874 | 15 of 15 | 15 of 15 | 15 of 15 | 6 of 15 | 57 of 60 | six torques, three distances |
+| 77003 | 15 of 15 | 15 of 15 | 14 of 15 | 14 of 15 | 59 of 60 | a torque (6), a forearm in its rail (3) |
 
-The program before them fails on flight 6 as well (3.2 times, and the robot leaves its plan). On seed 52017, on which
-this was tuned, it certified 10 and completed 9 of the 15 alternate flights beside a rail; now 15 are certified and 12
-completed.
-A hand that does not hold its rail (in place for 89 %) remains, and two torques of 1.2 and 1.4 times their limit.
+On flights 3 and 6 of seed 77003 [limits](whole-body.md#limits-that-random-scenarios-found) were tuned. Both are
+certified now; 6 is completed, a torque of 3 reaches 1.4 times its limit.
 """
 SHARE = """
 They are the first {count} of {all} in a random order that was fixed before; the survey ended with the time for it."""

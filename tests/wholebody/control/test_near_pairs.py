@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from stridelab.contacts.terrain import Box, Terrain
+from stridelab.contacts.terrain import Box, Rail, Terrain
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
@@ -72,6 +72,20 @@ def test_nothing_near_is_missed(talos: Robot, seed: int) -> None:
         assert np.allclose(result.distance_m, truth.distance_m, atol=1e-6)
         seen += len(result.pair)
     assert seen > 20
+
+
+@pytest.mark.parametrize(("name", "forearm"), [("talos", 1.5), ("g1", 1.0)])
+def test_legs_and_forearms_keep_off_a_rail(name: str, forearm: float) -> None:
+    """Legs with the usual distances, forearms with more the longer the arm is."""
+    robot = load_robot(name)
+    rail = Rail("rail", np.array([0.0, -0.4, 0.8]), np.array([2.0, -0.4, 0.8]), 0.02, 0.6)
+    pairs = CollisionPairs(robot, Terrain.from_surfaces([rail]), 0.06, 0.5)
+    of_legs = pairs.kind == "terrain"
+    assert of_legs.any()
+    assert np.allclose(pairs.scale[of_legs], 1.0)
+    of_arms = (pairs.kind == "arm") & (pairs.scale >= 1.0) & (np.arange(len(pairs.kind)) >= of_legs.argmax())
+    assert np.allclose(pairs.scale[of_arms], forearm, atol=0.01)
+    assert of_arms.any()
 
 
 def test_hardly_more_distances_are_computed_than_matter(talos: Robot, monkeypatch: pytest.MonkeyPatch) -> None:

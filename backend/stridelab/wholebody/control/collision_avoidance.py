@@ -12,7 +12,7 @@ spring. Four kinds of pairs are monitored (``collision_pairs``); they differ in 
 
     arm      an arm and anything else       the arm only; otherwise the task would bend the trunk
     body     legs, pelvis and torso         all joints, within the freedom left by soles and CoM, mainly the base's yaw
-    terrain  thighs and shanks, and boxes   all joints
+    terrain  legs, and boxes and rails      all joints
     hand     a swinging hand, and surfaces  none: its target moves
 
 Foot and shank of a swinging leg follow the curve of their sole, which the tasks above do not change: what pushes them

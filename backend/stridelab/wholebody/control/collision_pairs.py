@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float, Int
 
-from stridelab.contacts.terrain import Box, Terrain
+from stridelab.contacts.terrain import Terrain
 from stridelab.conventions import Points, Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.rigid_body import RigidBody
@@ -84,8 +84,9 @@ KINDS: tuple[Kind, ...] = ("arm", "body", "terrain", "hand")
 _SCALE_MIN = 0.02
 _ARM_SCALE = 0.5
 """Distance scale of hand or upper arm and a surface: a hand on it brings the arm near."""
-_FOREARM_SCALE = 1.0
-"""Distance scale of the forearm before the wrist and a surface: it needs more time to turn about a hand on a rail."""
+_FOREARM_SCALE_1_M = 2.2
+"""Distance scale of the forearm before the wrist and a surface over the arm's length, and at least 1: a long forearm
+needs more time to turn about a hand on a rail (TALOS 1.5, HRP-2 1.1, G1 1)."""
 _WRIST_JOINTS = 2
 """The last joints of an arm, which carry a hand to the surfaces that it touches."""
 
@@ -115,13 +116,13 @@ class CollisionPairs:
         pairs = [(pair.first, pair.second) for pair in robot.full_collision.collisionPairs]
         kinds: list[Kind] = [_pair_kind(robot, pair) for pair in robot.full_collision.collisionPairs]
         shapes, self._body_pairs = len(robot.full_collision.geometryObjects), len(pairs)
-        shanks = [k for k in range(shapes) if _above_ankle(robot, k)]
+        legs = [k for k in range(shapes) if _above_ankle(robot, k)]
         arms = [k for k in range(shapes) if _joint_group(robot, k) == "arm"]
         hands = wrist_joints(robot)
         for surface in terrain.surfaces:
             at, shape = terrain_shape(surface)
             number = self._geometry.addGeometryObject(pin.GeometryObject(f"terrain {surface.name}", 0, 0, at, shape))
-            for k in shanks if isinstance(surface, Box) else ():
+            for k in legs:
                 kinds.append("terrain")
                 pairs.append((k, number))
             for k in arms:
@@ -209,7 +210,8 @@ class CollisionPairs:
         )
         distances_m = [self._compute_distance(k) for k in range(self._body_pairs)]
         terrain = np.where(self.kind[self._body_pairs :] == "terrain", 1.0, _ARM_SCALE)
-        terrain[np.isin(self._joints[self._body_pairs :, 0], list(_forearm_joints(robot)))] = _FOREARM_SCALE
+        forearms = np.isin(self._joints[self._body_pairs :, 0], list(_forearm_joints(robot)))
+        terrain[forearms] = max(1.0, _FOREARM_SCALE_1_M * _arm_length_m(robot))
         return np.append(np.clip(shrunk * np.array(distances_m) / acts_m, _SCALE_MIN, 1.0), terrain)
 
 
@@ -244,6 +246,14 @@ def _arm_chains(robot: Robot, hand: str | None = None) -> list[tuple[int, ...]]:
     hands = [one for name, one in robot.effectors.items() if one.kind == "point" and hand in (None, name)]
     ends = [robot.model.frames[robot.model.getFrameId(one.frame)].parentJoint for one in hands]
     return [tuple(robot.model.supports[end]) for end in ends]
+
+
+def _arm_length_m(robot: Robot) -> float:
+    """Length of the links from the first to the last joint of the longest arm; zero without hands."""
+    model = robot.model
+    chains = [[j for j in chain if robot.group.get(str(model.names[j])) == "arm"] for chain in _arm_chains(robot)]
+    lengths_m = [sum(float(np.linalg.norm(model.jointPlacements[j].translation)) for j in one[1:]) for one in chains]
+    return max(lengths_m, default=0.0)
 
 
 def bounding_sphere(part: pin.GeometryObject) -> Sphere:

@@ -40,7 +40,7 @@ HAND_OPENS: Final = (0.0, 0.04)
 """Shares of the swing during which pushes on a hand begin."""
 STIFFNESS_S2: Final = 30.0
 MAX_DETOUR_M: Final = 0.10
-MAX_TILT_RAD: Final = 0.6
+MAX_TILT_RAD: Final = 0.9
 """Largest detour and tilt; pushes that would lead beyond them are ignored."""
 ANKLE_ACTS_RAD: Final = 0.2
 """Distance of an ankle joint from the end of its range at which the sole begins to tilt."""
