@@ -75,12 +75,10 @@ has the error remark `contradicted` and does not count as an estimate.
 BMC-RIC-running-biomechanics that are refused with `pelvis-markers-missing` mark the pelvis by clusters alone.
 
 All outcomes are of one state of the program; the survey of the 1302 recordings that were listed before took 36 minutes
-on a part of two cores. None differed from the outcomes listed then, nor did ten jumps that were surveyed once more after
-the standard deviation of their masses had changed. Of the 603 with plates outside one teaching
-laboratory (javrx/biomec and those named with it below) none has its plates turned; the check `body_axis` fails for two
-of all results: a person on hands and feet (`trial0010_mountain_climber.tsv`) and a file that is rotated
-(`temp_trc_file_rotated.trc`), both contradicted by other checks as well.
-
+on a part of two cores. None differed from the outcomes listed then, nor did ten jumps whose masses had another standard
+deviation afterwards. Of the 603 with plates outside one teaching laboratory (javrx/biomec and those named with it
+below) none has its plates turned; the check `body_axis` fails for two of all results: a person on hands and feet
+(`trial0010_mountain_climber.tsv`) and a rotated file (`temp_trc_file_rotated.trc`), both contradicted by other checks.
 Sessions are counted by folder, so that copies of a trial in two folders or formats count in both. The causes of the
 masses that differ are in [Sessions](theory/sessions.md).
 
