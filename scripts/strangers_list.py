@@ -7,6 +7,7 @@ recordings themselves are not part of the project.
 
 import csv
 import dataclasses
+import itertools
 import re
 import subprocess
 import sys
@@ -19,6 +20,10 @@ ESTIMATES: Final = ("fused", "geometry")
 PROMISOR: Final = ["config", "remote.origin.promisor", "true"]
 """Git then fetches a file when it is shown."""
 HOST: Final = "https://github.com"
+OTHER_PERSON: Final = 1.3
+"""Ratio of two masses that are next to one another in a folder above which they are of two people."""
+SESSION_SHARE: Final = 0.015
+"""How far a trial's mass may be from that of its session."""
 RUNNING: Final = re.compile(r"(?<![a-z])(run|sprint|jog)", re.IGNORECASE)
 
 
@@ -147,3 +152,24 @@ def renewed(entries: Sequence[Entry], rows: Sequence[dict[str, Any]]) -> list[En
     """The entries with the outcomes of a survey."""
     outcomes = {(row["source"], row["path"]): outcome_of(row) for row in rows}
     return [dataclasses.replace(entry, outcome=outcomes.get(entry.key, entry.outcome)) for entry in entries]
+
+
+def sessions_of(rows: Sequence[dict[str, Any]]) -> list[list[dict[str, Any]]]:
+    """Rows of two trials or more of one person: of one folder, the same plates and rates, and masses that are alike.
+
+    Trials with equal masses are one trial, published twice.
+    """
+    groups: dict[tuple[str, str, str], dict[float, dict[str, Any]]] = {}
+    for row in rows:
+        if row.get("weighed_kg"):
+            folder = str(row["path"]).rpartition("/")[0]
+            group = groups.setdefault((row["source"], folder, row["equipment"]), {})
+            group.setdefault(round(row["weighed_kg"][0], 3), row)
+    sessions = []
+    for group in groups.values():
+        masses = sorted(group)
+        ends = [i for i, (a, b) in enumerate(itertools.pairwise(masses), 1) if b > OTHER_PERSON * a]
+        for first, last in itertools.pairwise([0, *ends, len(masses)]):
+            if last - first > 1:
+                sessions.append([group[mass] for mass in masses[first:last]])
+    return sessions

@@ -48,6 +48,19 @@ def test_a_survey_that_finds_the_listed_outcomes_differs_in_nothing() -> None:
     assert second.endswith(f"{few[2].path}: not surveyed, expected no-markers")
 
 
+def weighed_trial(path: str, mass_kg: float, equipment: str = "a") -> dict[str, object]:
+    return {"source": "lab/data", "path": path, "weighed_kg": [mass_kg, 0.3], "equipment": equipment}
+
+
+def test_trials_of_one_person_in_one_folder_are_a_session() -> None:
+    walks = [weighed_trial("x/walk1.c3d", 60.0), weighed_trial("x/walk2.c3d", 61.0), weighed_trial("x/jump.c3d", 66.0)]
+    child = [weighed_trial("x/child1.c3d", 31.0), weighed_trial("x/child2.c3d", 30.0)]
+    alone = [weighed_trial("y/walk3.c3d", 60.5), weighed_trial("x/walk4.c3d", 60.5, "b"), {"source": "a", "path": "b"}]
+    copy = weighed_trial("x/walk1.trc", 60.0)
+    sessions = strangers_list.sessions_of([*walks, copy, *alone, *child])
+    assert sessions == [child[::-1], walks]
+
+
 def repository_of_two_commits(folder: Path) -> list[str]:
     """A Git repository with walk.trc in two versions, which serves any commit and only the requested files."""
     folder.mkdir(parents=True)

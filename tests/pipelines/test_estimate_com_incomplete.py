@@ -52,6 +52,20 @@ def test_geometry_alone_needs_no_mass_and_invents_none(tmp_path: Path) -> None:
     assert np.isfinite(ours["x_m"].to_numpy()).all()
 
 
+def test_only_a_mass_that_the_plates_measure_is_judged_by_its_error(tmp_path: Path) -> None:
+    trial = without_mass(tmp_path / "walk.c3d", plates=True)
+    for subject, checked in ((SubjectFields(), True), (SubjectFields(mass_kg=summary_of(tmp_path).mass_kg), False)):
+        folder = tmp_path / str(checked)
+        outcome = estimate_com.run(estimate_task(trial, folder, subject=subject), folder, quiet)
+        summary = EstimateComSummary.model_validate(outcome.summary)
+        assert summary.quality is not None
+        assert summary.mass_kg is not None
+        assert summary.mass_sd_kg is not None
+        values = [check.value for check in summary.quality.checks if check.name == "mass_uncertainty"]
+        assert values == ([pytest.approx(summary.mass_sd_kg / summary.mass_kg)] if checked else [])
+        assert ("mass_uncertainty" in summary.quality.not_checked) != checked
+
+
 def test_geometry_alone_needs_no_measured_window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a window too short for the fused estimates it says nothing, and gives the whole recording."""
     examined = com_inputs.examine_trial

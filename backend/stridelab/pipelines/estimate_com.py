@@ -231,6 +231,7 @@ def assess_estimate(prepared: ComInputs, estimate: ComEstimate) -> Assessed:
         with_force=bool(prepared.windows) and estimate.method != GEOMETRY_ONLY,
         standing_mass_kg=prepared.standing_mass_kg,
         stated_mass_kg=prepared.mass.stated_kg,
+        mass_sd_kg=prepared.mass.sd_kg if prepared.mass.source == "force" else None,
     )
     return assess_quality(recorded, estimate)
 

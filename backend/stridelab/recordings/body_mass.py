@@ -12,7 +12,8 @@ of the interval at each end, and the right side is integrated by parts,
 
 because a force latency and a velocity error have their largest effect at the ends of an interval: the spread among
 walks of one adult falls from 0.44 to 0.36 %. The standard deviation follows from that of the velocity, which grows with
-the movement; calibration errors of the plates add to it and are common to the trials of a laboratory.
+the movement, and from the denominator, to which a flight contributes nothing; calibration errors of the plates add to
+it and are common to the trials of a laboratory.
 
 Vertical motion of the body from its markers, to be compared with the vertical force of all contacts.
 
@@ -174,9 +175,12 @@ def combined_mass(estimates: Sequence[MassEstimate]) -> MassEstimate | None:
 def _by_impulse(
     recording: Recording, spans: Sequence[Window], motion: VerticalMotion | None, kind: MassKind
 ) -> MassEstimate | None:
-    """Impulse of all spans over the required impulse per kilogram; sd from velocity errors at both ends."""
+    """Impulse of all spans over the required impulse per kilogram; sd from velocity errors at both ends.
+
+    A time in flight requires no impulse: it does not make the velocity errors smaller.
+    """
     up_n, rate_hz = vertical_force_n(recording), recording.force_rate_hz
-    impulse_ns, needed_m_s, duration_s, variance = 0.0, 0.0, 0.0, 0.0
+    impulse_ns, at_rest_m_s, changed_m_s, duration_s, variance = 0.0, 0.0, 0.0, 0.0, 0.0
     for span in _with_known_motion(recording, spans, motion):
         i, j = round(span.start_s * rate_hz), min(round(span.end_s * rate_hz), len(up_n) - 1)
         if (j - i) / rate_hz < _MIN_SPAN_S:
@@ -187,14 +191,17 @@ def _by_impulse(
             w = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, np.minimum(from_edge, from_edge[::-1])))
         v = _velocity_m_s(recording, np.arange(i, j + 1) / rate_hz, motion)
         impulse_ns += float(np.trapezoid(w * up_n[i : j + 1])) / rate_hz
-        needed_m_s += float(GRAVITY_M_S2 * np.trapezoid(w) / rate_hz - np.trapezoid(np.gradient(w) * v))
+        at_rest_m_s += float(GRAVITY_M_S2 * np.trapezoid(w) / rate_hz)
+        changed_m_s += float(-np.trapezoid(np.gradient(w) * v))
         duration_s += (j - i) / rate_hz
         share = _PELVIS_SHARE if motion is not None and motion.from_pelvis else _VELOCITY_SHARE
         variance += 2.0 * float(_STILL_M_S**2 + share**2 * np.mean(v**2))
+    needed_m_s = at_rest_m_s + changed_m_s
     if duration_s == 0.0 or needed_m_s <= 0.0 or impulse_ns <= 0.0:
         return None
     mass_kg = impulse_ns / needed_m_s
-    share = _WHOLE_STEPS_SHARE if kind == "whole_steps" else float(np.sqrt(variance)) / (GRAVITY_M_S2 * duration_s)
+    share = float(np.sqrt(variance)) / (GRAVITY_M_S2 * duration_s) * at_rest_m_s / needed_m_s
+    share = _WHOLE_STEPS_SHARE if kind == "whole_steps" else share
     checked = not any(p.use and p.loaded.all() and not p.zero_is_known for p in recording.plates)
     zero_kg = ZERO_SD_KG if checked else UNCHECKED_ZERO_SD_KG
     return MassEstimate(mass_kg, float(np.hypot(mass_kg * share, zero_kg)), kind, duration_s)

@@ -20,7 +20,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -82,6 +82,7 @@ class MarkerSet:
         return {landmark: present[name] for landmark, name in hits if name is not None}
 
 
+@lru_cache(maxsize=8192)
 def normalised_label(label: str) -> str:
     """Normal form of a label for comparison: no prefix, no number before it ("3 - "), no separators, lower case."""
     return re.sub(r"[\s._\-]", "", _PREFIX.sub("", label)).lower()
@@ -224,11 +225,8 @@ def marker_set_of_labels(
             faults.append(Fault("required", f"no label is given for {entry.replace('|', ' or ')}, which is required"))
     if faults:
         raise _invalid_set(where or name, faults)
-    labels_of = {
-        landmark: tuple(dict.fromkeys(normalised_label(label) for label in labels))
-        for landmark, labels in landmarks.items()
-    }
-    return MarkerSet(name, title or name, labels_of, needed)
+    forms = {landmark: tuple(dict.fromkeys(map(normalised_label, labels))) for landmark, labels in landmarks.items()}
+    return MarkerSet(name, title or name, forms, needed)
 
 
 def _invalid_set(where: str, faults: Sequence[Fault]) -> InvalidInput:

@@ -377,6 +377,7 @@ CHECKS: Final = (
     "largest difference",
     "mass from motion",
     "mass from standing",
+    "mass uncertainty",
     "flight acceleration",
     "pressure from feet",
     "pressure off plate",

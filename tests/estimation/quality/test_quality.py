@@ -123,7 +123,8 @@ def test_a_good_walk_is_good(seed: int, speed_m_s: float) -> None:
     judged = judge(walk(seed, speed_m_s))
     assert judged.quality.verdict == "good", [c.message for c in judged.quality.checks if not c.passed]
     assert judged.quality.remarks == ()
-    assert set(judged.quality.not_checked) == {"mass_from_standing", "flight_acceleration"}, "a walk has no flight"
+    not_checked = {"mass_from_standing", "mass_uncertainty", "flight_acceleration"}
+    assert set(judged.quality.not_checked) == not_checked, "a walk has no flight, and its mass is stated"
 
 
 def test_a_good_walk_over_two_plates_is_good() -> None:
@@ -278,6 +279,15 @@ def test_without_a_single_check_nothing_is_good() -> None:
     assert quality.checks == ()
     assert quality.verdict == "doubtful"
     assert quality.remarks[0].code == "doubtful"
+
+
+@pytest.mark.parametrize(("uncertainty", "verdict"), [(0.039, "good"), (0.041, "doubtful"), (0.9, "doubtful")])
+def test_a_measured_mass_that_is_hardly_known_is_doubtful_and_contradicts_nothing(
+    uncertainty: float, verdict: str
+) -> None:
+    quality = evaluate_checks(Measures(mass_uncertainty=uncertainty), MASS_KG, (0.01, 0.01, 0.02))
+    assert quality.verdict == verdict
+    assert f"standard deviation of {uncertainty:.1%}" in quality.checks[0].message
 
 
 def test_the_hull_of_a_box_tells_how_far_outside_a_point_is() -> None:

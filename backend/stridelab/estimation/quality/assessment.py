@@ -218,6 +218,13 @@ def _force_rows(measures: Measures, mass_kg: float) -> Iterator[_CheckRow]:
         "the static trial and the mass",
         "no static trial stands still on the plates",
     )
+    yield _CheckRow(
+        "mass_uncertainty",
+        measures.mass_uncertainty,
+        f"The mass that the plates measure has a standard deviation of {measures.mass_uncertainty:.1%}",
+        "the mass and the precision that the force needs",
+        "the mass is not measured by the plates",
+    )
 
 
 def _plate_rows(measures: Measures) -> Iterator[_CheckRow]:

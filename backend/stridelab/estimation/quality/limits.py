@@ -50,6 +50,8 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         "channel_exchange": Limit(1.1, 1.5),
         "mass_from_motion": Limit(0.04, 0.15),
         "mass_from_standing": Limit(0.04, 0.15),
+        # A measured mass that is not known within what two masses may differ by. No uncertainty contradicts.
+        "mass_uncertainty": Limit(0.04, 10.0),
         # Nothing carries a body in flight; half of its weight is more than any error of marker or plate explains.
         "flight_acceleration": Limit(0.1, 0.5),
         # ``passes`` is replaced by the 95 % circle, or band, of the geometry's own standard deviation.

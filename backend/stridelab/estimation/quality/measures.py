@@ -136,7 +136,8 @@ class Recorded:
 
     ``with_force`` is False if the wrench is a placeholder without force. ``standing_mass_kg`` is the mass measured by
     the plates in the static trial of the same subject, None without one. ``stated_mass_kg`` is the mass given by the
-    user or the file, which may differ from the mass in use.
+    user or the file, which may differ from the mass in use; ``mass_sd_kg`` is the standard deviation of the latter if
+    the plates measured it, else None.
     """
 
     recording: Recording
@@ -147,6 +148,7 @@ class Recorded:
     with_force: bool = True
     standing_mass_kg: float | None = None
     stated_mass_kg: float | None = None
+    mass_sd_kg: float | None = None
 
     @property
     def mass_to_check_kg(self) -> float:
@@ -179,6 +181,7 @@ class Measures:
     outside_body_m: float = NAN
     motion_mass_kg: float = NAN
     standing_mass_kg: float = NAN
+    mass_uncertainty: float = NAN
     flight_acceleration: float = NAN
     leg_length_change: float = NAN
     leg: str = ""
@@ -237,6 +240,7 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         largest_difference_m=largest_m,
         motion_mass_kg=_motion_mass_kg(recorded),
         standing_mass_kg=NAN if recorded.standing_mass_kg is None else recorded.standing_mass_kg,
+        mass_uncertainty=NAN if recorded.mass_sd_kg is None else recorded.mass_sd_kg / recorded.mass_kg,
         flight_acceleration=_flight_acceleration_error(recorded, estimate),
         plates=plate_pressures(recorded.recording, recorded.landmarks, wrench.complete, wrench.latency_applied_s),
         gains=channel_gains(balance),
