@@ -157,15 +157,16 @@ def test_results_are_on_the_disk_when_they_are_committed(
         try:
             async with JobNotifications(database_url) as board:
                 jobs = JobStore(engine, KINDS)
-                return await board.wait_for_end(jobs, (await jobs.submit(kind, {})).job_id, 30.0)
+                record = await board.wait_for_end(jobs, (await jobs.submit(kind, {})).job_id, 30.0)
+                return record, await jobs.result(record.id)
         finally:
             worker.stop()
             await working
             await engine.dispose()
 
-    record = asyncio.run(act())
+    record, result = asyncio.run(act())
     assert record.state == state
-    (artifact,) = record.result["artifacts"]
+    (artifact,) = result.artifacts
     (disk,) = cuts.disks
-    content = disk[f"{record.blob_prefix}/{artifact['name']}"]
-    assert (len(content), hashlib.sha256(content).hexdigest()) == (artifact["bytes"], artifact["sha256"])
+    content = disk[f"{record.blob_prefix}/{artifact.name}"]
+    assert (len(content), hashlib.sha256(content).hexdigest()) == (artifact.bytes, artifact.sha256)

@@ -81,7 +81,7 @@ class Settings:
     free_arm: float = 4.0
     force_weight: float = 1e-3
     hand_force_weight: float = 1.0
-    hand_friction_share: float = 0.5
+    hand_friction_share: float = 0.7
     hand_weight: float = 0.3
     ankle_weight: float = 4.0
     ankle_acts_rad: float = 0.1
