@@ -63,7 +63,11 @@ degrees on their shoes overlap.
 
 The first 30 scenarios of this order had been computed before with one difference, 1.5 times the distances at which
 legs keep off boxes and rails, which was taken back because the body of a test stopped, not for these results: 30 of
-30 were certified and completed. The table repeats the first of them with the final program; it shows them only.
+30 were certified and completed. The table repeats the first of them with the final program, but for one number: a
+hand's force used half of its friction then, and uses 0.7 of it now. Rails were repeated with 0.7: of the first eight of
+this draw in the order of their numbers seven are certified and completed (TALOS 2 of 3, HRP-2 3 of 3, G1 2 of 2). The
+other (30, TALOS: the hand sinks 4.2 mm into its rail as it lands, 0.5 are allowed) is refused by the certificate, and
+was before these changes, too.
 
 The draw before, seed 558201, was used for nothing before either and shows the program before [its limits were
 moved](whole-body.md#limits-that-random-scenarios-found): of its first 86 scenarios in random order (of 200) 84 are

@@ -28,6 +28,7 @@ from stridelab.schemas.reproduction import ITEMS_WITH_DRAWS, ITEMS_WITH_SAMPLE, 
 from stridelab.schemas.reproduction import Verdict as ContractVerdict
 from support.recorded_claims import assert_as_recorded, assert_steps_as_recorded, assert_tables_as_recorded
 from support.recorded_steps import Steps, recorded_steps
+from support.reproduction_fixtures import RisingProgress
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -41,7 +42,8 @@ class Found(dict[str, Reproduction]):
     def __missing__(self, name: str) -> Reproduction:
         with recorded_steps() as self.steps[name]:
             draws = 1 if ITEMS[name].draws == "many" else None
-            self[name] = reproduce_item(name, draws, lambda _fraction, _message: None)
+            self[name] = reproduce_item(name, draws, progress := RisingProgress())
+            assert progress.share == 1.0
         return self[name]
 
 

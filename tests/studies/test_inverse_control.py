@@ -298,6 +298,10 @@ def test_a_sole_on_stairs_lies_on_the_plate_below_its_markers() -> None:
     heights = [ground_height_m(np.array([x, 0.3, z]), stairs) for x, z in places]
     assert heights == [0.4, 0.4, 0.2, 0.2, 0.0, 0.4, 0.0]
     assert ground_height_m(np.array([0.2, 0.3, 0.05]), [plate(1, 0.0, 0.004)]) == 0.0, "a plate in the floor"
+    assert ground_height_m(np.array([0.2, 0.3, 0.05]), [plate(1, 0.0, 0.06)]) == 0.06, "a stair begins at 5 cm"
+    margins = ((-0.045, 0.42), (-0.055, 0.42), (0.2, 0.383), (0.2, 0.377))
+    heights = [ground_height_m(np.array([x, 0.3, z]), stairs) for x, z in margins]
+    assert heights == [0.4, 0.0, 0.4, 0.0], "5 cm beside the plate, and 2 cm below its surface"
 
 
 def test_a_recorded_motion_obeys_newton_between_its_nodes(gait: Path) -> None:

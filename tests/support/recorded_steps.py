@@ -1,8 +1,10 @@
 """The numbers between models or recordings and claims: what each function of the reproduction is given and returns.
 
 A change that a claim hides, since it takes the worst of several numbers or rounds them, shows here. For each function
-there is the number of calls and, of all numbers in arguments and results, how many there are, their mean and the mean
-of their sizes. ``recorded_claims`` compares them with ``recorded_steps.json``, for every item and every test of one.
+there is the number of calls and, of all numbers in arguments and results, how many there are, their mean, the mean of
+their sizes, and the mean of their logarithms with weights that depend on their place, in which small numbers count as
+much as large ones and no two change places. ``recorded_claims`` compares them with ``recorded_steps.json``, for every
+item and every test of one.
 """
 
 import functools
@@ -32,6 +34,8 @@ MOST_NUMBERS: Final = 1000
 """Of larger arrays, so many numbers at equal distances are added up."""
 MOST_CALLS: Final = 50
 """Numbers of so many calls of a function are added up; a bootstrap makes thousands."""
+SMALLEST: Final = 1e-4
+"""Numbers have a logarithm down to this size (0.1 mm); of smaller ones it is proportional to them."""
 
 Steps = dict[str, dict[str, list[float]]]
 
@@ -41,7 +45,7 @@ class _Sums:
 
     def __init__(self) -> None:
         self.calls, self.count, self.finite = 0, 0, 0
-        self.total, self.size = 0.0, 0.0
+        self.total, self.size, self.logarithms = 0.0, 0.0, 0.0
 
     def add(self, value: Any, depth: int = 0) -> None:
         """Add all numbers in a value."""
@@ -56,16 +60,20 @@ class _Sums:
 
     def _add_array(self, numbers: np.ndarray) -> None:
         self.count += len(numbers)
-        some = numbers[:: 1 + len(numbers) // MOST_NUMBERS]
-        finite = some[np.isfinite(some)]
+        some = numbers[:: 1 + len(numbers) // MOST_NUMBERS].astype(float)
+        places = np.flatnonzero(np.isfinite(some))
+        finite = some[places]
+        weights = 1.0 + 0.5 * np.cos(self.finite + places)
         self.finite += len(finite)
         self.total += float(finite.sum())
         self.size += float(np.abs(finite).sum())
+        self.logarithms += float(weights @ (np.sign(finite) * np.log1p(np.abs(finite) / SMALLEST)))
 
     def summary(self) -> list[float]:
-        """Calls, numbers, mean and mean size."""
+        """Calls, numbers, mean, mean size and mean weighted logarithm."""
         n = max(self.finite, 1)
-        return [self.calls, self.count, *(float(f"{value / n:.6g}") for value in (self.total, self.size))]
+        means = (value / n for value in (self.total, self.size, self.logarithms))
+        return [self.calls, self.count, *(float(f"{value:.6g}") for value in means)]
 
 
 def _parts_of(value: Any) -> Iterator[Any]:
@@ -160,14 +168,18 @@ def _recording(function: Callable[..., Any], sums: dict[str, tuple[_Sums, _Sums]
 
 
 def step_differences(now: Steps, recorded: Mapping[str, Mapping[str, list[float]]], relative: float) -> list[str]:
-    """Functions whose calls differ from the record by more than ``relative`` of the mean size."""
+    """Functions whose calls differ from the record.
+
+    Room is ``relative`` of the mean size, and as much as the logarithm changes if all numbers change by that share.
+    """
     differences = [f"{name} is called, and is not recorded" for name in now.keys() - recorded.keys()]
     differences += [f"{name} is recorded, and is not called" for name in recorded.keys() - now.keys()]
     for name in now.keys() & recorded.keys():
         for side, one in now[name].items():
             other = recorded[name][side]
             room = relative * max(abs(one[3]), abs(other[3])) + 1e-7
-            if one[:2] != other[:2] or any(not math.isclose(a, b, rel_tol=0.0, abs_tol=room)
-                                           for a, b in zip(one[2:], other[2:], strict=True)):  # fmt: skip
+            rooms = (room, room, relative)
+            if len(one) != len(other) or one[:2] != other[:2] or any(not math.isclose(a, b, rel_tol=0.0, abs_tol=of)
+                                           for a, b, of in zip(one[2:], other[2:], rooms, strict=True)):  # fmt: skip
                 differences.append(f"{name}, {side}: {one}, recorded {other}")
     return sorted(differences)

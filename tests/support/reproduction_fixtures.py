@@ -9,6 +9,18 @@ from support.recorded_claims import assert_steps_as_recorded
 from support.recorded_steps import recorded_steps
 
 
+class RisingProgress:
+    """Progress of a computation, which never falls and does not exceed 1."""
+
+    def __init__(self) -> None:
+        self.share = 0.0
+
+    def __call__(self, share: float, _message: str) -> None:
+        """Raises ``AssertionError`` if less is done than before."""
+        assert self.share <= share <= 1.0, f"{share} after {self.share}"
+        self.share = share
+
+
 @pytest.fixture(scope="session", autouse=True)
 def criteria_of_claims() -> Iterator[None]:
     """Remember the criterion of every claim, for ``assert_flips``."""

@@ -29,16 +29,29 @@ from support.mutant_tests import ExecutedTests
 ROOT: Final = Path(__file__).parents[2]
 PACKAGE: Final = Path("backend/stridelab/reproduction")
 MODULES: Final = ("claims.py", "chapter2", "chapter3", "chapter4", "common", "studies")
-RECORDED: Final = "reproduction/test_reproduction.py::test_what_verdicts_stand_on_is_as_recorded"
-RECORDED_ALL: Final = f"tests/{RECORDED}"
-TEST_FILES: Final = sorted(
-    path.relative_to(ROOT).as_posix()
-    for path in (ROOT / "tests").rglob("test_*.py")
-    if path.name not in ("test_reproduction.py", "test_collected_reproduction.py")
-    and path.relative_to(ROOT / "tests").parts[0] in ("reproduction", "studies")
-    and "stridelab.reproduction" in path.read_text(encoding="utf-8")
+RECORDED: Final = "tests/reproduction/test_reproduction.py::test_what_verdicts_stand_on_is_as_recorded"
+OF_ITEMS: Final = ("tests/reproduction/test_reproduction.py", "tests/reproduction/test_collected_reproduction.py")
+"""Tests of all items, or of the page: of the former the records alone are tried, and what computes no item."""
+WITHOUT_ITEMS: Final = (
+    "the_contract_names_what_there_is", "the_verdict_is_that_of_the_worst_claim",
+    "unknown_items_and_numbers_of_seeds_are_refused", "a_bias_of_the_force_acts_at_the_plate",
+    "a_masked_second_holds_a_full_single_support_and_only_it_has_force",
+)  # fmt: skip
+TESTS: Final = (
+    RECORDED,
+    *(f"{OF_ITEMS[0]}::test_{name}" for name in WITHOUT_ITEMS),
+    OF_ITEMS[1],
+    *sorted(
+        path
+        for path, text in (
+            (file.relative_to(ROOT).as_posix(), file.read_text(encoding="utf-8"))
+            for folder in ("reproduction", "studies")
+            for file in (ROOT / "tests" / folder).rglob("test_*.py")
+        )
+        if path not in OF_ITEMS and "stridelab.reproduction" in text
+    ),
 )
-"""Tests of the reproduction, beside the records of its items; those of reports and commands run none of them."""
+"""Tests of the reproduction, the records of its items in front."""
 SLOW_TESTS: Final = (
     "tests/reproduction/chapter3/test_people_figures.py::test_a_simulated_population_gives_no_verdict_on_people",
     "tests/reproduction/report/test_sampled_figures.py::test_other_seeds_are_other_people",
@@ -249,10 +262,10 @@ class Copy:
         """
         results = results or self.folder / "results.pickle"
         lines = lines or self.folder / "lines.json"
-        tests = [RECORDED_ALL, *TEST_FILES, *(f"--deselect={test}" for test in SLOW_TESTS)]
+        tests = [*TESTS, *(f"--deselect={test}" for test in SLOW_TESTS)]
         files = {"results": str(results.resolve()), "lines": str(lines.resolve())}
         if lines.exists():
-            self.first_failure([RECORDED_ALL + "[fig-2.5]"], UNCHANGED_LIMIT_S, results=files["results"])
+            self.first_failure([RECORDED + "[fig-2.5]"], UNCHANGED_LIMIT_S, results=files["results"])
             return ExecutedTests(self.folder / PACKAGE, json.loads(lines.read_text(encoding="utf-8")))
         for _ in range(1 if results.exists() else 2):  # also with stored results: tests are in the order of that time
             start_s = time.monotonic()

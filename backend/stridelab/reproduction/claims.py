@@ -147,10 +147,10 @@ class Item:
     name: str
     title: str
     run: Callable[[range, Progress], Reproduction]
-    draws: Sampling = "nothing"
-    default_seeds: int = 1
-    min_seeds: int = 1
-    printed: tuple[str, ...] = ()
+    draws: Sampling
+    default_seeds: int
+    min_seeds: int
+    printed: tuple[str, ...]
     evidence: Evidence = "simulated"
 
     @property

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+from stridelab.conventions import Progress
 from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum
 from stridelab.estimation.evaluation.truth_errors import TruthError
 from stridelab.reproduction.chapter2 import (
@@ -23,8 +24,10 @@ from stridelab.reproduction.chapter2.table_partial_force import PartialForceErro
 from stridelab.reproduction.common.estimator_errors import Draw, horizontal_ratio
 from stridelab.reproduction.common.estimators import GEOMETRY, KALMAN, NAMES, SMOOTHER, THESIS
 from stridelab.reproduction.common.intervals import interval_of, resampled_interval, rms_ratio, share_interval
+from stridelab.reproduction.registry import reproduce_item
 from stridelab.reproduction.studies.estimator_study import StudyTrial
 from support.recorded_claims import assert_as_recorded
+from support.reproduction_fixtures import RisingProgress
 
 N = 5
 
@@ -111,6 +114,22 @@ def test_spectra_are_averaged_before_bands_are_compared() -> None:
     ]  # fmt: skip
     clean = ErrorSpectrum(f, 0.6 * np.tile(shape["axis"][:, None], (1, 3)))
     assert_as_recorded("figure 2.6 of invented spectra", fig_2_6._spectrum_claims(noisy, clean))
+
+
+def test_spectra_are_those_of_all_draws_and_of_a_walk_without_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    f = np.arange(0.0, 100.0, 0.125)
+    walks: list[tuple[str, int]] = []
+
+    def error_spectra(noise: str, seed: int, tell: Progress, share: float) -> dict[str, ErrorSpectrum]:
+        tell(share, "")
+        walks.append((noise, seed))
+        density = np.tile((1.0 / (0.1 + f) + 0.02 * f)[:, None], (1, 3))
+        return dict.fromkeys(fig_2_6.INPUTS, ErrorSpectrum(f, (0.1 if noise == "none" else 1.0 + seed) * density))
+
+    monkeypatch.setattr(fig_2_6, "_error_spectra", error_spectra)
+    table = reproduce_item("fig-2.6", 3, RisingProgress(), 4).tables["spectra"]
+    assert walks == [("thesis", 4), ("thesis", 5), ("thesis", 6), ("none", 0)]
+    assert table["axis_x_m_rthz"] / table["axis_without_noise_x_m_rthz"] == pytest.approx(np.full(len(f), 60.0**0.5))
 
 
 def test_offsets_of_figure_2_8_are_compared_with_the_bias_of_their_draw() -> None:

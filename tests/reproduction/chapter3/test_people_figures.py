@@ -2,13 +2,14 @@
 
 import re
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from scipy import stats
 
 from stridelab.errors import NotFound
-from stridelab.reproduction.chapter3 import people_walks
+from stridelab.reproduction.chapter3 import people_path_claims, people_walks
 from stridelab.reproduction.chapter3.people_figures import PEOPLE_ITEMS
 from stridelab.reproduction.chapter3.people_parameter_claims import OMEGA_R, correlation_claim, omega_claim
 from stridelab.reproduction.chapter3.people_walks import (
@@ -28,6 +29,7 @@ from stridelab.walking.population.population import PARAMETERS, Pair, Person, St
 from support.recorded_claims import assert_as_recorded, assert_steps_as_recorded, assert_tables_as_recorded
 from support.recorded_steps import recorded_steps
 from support.recordings.walks import cut_recording, link_adults
+from support.reproduction_fixtures import RisingProgress
 
 BOOK = Path(__file__).parents[3] / "docs" / "reproduction.md"
 ADULTS = ("2014001", "2014015", "2014019", "2014022")
@@ -51,7 +53,7 @@ def claims(folder: Path) -> dict[tuple[str, str], Claim]:
     by_item: dict[tuple[str, str], Claim] = {}
     for item in PEOPLE_ITEMS:
         with recorded_steps() as steps:
-            result = item.run(folder, silent)
+            result = item.run(folder, RisingProgress())
         assert_steps_as_recorded(item.name, steps)
         assert result.tables["people"]["people"].tolist() == [4, 4]
         assert result.tables["people"]["steps"].tolist() == [8, 8], "two steps each, also that beside the plates"
@@ -235,3 +237,36 @@ def test_recordings_that_all_are_cut_are_refused_by_name(gait: Path, tmp_path: P
 def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:
     with pytest.raises(NotFound, match="no recording"):
         PEOPLE_ITEMS[0].run(tmp_path, silent)
+
+
+def invented_walk(person: str, measured_mm: tuple[float, float], all_mm: tuple[float, float]) -> FittedWalk:
+    """A walk whose mean and standard deviation of the distance are these, with measured steps alone and with all."""
+    walk = Mock(spec=FittedWalk, person=person)
+    walk.distance_mm.side_effect = lambda *, measured: measured_mm if measured else all_mm
+    return walk
+
+
+def test_people_are_counted_on_both_sides_of_the_printed_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mean below 1 mm and a deviation below 0.5 mm are good; 3.5, 1.5 and again 1.5 mm are bounds of every person."""
+    measured_mm = ((0.9, 0.4), (1.1, 0.2), (0.8, 0.6), (0.95, 0.45))
+    all_mm = ((3.4, 1.4), (3.6, 1.0), (0.9, 0.4), (2.0, 1.6))
+    of = [invented_walk(f"p{k}", *both) for k, both in enumerate(zip(measured_mm, all_mm, strict=True))]
+    walks = {"comfortable": of, "fast": of[:2]}
+    claims = {claim.key: claim for claim in people_path_claims.distance_claims(walks)}
+    good = claims["below_1_mm"]
+    assert good.ours == 2.0 / 4.0
+    assert "2 of 4 adults at a comfortable speed" in good.note
+    assert "all steps 1 of 4; at a fast speed 1 of 2 and 0 of 2." in good.note
+    assert (claims["comfortable_mean_mm"].ours, claims["comfortable_mean_mm"].cases_inside) == (3.6, 3)
+    assert (claims["comfortable_sd_mm"].ours, claims["comfortable_sd_mm"].cases_inside) == (1.6, 3)
+    assert (claims["fast_mean_mm"].ours, claims["fast_mean_mm"].cases_inside) == (3.6, 1)
+    assert_as_recorded("distances of invented people", claims.values())
+    largest_m = dict(zip(of, (0.0010, 0.0014, 0.0016, 0.0018), strict=True))
+    up_over_ahead = dict(zip(of, (1.1, 0.9, 2.0, 1.3), strict=True))
+    monkeypatch.setattr(people_path_claims, "largest_error_m", largest_m.get)
+    monkeypatch.setattr(people_path_claims, "_up_over_ahead", up_over_ahead.get)
+    claims = {claim.key: claim for claim in people_path_claims.one_step_claims(walks)}
+    assert "below 1.5 mm in 2 of 4." in claims["comfortable_largest_m"].note
+    assert claims["comfortable_largest_m"].ours == pytest.approx(0.0015)
+    assert (claims["comfortable_up"].ours, claims["comfortable_up"].cases_inside) == (0.9, 3)
+    assert_as_recorded("largest errors of invented people", claims.values())

@@ -93,12 +93,11 @@ def _printed_2_8(truth: TrueMotion) -> np.ndarray:
 
 
 def _predicted_gap(wrench: Wrench, z: Points) -> Series:
-    """Distance on the floor between ZMP and axis; the offset of the axis from the ZMP is ``f x (tau n) / f^2``."""
+    """Distance on the floor between ZMP and axis: the offset ``f x (tau n) / f^2``, horizontal as n is vertical."""
     f = wrench.force_n
     at_zmp = transport(wrench, z)
     offset = np.cross(f, at_zmp.moment_nm) / (f * f).sum(axis=1, keepdims=True)
-    down = offset - (offset[:, 2] / f[:, 2])[:, None] * f
-    return np.asarray(np.linalg.norm(down[:, :2], axis=1))
+    return np.asarray(np.linalg.norm(offset[:, :2], axis=1))
 
 
 def _least_moment_ratio(wrench: Wrench, point_m: Points) -> float:

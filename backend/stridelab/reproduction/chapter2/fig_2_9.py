@@ -66,9 +66,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
             "The axis therefore removes the bias wherever it is defined.",
             **DETERMINISTIC,
         ),
-        Measured(
-            "harm_of_the_rule", 0.0, left - left_true_flight, "1", at_most(0.02, "ours", otherwise="thesis_in_error")
-        ).says(
+        Measured("harm_of_the_rule", 0.0, left - left_true_flight, "1", at_most(0.02, "ours")).says(
             f"taking c_p = c below {AXIS_THRESHOLD_N:.0f} N does not jeopardize the method",
             "Share of the table's bias that remains because of the rule. Below 0.4 Hz the axis is averaged over many "
             "steps, and in flight it is replaced by the biased geometry: the flight phases take a share of "
@@ -79,7 +77,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
             "the remaining share equals the share of time in flight (difference)",
             **DETERMINISTIC,
         ),
-        Measured("vertical_left", "corrects", left_height, "1", at_most(0.5, "ours", otherwise="thesis_in_error")).says(
+        Measured("vertical_left", "corrects", left_height, "1", at_most(0.5, "ours")).says(
             "the filter corrects a bias of the table for each dimension (vertically)",
             "The mean force is vertical, and the position along the force is not observable (2.3.1).",
             **DETERMINISTIC,

@@ -184,9 +184,7 @@ def _noise_claims(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tupl
             "Largest relative error, over a walk that begins and ends at rest, with the noise of 2.5.1.",
             cases_inside=exact,
         ),
-        Measured(
-            f"{gait}_jerk", sigma, jerk_rms, "m/s³", at_most(2.0 * sigma, "ours", otherwise="thesis_in_error")
-        ).says(
+        Measured(f"{gait}_jerk", sigma, jerk_rms, "m/s³", at_most(2.0 * sigma, "ours")).says(
             f"{gait} gait: with a jerk of 1 m/s³ the Kalman filter trusts the measurements (2.5.3)",
             "RMS of the jerk along the axis with the largest jerk: a filter that expects less jerk trusts its "
             "prediction and is delayed (item lag).",

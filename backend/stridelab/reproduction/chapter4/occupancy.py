@@ -44,7 +44,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
     samples = sample_states(load_robot(ROBOT), SOLE, SAMPLES, seeds[0], MEASURE)
     rows = []
     for experiment in EXPERIMENTS:
-        tell(0.5 + 0.15 * experiment, f"experiment {experiment}")
+        tell(0.5 + 0.1 * experiment, f"experiment {experiment}")
         problem = experiment_problem(experiment, ROBOT, MEASURE)
         plan = solve(problem)
         velocities, rates = rates_of_plan(plan)
