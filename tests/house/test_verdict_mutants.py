@@ -1,8 +1,10 @@
 """What the mutants of verdicts stand on: records of numbers on the way, tests by the lines they run, stored results."""
 
+from math import cos, log
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from stridelab.reproduction.common import estimator_errors, intervals
 from support.mutant_tests import ExecutedTests
@@ -36,7 +38,14 @@ def test_a_sign_a_size_and_a_call_more_differ_from_the_record() -> None:
         return steps
 
     record = steps_of(1.0, -2.0)
-    assert record["common.estimator_errors.as_columns"]["returned"] == [1, 2, -0.5, 1.5]
+    weighted = (1.5 * log(1.0 + 1.0 / 1e-4) - (1.0 + 0.5 * cos(1.0)) * log(1.0 + 2.0 / 1e-4)) / 2
+    assert record["common.estimator_errors.as_columns"]["returned"] == [
+        1,
+        2,
+        -0.5,
+        1.5,
+        pytest.approx(weighted, rel=1e-5),
+    ]
     assert not step_differences(steps_of(1.0, -2.001), record, 2e-3)
     for changed in (steps_of(1.0, 2.0), steps_of(1.0, -2.1), steps_of(1.0, -2.0, calls=2), steps_of(1.0), {}):
         assert step_differences(changed, record, 2e-3)

@@ -93,13 +93,9 @@ def health() -> Call[Health]:
     return Call("GET", f"{API}/health", response_reader(Health))
 
 
-def _list_page(
-    path: str, page: type[T], limit: int, cursor: str | None, **filters: str | Sequence[str] | None
-) -> Call[T]:
-    params = {"limit": str(limit), "cursor": cursor, **filters}
-    return Call(
-        "GET", path, response_reader(page), {name: value for name, value in params.items() if value is not None}
-    )
+def _list_page(path: str, page: type[T], limit: int, cursor: str | None, **filters: Any) -> Call[T]:
+    given = {"limit": str(limit), "cursor": cursor, **filters}
+    return Call("GET", path, response_reader(page), {name: v for name, v in given.items() if v is not None})
 
 
 def recordings(
@@ -318,10 +314,7 @@ def jobs(
     one_per_scenario: bool = False,
     search: str | None = None,
 ) -> Call[Page[Job]]:
-    """One page of jobs, newest first; ``search`` looks in the names of recording and scenario.
-
-    ``scenario_id`` is one id or several, ``one_per_scenario`` leaves only the newest job of each scenario.
-    """
+    """One page of jobs, newest first; ``search`` looks in names. ``one_per_scenario``: of each only the newest."""
     filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
     filters |= {"one_per_scenario": "true" if one_per_scenario else None, "search": search}
     return _list_page(f"{API}/jobs", Page[Job], limit, cursor, **filters)
