@@ -68,6 +68,10 @@ def test_a_set_from_storing_to_deletion(http: httpx.Client) -> None:
         assert refusal_code(http.request(method, path)) == (404, "marker-set-not-found")
     actions = [(item["action"], item["what"]) for item in http.get("/api/v1/audit").json()["items"]]
     assert actions[:2] == [("marker-set-deleted", stored_set["id"]), ("marker-set-added", stored_set["id"])]
+    again = http.post(SETS, json=stored_set)
+    assert again.status_code == 201, "the fields of a stored set are ignored"
+    assert again.json()["id"] != stored_set["id"]
+    assert {name: again.json()[name] for name in body} == body
 
 
 @pytest.mark.parametrize(
