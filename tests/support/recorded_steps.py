@@ -26,6 +26,10 @@ OTHERS: Final = re.compile(r"(report|registry|runner|result_cache|claims)\b")
 """Modules that lay out pages, or make claims, which are recorded themselves."""
 MACHINE: Final = re.compile(r"timed|_ms$|iterations|took|seconds|time_[123]_")
 """Names of functions and fields that hold the times of a machine, and how a solver got there."""
+UNSTEADY: Final = re.compile(
+    r"(chapter4\.(fig_4_[678]|table_4_1|numbers)|studies\.(recorded_motions|cone_validation\._gauge_change))\b"
+)
+"""Functions whose numbers depend on the processor, through the order of the rays of a cone or a solver's iterations."""
 MACHINE_TIMES: Final = ("time_s", "solve_time_s", "build_time_s", "build_s")
 TIMED: Final = ("stridelab.centroidal", REPRODUCTION + "chapter4", REPRODUCTION + "studies.cone_validation")
 """Fields that hold the times of a machine if they are single numbers, and modules of the classes that have them."""
@@ -148,7 +152,7 @@ def _is_of_reproduction(thing: Any) -> bool:
 
 def _recording(function: Callable[..., Any], sums: dict[str, tuple[_Sums, _Sums]]) -> Callable[..., Any]:
     name = f"{function.__module__.removeprefix(REPRODUCTION)}.{function.__qualname__}"
-    if MACHINE.search(name):
+    if MACHINE.search(name) or UNSTEADY.match(name):
         return function
 
     @functools.wraps(function)
