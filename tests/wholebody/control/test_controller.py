@@ -124,11 +124,10 @@ def test_a_hand_that_has_not_touched_anything_yet_is_led_to_its_first_contact(ta
 
 
 @pytest.mark.parametrize(
-    ("weight", "share", "least_n", "most_n"),
-    [(Settings().hand_force_weight, Settings().hand_friction_share, 0.0, 15.0), (1e-3, 1.0, 80.0, 200.0)],
+    ("weight", "least_n", "most_n"), [(Settings().hand_force_weight, 0.0, 15.0), (1e-3, 80.0, 200.0)]
 )
 def test_a_hand_does_not_correct_the_momentum_of_the_limbs(
-    talos: Robot, weight: float, share: float, least_n: float, most_n: float
+    talos: Robot, weight: float, least_n: float, most_n: float
 ) -> None:
     """On one sole, with a swinging arm and no force planned on the hand. With the soles' weight it would take all."""
     plan, body, v = sway(talos), RigidBody(talos), np.zeros(talos.model.nv)
@@ -137,8 +136,7 @@ def test_a_hand_does_not_correct_the_momentum_of_the_limbs(
     hand = Contact("right_hand", Placement(body.frame_state("right_hand").position_m, np.eye(3)), "rail", 0.5, "point")
     contacts = {"left_foot": plan.sequence.phases[0].contacts["left_foot"], "right_hand": hand}
     forces_n = {**plan.forces_at(0.0), "right_hand": np.zeros((1, 3))}
-    settings = replace(Settings(), hand_force_weight=weight, hand_friction_share=share)
-    still = np.zeros(3)
+    settings, still = replace(Settings(), hand_force_weight=weight), np.zeros(3)
     programme = PhaseHierarchy(talos, body, contacts, {}, settings)
     stacked = programme.stack_forces_n({name: forces[None] for name, forces in forces_n.items()})[0]
     targets = SampleTargets(0.0, plan.reference_at(0.0), (np.eye(3), still, still), stacked)

@@ -81,13 +81,6 @@ def test_the_pyramid_lies_in_the_cone_and_touches_it(tilt: float) -> None:
     assert not np.all(1000.0 * diagonal * [1.01, 1.01, 1.0] @ cone.G.T <= cone.upper) or tilt
 
 
-def test_a_share_of_the_friction_makes_the_pyramid_of_that_friction() -> None:
-    place = Placement.from_wxyz([0.0, 0.0, 0.0], (np.cos(0.2), 0.0, np.sin(0.2), 0.0))
-    part, half = (Contact("right_hand", place, "rail", mu) for mu in (0.6, 0.3))
-    assert np.allclose(friction_pyramid(part, 1, 0.5).G, friction_pyramid(half, 1).G)
-    assert not np.allclose(friction_pyramid(part, 1).G, friction_pyramid(half, 1).G)
-
-
 def test_points_of_a_surface_do_not_share_their_pyramids() -> None:
     cone = friction_pyramid(Contact("left_foot", Placement.identity(), "ground", 0.5), 4)
     assert cone.G.shape == (20, 12)

@@ -58,8 +58,6 @@ class Settings:
     ``force_weight`` is that of the planned forces on soles, ``hand_force_weight`` that of those on hands: the angular
     momentum is an error of the whole body's limbs, which soles correct by their centre of pressure. A hand that
     corrects it takes its arm to the limits of its torques, from one sample to the next (docs/theory/whole-body.md).
-    ``hand_friction_share`` is the share of a hand's friction that its force may use: a hand that lands beside the
-    middle of a round rail presses on a surface that leans, and slid off with forces at the edge of its cone.
     ``ankle_acts_rad`` is the distance from the end of an ankle's range at which the rest of the body begins to make
     room for it (``tasks.range_task``).
     ``range_share``, ``joint_margin_rad``, ``velocity_share`` and ``torque_share`` keep the motion inside the limits
@@ -81,7 +79,6 @@ class Settings:
     free_arm: float = 4.0
     force_weight: float = 1e-3
     hand_force_weight: float = 1.0
-    hand_friction_share: float = 0.7
     hand_weight: float = 0.3
     ankle_weight: float = 4.0
     ankle_acts_rad: float = 0.1
@@ -154,11 +151,7 @@ class PhaseHierarchy:
         self._rest = robot.q_reference[7:]
         self._posture_weights = settings.posture_weights(robot, self._surface)
         nv, na = body.model.nv, body.model.nv - 6
-        shares = {True: 1.0, False: settings.hand_friction_share}
-        cones = [
-            friction_pyramid(contact, len(self._points[name]), shares[self._surface[name]])
-            for name, contact in contacts.items()
-        ]
+        cones = [friction_pyramid(contact, len(self._points[name])) for name, contact in contacts.items()]
         nf = sum(cone.G.shape[1] for cone in cones)
         n_cone = sum(len(cone.upper) for cone in cones)
         self._nv, self._nz = nv, nv + nf

@@ -152,10 +152,10 @@ _PYRAMID_MARGIN_N = 1e-3
 """Margin to the pyramid's faces that absorbs the solver's tolerance."""
 
 
-def friction_pyramid(contact: Contact, points: int, share: float = 1.0) -> Inequalities:
-    """Five rows per contact point on the ``3 points`` components of its forces, with a ``share`` of the friction."""
+def friction_pyramid(contact: Contact, points: int) -> Inequalities:
+    """Five rows per contact point on the ``3 points`` components of its forces."""
     x, y, n = contact.placement.rotation.T
-    mu = share * contact.friction / np.sqrt(2.0)
+    mu = contact.friction / np.sqrt(2.0)
     one = np.array([x - mu * n, -x - mu * n, y - mu * n, -y - mu * n, -n])
     upper = np.full(5 * points, -_PYRAMID_MARGIN_N)
     return Inequalities(np.kron(np.eye(points), one), np.full(5 * points, -np.inf), upper)
