@@ -83,10 +83,10 @@ def main() -> None:
                 groups |= {"flat": [row for row in rows if row.lands_flat]}
             for name, own in groups.items():
                 if own:
-                    sys.stdout.write(f"| {kind} | {others} | {name} | {' | '.join(figures(own))} |\n")
+                    sys.stdout.write(f"| {kind} | {others} | {name} | {' | '.join(timing_columns(own))} |\n")
 
 
-def figures(rows: Sequence[Calibrated]) -> list[str]:
+def timing_columns(rows: Sequence[Calibrated]) -> list[str]:
     """Number, shares within 15 ms, medians of the sizes and the coverage of the band."""
     before, after, sd = (np.array([getattr(row, name) for row in rows]) for name in ("late_s", "rest_s", "sd_s"))
     shares = [f"{100 * np.mean(np.abs(late) <= WITHIN_S):.0f} %" for late in (before, after)]

@@ -177,7 +177,7 @@ def estimated(loaded: Any) -> tuple[Any, str | None]:
         return sl.estimate_com(loaded, method="geometry"), refusal.code
 
 
-def weighed(trial: Any) -> dict[str, Any]:
+def mass_columns(trial: Any) -> dict[str, Any]:
     """Mass and standard deviation that the plates show in a trial, and a digest of its plates, rates and person."""
     recording, mass = trial.recording, trial.force_mass
     plates = [(plate.type, np.round(plate.corners_m * (plate.type > 0), 3).tolist()) for plate in recording.plates]
@@ -225,7 +225,7 @@ def examine_recording(trial: Trial) -> dict[str, Any]:
                 else {},
                 "innovations": com.summary.diagnostics.get("normalised_innovations"),
                 "remarks": [remark.code for remark in com.summary.warnings],
-                **weighed(com.result.prepared.trial),
+                **mass_columns(com.result.prepared.trial),
             }
         except StridelabError as refusal:
             row |= {"outcome": refusal.code, "message": str(refusal)[:300]}
@@ -337,10 +337,10 @@ def _shares(rows: Sequence[dict[str, Any]], entries: Sequence[strangers_list.Ent
     wrong = [row for row in rows if row["outcome"] == "estimate" and row["difference_mm"] > TOLERATED_MM]
     silent = [row for row in wrong if row["verdict"] != "contradicted"]
     far = f"{len(wrong)}; of these without an error remark: {len(silent)}"
-    return [*lines, f"- Results more than {TOLERATED_MM:.0f} mm from the geometry: {far}.", *_sessions(rows)]
+    return [*lines, f"- Results more than {TOLERATED_MM:.0f} mm from the geometry: {far}.", *_session_lines(rows)]
 
 
-def _sessions(rows: Sequence[dict[str, Any]]) -> list[str]:
+def _session_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
     """How far the masses of single trials are from those of their sessions."""
     sessions = strangers_list.sessions_of(rows)
     near = unsure = 0

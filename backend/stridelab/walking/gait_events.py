@@ -122,7 +122,7 @@ def find_contacts(
     if not feet:
         return ()
     by_markers, timed = _timed_contacts(recording, landmarks, feet, latency_s if plates else None)
-    _shift_to_plates(timed, _differences(timed, by_markers), session)
+    _shift_to_plates(timed, _stance_differences(timed, by_markers), session)
     both = [contact for contacts in timed.values() for contact in contacts]
     return tuple(sorted(both, key=lambda contact: (contact.start_s, contact.end_s)))
 
@@ -134,7 +134,7 @@ def plate_differences(
     if feet is None:
         feet = find_feet(recording, landmarks)
     by_markers, timed = _timed_contacts(recording, landmarks, feet, latency_s)
-    return _differences(timed, by_markers)
+    return _stance_differences(timed, by_markers)
 
 
 def _timed_contacts(
@@ -272,7 +272,7 @@ def _set_nearest(
         own[k] = replace(own[k], lift_off_s=at_s, lift_off_source="plates", lift_off_error=error)
 
 
-def _differences(
+def _stance_differences(
     timed: Mapping[Side, list[Contact]], by_markers: Mapping[Side, list[Contact]]
 ) -> dict[EventKind, list[PlateDifference]]:
     """Differences of the events by markers from those of ``timed``, in the whole stances that plates time."""
@@ -301,12 +301,12 @@ def _shift_to_plates(
         of_recording, of_session = common_difference(kind, own[kind]), common_difference(kind, own[kind], others)
         for one_side in contacts.values():
             one_side[:] = [
-                _shifted(contact, kind, of_recording if kind == "strike" and contact.lands_flat else of_session)
+                _shift_contact(contact, kind, of_recording if kind == "strike" and contact.lands_flat else of_session)
                 for contact in one_side
             ]
 
 
-def _shifted(contact: Contact, kind: EventKind, late: tuple[float, float] | None) -> Contact:
+def _shift_contact(contact: Contact, kind: EventKind, late: tuple[float, float] | None) -> Contact:
     """The contact with its event ``kind``, if it is by markers, earlier by the first of ``late``; see there."""
     if late is None:
         return contact

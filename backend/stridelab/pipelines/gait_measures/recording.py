@@ -74,7 +74,7 @@ def measure_recording(recording_id: str, task: EstimateComTask, folder: Path) ->
     method is requested. Raises the errors of ``estimate-com``, and ``NotEstimable`` if the recording is no walk
     (``require_walk``) or contains no whole step (``no-steps``).
     """
-    prepared, estimate = _estimate(task, folder)
+    prepared, estimate = _estimate_com(task, folder)
     recording, landmarks = prepared.trial.recording, prepared.trial.match.landmarks
     feet = find_marked_feet(recording, landmarks)
     remarks = _support_remarks(recording, [foot.side for foot in feet])
@@ -212,7 +212,7 @@ def measure_without_plates(one: MeasuredRecording, member: MeasuresMember, folde
     )
 
 
-def _estimate(task: EstimateComTask, folder: Path) -> tuple[ComInputs, ComEstimate]:
+def _estimate_com(task: EstimateComTask, folder: Path) -> tuple[ComInputs, ComEstimate]:
     """Estimate over the whole recording; markers alone if the default method is not applicable."""
     request = task.input
 
