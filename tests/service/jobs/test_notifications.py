@@ -12,8 +12,9 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 from stridelab.errors import NotFound
 from stridelab.schemas.jobs import JobEvent
 from stridelab.service.jobs import notifications as board_module
+from stridelab.service.jobs.events import CHANNEL
 from stridelab.service.jobs.notifications import JobNotifications
-from stridelab.service.jobs.store import CHANNEL, JobStore
+from stridelab.service.jobs.store import JobStore
 from stridelab.service.postgres.embedded import EmbeddedPostgres
 from stridelab.service.storage.migrate import migrate
 from support.service.database import public_folder, run_with_engine

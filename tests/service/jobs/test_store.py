@@ -4,6 +4,7 @@ from typing import Any, Protocol
 
 import psycopg
 import pytest
+from sqlalchemy import event
 
 from stridelab.errors import Busy, Conflict, InvalidInput, NotFound
 from stridelab.service.jobs.queue import LANES, Attempt, QueueConsumer
@@ -34,8 +35,8 @@ def test_submit_makes_row_and_event_together(use: Use, database_url: str) -> Non
         assert (record.state, record.attempt, record.priority, record.owner) == ("queued", 0, 3, "o")
         assert record.input == {"a": 1}
         assert record.queue_position == 1
-        (event,) = await store.events_after(submitted.job_id)
-        assert event.state == "queued"
+        (queued,) = await store.events_after(submitted.job_id)
+        assert queued.state == "queued"
 
     use(act)
     with psycopg.connect(database_url) as connection:
@@ -98,6 +99,19 @@ def test_fifty_parallel_submissions_fill_the_queue_to_its_limit(use: Use) -> Non
         assert len((await store.list_jobs(limit=100)).items) == 10
 
     use(act, queue_limit=10)
+
+
+def test_a_submission_is_one_round_trip(use: Use) -> None:
+    """The lock of admission would otherwise be held while a busy event loop serves other requests."""
+    statements: list[str] = []
+
+    async def act(store: JobStore) -> None:
+        await store.submit("work", {})
+        event.listen(store._engine.sync_engine, "before_cursor_execute", lambda *call: statements.append(call[2]))
+        await store.submit("work", {})
+
+    use(act)
+    assert len(statements) == 1
 
 
 def test_a_repeated_key_returns_its_job_even_when_the_queue_is_full(use: Use) -> None:

@@ -111,6 +111,18 @@ def test_options_of_the_database_address_are_preserved(database_url: str) -> Non
     assert run_with_engine(f"{database_url}{mark}options=-c%20statement_timeout%3D7000", shown) == ["7s", "2min"]
 
 
+def test_a_burst_of_requests_does_not_start_a_server_process_each_time(database_url: str) -> None:
+    async def burst(engine: AsyncEngine) -> list[set[int]]:
+        async def server_process() -> int:
+            async with engine.connect() as connection:
+                return int((await connection.execute(text("SELECT pg_backend_pid() FROM pg_sleep(0.02)"))).scalar_one())
+
+        return [set(await asyncio.gather(*(server_process() for _ in range(40)))) for _ in range(3)]
+
+    first, *others = run_with_engine(database_url, burst)
+    assert all(used <= first for used in others)
+
+
 @pytest.mark.parametrize("times", [1, 50])
 def test_cancelled_reader_returns_its_connection_in_its_mode(
     database_url: str, monkeypatch: pytest.MonkeyPatch, times: int

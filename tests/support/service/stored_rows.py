@@ -18,8 +18,8 @@ from stridelab.schemas.recordings import PlateInfo, RecordingFacts, SubjectField
 from stridelab.schemas.robots import RobotFacts
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.jobs.attempts import AttemptStore
+from stridelab.service.jobs.events import emit_event
 from stridelab.service.jobs.queue import Attempt
-from stridelab.service.jobs.store import emit_event
 from stridelab.service.kinds.registry import KINDS
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.tables import job, recording, robot

@@ -13,9 +13,9 @@ from sqlalchemy import ColumnElement, TextClause, bindparam, func, select, text
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
+from stridelab.service.jobs.events import EVENT_COLUMNS, statement_with_events
 from stridelab.service.jobs.partial_results import NumberedChunk, insert_chunks
 from stridelab.service.jobs.queue import Attempt
-from stridelab.service.jobs.store import EVENT_COLUMNS, statement_with_events
 from stridelab.service.kinds.base import JobKind, Json
 from stridelab.service.kinds.provenance import software_versions
 from stridelab.service.storage import locks

@@ -15,7 +15,8 @@ import structlog
 from psycopg import sql
 
 from stridelab.schemas.jobs import JobEvent
-from stridelab.service.jobs.store import CHANNEL, JobRecord, JobStore
+from stridelab.service.jobs.events import CHANNEL
+from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.storage.database import CONNECTION_OPTIONS, libpq_url
 
 FALLBACK_S: Final = 15.0

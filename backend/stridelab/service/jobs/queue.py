@@ -1,7 +1,7 @@
 """Job queue: waiting rows of ``job``, which workers claim in turns of their owners.
 
 The job's row is the queue: it waits while its state is ``queued``, and a worker claims it by the statement that starts
-its next attempt. Every change to ``queued`` notifies the workers (``store.emit_event``).
+its next attempt. Every change to ``queued`` notifies the workers (``events.emit_event``).
 
 A free slot goes to the owner with the fewest running jobs, ties to the owner whose last job started longest ago. An
 owner with one waiting and no running job therefore waits for at most one job of every other owner, however many these
@@ -21,7 +21,7 @@ from psycopg import OperationalError as DriverError
 from sqlalchemy import delete, func, insert, text, update
 from sqlalchemy.exc import InterfaceError, OperationalError
 
-from stridelab.service.jobs.store import CHANNEL
+from stridelab.service.jobs.events import CHANNEL
 from stridelab.service.storage.database import make_engine
 from stridelab.service.storage.tables import worker
 

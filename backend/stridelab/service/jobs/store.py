@@ -14,17 +14,17 @@ from datetime import datetime
 from typing import Any, Final
 
 import psycopg
-from sqlalchemy import Select, and_, bindparam, case, column, func, insert, literal, or_, select, text, tuple_, update
+from sqlalchemy import Select, and_, bindparam, case, column, func, literal, or_, select, tuple_, update
 from sqlalchemy.dialects.postgresql import JSONB, distinct_on
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
-from sqlalchemy.sql.elements import TextClause
 
 from stridelab.errors import Busy, Conflict, Fault, InvalidInput, NotFound
 from stridelab.schemas.jobs import FINAL_STATES, Artifact, JobEvent, JobResult, JobState, Progress
 from stridelab.schemas.previews import PartialResults
 from stridelab.service import telemetry
 from stridelab.service.cursors import decode_cursor, encode_cursor
+from stridelab.service.jobs.events import CANCEL_CHANNEL, EVENT_COLUMNS, emit_event, statement_with_events
 from stridelab.service.jobs.partial_results import decode_partial_cursor, read_chunks
 from stridelab.service.jobs.verdict import VERDICT_FIELDS
 from stridelab.service.kinds.base import JobKind
@@ -33,12 +33,6 @@ from stridelab.service.storage.database import connect_autocommit
 from stridelab.service.storage.search import contains_words
 from stridelab.service.storage.tables import job, job_event, recording, scenario
 
-CHANNEL: Final = "stridelab_job"
-"""NOTIFY channel; the payload is the id of the job that changed."""
-QUEUE_CHANNEL: Final = "stridelab_queue"
-"""NOTIFY channel for workers: a job waits."""
-CANCEL_CHANNEL: Final = "stridelab_cancel"
-"""NOTIFY channel for workers; the payload is the id of a running job to be cancelled."""
 POOLING_KINDS: Final = ("gait-measures", "gait-report")
 """Kinds whose jobs on several recordings are also listed with each of them."""
 _MAX_PRIORITY: Final = 100
@@ -99,32 +93,21 @@ class JobPage:
     next: str | None
 
 
-def statement_with_events(changed: str, *, ends_attempt: bool = False) -> TextClause:
-    """Statement that writes an event for every job of ``changed`` and notifies listeners; it returns one row for each.
-
-    ``changed`` selects or returns ``EVENT_COLUMNS`` of rows that the transaction locks, so that the events of a job
-    are numbered in commit order. With ``ends_attempt`` the parts of the jobs are deleted, too. Workers are notified of
-    a job that waits.
-    """
-    parts = ", parts AS (DELETE FROM job_partial WHERE job_id IN (SELECT id FROM changed))" if ends_attempt else ""
-    return text(
-        f"""
-        WITH changed AS ({changed}), event AS (
-            INSERT INTO job_event (job_id, state, attempt, fraction, message) SELECT * FROM changed
-        ){parts}
-        SELECT pg_notify('{CHANNEL}', id), CASE WHEN state = 'queued' THEN pg_notify('{QUEUE_CHANNEL}', '') END
-          FROM changed
-        """  # noqa: S608 (constants only)
-    )
-
-
-EVENT_COLUMNS: Final = "id, state, attempt, fraction, message"
-_EMIT_EVENT: Final = statement_with_events(f"SELECT {EVENT_COLUMNS} FROM job WHERE id = :job_id")  # noqa: S608
-
-
-async def emit_event(connection: AsyncConnection, job_id: str) -> None:
-    """Write the state of a job, which the transaction has changed, as an event and notify listeners."""
-    await connection.execute(_EMIT_EVENT, {"job_id": job_id})
+_ADD_JOB: Final = statement_with_events(
+    f"""
+    WITH waiting AS MATERIALIZED (SELECT * FROM count_waiting_jobs(:lock, :owner))
+    INSERT INTO job (id, owner, kind, lane, priority, input, input_hash, idempotency_key, recording_id, scenario_id,
+                     traceparent)
+    SELECT :id, :owner, :kind, :lane, :priority, :input, :input_hash, :idempotency_key, :recording_id, :scenario_id,
+           :traceparent
+      FROM waiting
+     WHERE n_waiting < :queue_limit
+       AND (CAST(:owner AS text) IS NULL OR :user_queue_limit = 0 OR n_of_submitter < :user_queue_limit)
+    ON CONFLICT DO NOTHING RETURNING {EVENT_COLUMNS}
+    """  # noqa: S608 (constants only)
+).bindparams(bindparam("input", type_=JSONB))
+"""Adds a job unless the queue is full or the idempotency key is used: one round trip, so that a busy event loop never
+holds the lock of admission while others wait for it."""
 
 
 class JobStore:
@@ -164,33 +147,35 @@ class JobStore:
         if idempotency_key is not None and not (0 < len(idempotency_key) <= 200 and idempotency_key.isprintable()):
             raise InvalidInput("idempotency-key-invalid", "An idempotency key has 1 to 200 printable characters.")
         job_id, body_hash = uuid.uuid4().hex, input_hash(kind, input)
+        row = {
+            "lock": locks.ADMISSION,
+            "queue_limit": self._queue_limit,
+            "user_queue_limit": self._user_queue_limit,
+            "id": job_id,
+            "owner": owner,
+            "kind": kind,
+            "lane": self._kinds[kind].lane,
+            "priority": priority,
+            "input": input,
+            "input_hash": body_hash,
+            "idempotency_key": idempotency_key,
+            "recording_id": recording_id,
+            "scenario_id": scenario_id,
+            "traceparent": telemetry.current_traceparent(),
+        }
         try:
-            async with self._engine.begin() as connection:
-                await connection.execute(select(func.pg_advisory_xact_lock(locks.ADMISSION)))
-                if idempotency_key is not None:
-                    earlier = await self._find_by_idempotency_key(connection, owner, idempotency_key, body_hash)
-                    if earlier is not None:
-                        return Submission(earlier, created=False)
-                await self._check_queue_limits(connection, owner)
-                await connection.execute(
-                    insert(job).values(
-                        id=job_id,
-                        owner=owner,
-                        kind=kind,
-                        lane=self._kinds[kind].lane,
-                        priority=priority,
-                        input=input,
-                        input_hash=body_hash,
-                        idempotency_key=idempotency_key,
-                        recording_id=recording_id,
-                        scenario_id=scenario_id,
-                        traceparent=telemetry.current_traceparent(),
-                    )
-                )
-                await emit_event(connection, job_id)
+            async with connect_autocommit(self._engine) as connection:
+                while True:
+                    if idempotency_key is not None:
+                        earlier = await self._find_by_idempotency_key(connection, owner, idempotency_key, body_hash)
+                        if earlier is not None:
+                            return Submission(earlier, created=False)
+                    if (await connection.execute(_ADD_JOB, row)).all():
+                        return Submission(job_id, created=True)
+                    # another request has just used the key, or the queue is full; unless it has become shorter since
+                    await self._check_queue_limits(connection, owner)
         except IntegrityError as error:
             raise _unknown_reference(error, recording_id, scenario_id) from error
-        return Submission(job_id, created=True)
 
     async def get(self, job_id: str) -> JobRecord:
         """One job; raises ``NotFound`` (``job-not-found``)."""

@@ -23,9 +23,9 @@ from stridelab.service import telemetry
 from stridelab.service.jobs import retention
 from stridelab.service.jobs.attempt_runner import AttemptRunner
 from stridelab.service.jobs.attempts import AttemptStore
+from stridelab.service.jobs.events import CANCEL_CHANNEL, QUEUE_CHANNEL
 from stridelab.service.jobs.notifications import Listener
 from stridelab.service.jobs.queue import DATABASE_UNAVAILABLE, LANES, Attempt, Lane, QueueConsumer
-from stridelab.service.jobs.store import CANCEL_CHANNEL, QUEUE_CHANNEL
 from stridelab.service.jobs.work_folder import HEARTBEAT_FILE, WorkFolder
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.processes import confinement

@@ -52,10 +52,11 @@ def libpq_url(url: str) -> str:
     return parse_url(url).render_as_string(hide_password=False)
 
 
-def make_engine(url: str, *, pool_size: int = 8, planner: str = "", autocommit: bool = False) -> AsyncEngine:
+def make_engine(url: str, *, pool_size: int = 16, planner: str = "", autocommit: bool = False) -> AsyncEngine:
     """Asynchronous engine that replaces connections which the server has closed, for example by a restart.
 
-    ``planner`` are further options of its sessions, as in ``-c enable_sort=off``. With ``autocommit``, every statement
+    It opens up to ``pool_size`` connections when needed and leaves them open: a new one for each request of a burst would
+    cost the server a new process. ``planner`` are further options of its sessions, as in ``-c enable_sort=off``. With ``autocommit``, every statement
     of every connection is a transaction of its own.
     """
     address = parse_url(url).set(drivername="postgresql+psycopg")
@@ -64,7 +65,7 @@ def make_engine(url: str, *, pool_size: int = 8, planner: str = "", autocommit: 
     engine = create_async_engine(
         address,
         pool_size=pool_size,
-        max_overflow=pool_size,
+        max_overflow=0,
         isolation_level="AUTOCOMMIT" if autocommit else None,
         connect_args={**CONNECTION_OPTIONS, "application_name": "stridelab", "options": options},
     )
