@@ -99,6 +99,7 @@ class Settings(BaseSettings):
     user_live_limit: int = Field(default=2, ge=0, description="live robots of one user; 0 for no limit")
     live_idle_s: float = Field(default=60.0, gt=0, description="time without a viewer after which a live robot ends")
     viewer_url: str | None = Field(default=None, description="loopback control address of the viewer process")
+    pages_url: str | None = Field(default=None, description="loopback address of the web server that renders pages")
     viewer_scenes: int | None = Field(
         default=None, ge=1, description="3D scenes that may be open in all; by default as memory allows"
     )

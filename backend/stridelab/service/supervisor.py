@@ -9,7 +9,6 @@ dead, and its jobs are requeued at once.
 import contextlib
 import importlib.util
 import os
-import shutil
 import signal
 import socket
 import subprocess
@@ -18,8 +17,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Final, NoReturn
@@ -27,126 +25,34 @@ from typing import Final, NoReturn
 import psycopg
 
 from stridelab.errors import Fault, InvalidInput, Unavailable
-from stridelab.machine import heartbeat
 from stridelab.service.data_folder import explain_os_errors, open_data_folder
 from stridelab.service.postgres.embedded import EmbeddedPostgres
-from stridelab.service.processes.parent_death import command_ending_with_parent
+from stridelab.service.processes.supervised_program import FAILURES, BusySignal, SupervisedProgram
 from stridelab.service.processes.watchdog import FailureState, ResponseWatchdog
 from stridelab.service.settings import Settings
 from stridelab.service.storage.migrate import libpq_address, migrate_in_child
 
 VIEWER: Final = "stridelab_web.viewer"
 API: Final = "stridelab.service.api"
+PAGES: Final = "stridelab.service.page_server"
 WORKER: Final = "stridelab.service.jobs.worker"
 _POLL_INTERVAL_S: Final = 0.2
+_PAGES_SHARES: Final = (0.4, 0.1)
+"""Shares of a processor that the web server uses when the second one starts, and below which that one is not needed."""
+_PAGES_REST_S: Final = 600.0
+"""Time without need after which the second web server ends: it takes 0.1 GB."""
 _DATABASE_CHECK_S: Final = 0.5
 _DATABASE_POLL_S: Final = 1.0
 _DATABASE_HUNG_S: Final = 30.0
 """Longer than for a program: every probe starts a new server process, which is slow on a busy machine."""
 _STOP_TIMEOUT_S: Final = 3.0
 _START_TIMEOUT_S: Final = 60.0
-_BACKOFF_S: Final = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
-_STABLE_AFTER_S: Final = 30.0
 _MAX_FAILED_STARTS: Final = 5
-_MAX_LOG_BYTES: Final = 5_000_000
-_OLD_LOG_NUMBERS: Final = (2, 3, 4, 5)
-"""Suffix numbers of the rotated logs after the newest one."""
 _LOOPBACK_OF_WILDCARD: Final = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S104 (keys of a look-up)
 
 
 class _StopRequested(BaseException):
     """SIGINT or SIGTERM arrived."""
-
-
-@dataclass
-class _SupervisedProgram:
-    """A program whose restart delay grows with consecutive ``failures``; without ``log`` it shares our output."""
-
-    module: str
-    log: Path | None
-    environment: Mapping[str, str]
-    before_restart: Callable[[], None] = lambda: None
-    process: subprocess.Popen[bytes] | None = None
-    started_at_s: float = 0.0
-    failures: int = 0
-    next_start_s: float = field(default=0.0)
-    heartbeats: int | None = None
-    watchdog: ResponseWatchdog | None = None
-
-    def keep_running(self, print_line: Callable[[str], None] = lambda _: None) -> None:
-        """Restart it after its delay if it has exited; kill it, and ``print_line`` so, if it does not respond."""
-        now = time.monotonic()
-        self._trim_log()
-        if self.process is not None:
-            if self.process.poll() is None:
-                self._kill_if_unresponsive(self.process, print_line)
-                return
-            self._close_heartbeats()
-            self.failures = 0 if now - self.started_at_s > _STABLE_AFTER_S else self.failures + 1
-            self.next_start_s = now + _BACKOFF_S[min(self.failures, len(_BACKOFF_S) - 1)]
-            self.process = None
-            self.before_restart()
-        if now >= self.next_start_s:
-            self._start_process(now)
-
-    def _start_process(self, now_s: float) -> None:
-        self.heartbeats, theirs = os.pipe()
-        os.set_blocking(self.heartbeats, False)
-        # append mode, so that the file may be truncated while the program writes
-        with os.fdopen(theirs, "wb"), self.log.open("ab") if self.log else contextlib.nullcontext() as log:
-            self.process = subprocess.Popen(
-                command_ending_with_parent([sys.executable, "-m", self.module]),
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                env={**self.environment, heartbeat.VARIABLE: str(theirs)},
-                pass_fds=[theirs],
-                start_new_session=True,  # the terminal's Ctrl-C is for the supervisor alone
-            )
-        self.watchdog = ResponseWatchdog(self.process.pid)
-        self.started_at_s = now_s
-
-    def _kill_if_unresponsive(self, process: "subprocess.Popen[bytes]", print_line: Callable[[str], None]) -> None:
-        if self.heartbeats is None or self.watchdog is None:
-            return
-        with contextlib.suppress(BlockingIOError):
-            if os.read(self.heartbeats, 1 << 16):
-                self.watchdog.record_answer()
-                return
-        verdict = self.watchdog.failure_state()
-        if verdict is not None:
-            print_line(f"{self.module} {'is stopped' if verdict == 'stopped' else 'does not respond'}: restarting it.")
-            process.kill()
-
-    def _close_heartbeats(self) -> None:
-        if self.heartbeats is not None:
-            os.close(self.heartbeats)
-        self.heartbeats = self.watchdog = None
-
-    def _trim_log(self) -> None:
-        """Rotate the log when it exceeds its size limit; a line written during the rotation may be lost."""
-        if self.log and self.log.exists() and self.log.stat().st_size > _MAX_LOG_BYTES:
-            older = [
-                self.log.with_suffix(".log.old"),
-                *(self.log.with_suffix(f".log.old.{k}") for k in _OLD_LOG_NUMBERS),
-            ]
-            for newer, older_one in zip(older[-2::-1], older[:0:-1], strict=True):
-                if newer.exists():
-                    newer.replace(older_one)
-            shutil.copyfile(self.log, older[0])
-            os.truncate(self.log, 0)
-
-    def send_signal(self, signum: int) -> None:
-        """Send a signal if the program runs."""
-        if self.process is not None and self.process.poll() is None:
-            self.process.send_signal(signum)
-
-    def last_log_line(self) -> str:
-        """The last line of its log."""
-        if self.log is None:
-            return "see its output above"
-        text = self.log.read_text(encoding="utf-8", errors="replace").strip() if self.log.exists() else ""
-        return f"{text.splitlines()[-1][-300:] if text else 'its log is empty'} (more in {self.log})"
 
 
 def serve(settings: Settings, *, with_worker: bool = True, print_line: Callable[[str], None] | None = None) -> None:
@@ -163,7 +69,7 @@ def serve(settings: Settings, *, with_worker: bool = True, print_line: Callable[
     open_data_folder(folder)
     url = _configured_database(settings)
     database = EmbeddedPostgres(folder, settings.pg_bin) if url is None else None
-    programs: list[_SupervisedProgram] = []
+    programs: list[SupervisedProgram] = []
     try:
         with _handle_signals(_raise_stop):
             if database is not None:
@@ -214,7 +120,7 @@ def _worker_unregistration(url: str) -> Callable[[], None]:
 
 def _create_programs(
     settings: Settings, url: str, before_worker_restart: Callable[[], None], *, with_worker: bool
-) -> list[_SupervisedProgram]:
+) -> list[SupervisedProgram]:
     """The programs to keep running, the web server first."""
     logs, blobs = settings.data_folder / "logs", settings.data_folder / "blobs"
     for private in (logs, blobs):
@@ -226,21 +132,23 @@ def _create_programs(
         "STRIDELAB_DATA_DIR": str(settings.data_folder),
         "STRIDELAB_HOST": settings.host,
         "STRIDELAB_PORT": str(settings.port),
-        "STRIDELAB_VIEWER_URL": f"http://127.0.0.1:{_free_port()}",
+        **{f"STRIDELAB_{name}_URL": f"http://127.0.0.1:{_free_port()}" for name in ("VIEWER", "PAGES")},
     }
 
     def log_path(name: str) -> Path | None:
         return logs / f"{name}.log" if settings.log_files else None
 
-    programs = [_SupervisedProgram(API, log_path("api"), environment)]
+    programs = [SupervisedProgram(API, log_path("api"), environment)]
     if with_worker:
-        programs.append(_SupervisedProgram(WORKER, log_path("worker"), environment, before_worker_restart))
+        programs.append(SupervisedProgram(WORKER, log_path("worker"), environment, before_worker_restart))
     if importlib.util.find_spec("stridelab_web") is not None and importlib.util.find_spec(VIEWER) is not None:
-        programs.append(_SupervisedProgram(VIEWER, log_path("viewer"), environment))
+        programs.append(SupervisedProgram(VIEWER, log_path("viewer"), environment))
+        busy = BusySignal(programs[0], *_PAGES_SHARES, _PAGES_REST_S)
+        programs.append(SupervisedProgram(PAGES, log_path("pages"), environment, is_wanted=busy.is_busy))
     return programs
 
 
-def _start_until_healthy(settings: Settings, api: _SupervisedProgram) -> None:
+def _start_until_healthy(settings: Settings, api: SupervisedProgram) -> None:
     """Start the web server alone first: it responds sooner when nothing else competes for the processors."""
     deadline = time.monotonic() + _START_TIMEOUT_S
     while True:
@@ -253,7 +161,7 @@ def _start_until_healthy(settings: Settings, api: _SupervisedProgram) -> None:
 
 
 def _keep_running(
-    programs: list[_SupervisedProgram], database: EmbeddedPostgres | None, print_line: Callable[[str], None]
+    programs: list[SupervisedProgram], database: EmbeddedPostgres | None, print_line: Callable[[str], None]
 ) -> NoReturn:
     next_check, complained = 0.0, False
     probe = _DatabaseProbe(database) if database is not None else None
@@ -261,9 +169,7 @@ def _keep_running(
         now = time.monotonic()
         if database is not None and now >= next_check:
             if probe is not None and (verdict := probe.failure_state()) is not None:
-                print_line(
-                    f"The database {'is stopped' if verdict == 'stopped' else 'does not respond'}: restarting it."
-                )
+                print_line(f"The database {FAILURES[verdict]}: restarting it.")
                 database.kill()
             if database.postmaster_pid is None:
                 try:
@@ -311,7 +217,7 @@ class _DatabaseProbe:
             time.sleep(_DATABASE_POLL_S)
 
 
-def _stop_programs(programs: list[_SupervisedProgram]) -> None:
+def _stop_programs(programs: list[SupervisedProgram]) -> None:
     """Send SIGTERM to all programs, then SIGKILL after a grace period."""
     for program in programs:
         program.send_signal(signal.SIGTERM)

@@ -15,8 +15,8 @@ import pytest
 
 from stridelab.machine import heartbeat
 from stridelab.service.processes import watchdog
+from stridelab.service.processes.supervised_program import SupervisedProgram
 from stridelab.service.processes.watchdog import CERTAIN_FACTOR, HUNG_S, STARTING_S, STOPPED_S, ResponseWatchdog
-from stridelab.service.supervisor import _SupervisedProgram
 
 BEATING = """
 import asyncio, sys, time
@@ -151,7 +151,7 @@ def test_a_program_without_heartbeats_is_started_again(
     monkeypatch.setattr(watchdog, "HUNG_S", 2.0)
     (tmp_path / "beating.py").write_text(BEATING, encoding="utf-8")
     environment = {**os.environ, "PYTHONPATH": ":".join([str(tmp_path), *sys.path])}
-    program = _SupervisedProgram("beating", tmp_path / "x.log", environment)
+    program = SupervisedProgram("beating", tmp_path / "x.log", environment)
     log_lines: list[str] = []
     program.keep_running(log_lines.append)
     assert program.process is not None

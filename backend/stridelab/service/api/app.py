@@ -24,6 +24,7 @@ from stridelab.service.api.live.rooms import LiveRooms
 from stridelab.service.api.marker_sets import endpoints as marker_sets
 from stridelab.service.api.middleware.authentication import AuthenticationMiddleware
 from stridelab.service.api.middleware.lingering_close import LingeringCloseMiddleware
+from stridelab.service.api.middleware.page_relay import PageRelayMiddleware, render_lists
 from stridelab.service.api.middleware.request_context import RequestContextMiddleware
 from stridelab.service.api.previews import endpoints as plans
 from stridelab.service.api.previews.own_robots import OwnRobotPlanners
@@ -64,6 +65,9 @@ MAX_ROBOT_READERS: Final = 2
 MAX_VALIDATIONS: Final = 2
 """Maximum number of scenarios that are validated at the same time."""
 
+MAX_POSITION_AGE_S: Final = 1.0
+"""Maximum age of the positions of waiting jobs."""
+
 UNCOMPRESSED_TYPES: Final = (
     *DEFAULT_EXCLUDED_CONTENT_TYPES,
     *("application/octet-stream", "application/pdf", "application/vnd.apache.parquet", "application/x-npz"),
@@ -73,10 +77,11 @@ UNCOMPRESSED_TYPES: Final = (
 its length."""
 
 
-def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
+def create_app(settings: Settings, *, with_sample: bool = False, for_pages: bool = False) -> FastAPI:
     """Create the application. Resources are opened at start-up only, so generating the OpenAPI document is cheap.
 
     ``with_sample`` writes the bundled recording and scenarios to the database at start-up, as in production.
+    ``for_pages`` prepares the rendering of pages in place of robots, for the second web server.
     """
 
     @asynccontextmanager
@@ -86,8 +91,8 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
             if with_sample:
                 await recording.seed_sample(parts.engine, parts.blobs)
                 await bundled_scenarios.seed_scenarios(parts.engine)
-            # runs in low-priority child processes while the service already answers requests
-            async with _run_in_background(_warm_robots(parts, with_sample)):
+            # the first in low-priority child processes, while the service already answers requests
+            async with _run_in_background(render_lists(app) if for_pages else _warm_robots(parts, with_sample)):
                 yield
 
     app = FastAPI(
@@ -133,6 +138,8 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     app.add_middleware(AuthenticationMiddleware, settings=settings, keys=keys)
     app.add_middleware(LingeringCloseMiddleware)
     app.add_middleware(RequestContextMiddleware)
+    if settings.pages_url is not None:
+        app.add_middleware(PageRelayMiddleware, pages_url=settings.pages_url)
     return app
 
 
@@ -196,7 +203,11 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 engine=engine,
                 blobs=blobs,
                 store=JobStore(
-                    engine, KINDS, queue_limit=settings.queue_limit, user_queue_limit=settings.user_queue_limit
+                    engine,
+                    KINDS,
+                    queue_limit=settings.queue_limit,
+                    user_queue_limit=settings.user_queue_limit,
+                    max_position_age_s=MAX_POSITION_AGE_S,
                 ),
                 notifications=board,
                 pool=pool,

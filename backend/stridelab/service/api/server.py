@@ -1,10 +1,12 @@
-"""The web server, one process."""
+"""The web server, and the second one that renders pages for it: a process each."""
 
 import asyncio
 import gc
 import os
 import socket
+from collections.abc import Callable
 from types import FrameType
+from urllib.parse import urlsplit
 
 import uvicorn
 from fastapi import FastAPI
@@ -22,6 +24,7 @@ from stridelab.service.settings import current_settings as load_settings
 
 WS_MAX_BYTES = 64 * 1024 * 1024
 SHUTDOWN_GRACE_S = 2
+_LOOPBACK_PROXY = "127.0.0.1"
 COLLECTOR_THRESHOLDS = (700, 10, 10)
 """Python's own, which ``__main__`` changes for the imports."""
 
@@ -55,12 +58,29 @@ def build_server(settings: Settings) -> uvicorn.Server:
             "token-needed",
             f"{settings.host} can be reached by others: set STRIDELAB_API_TOKEN or STRIDELAB_API_TOKEN_FILE first.",
         )
-    app = create_app(settings, with_sample=True)
-    limiter = ConnectionLimiter.from_settings(settings, raise_file_limit(), os.environ.get("FORWARDED_ALLOW_IPS"))
+    proxies = os.environ.get("FORWARDED_ALLOW_IPS", _LOOPBACK_PROXY)
+    return _make_server(settings, create_app(settings, with_sample=True), settings.host, settings.port, proxies)
+
+
+def build_page_server(settings: Settings) -> uvicorn.Server:
+    """Build the second web server, at ``settings.pages_url``; the first one relays to it.
+
+    Raises ``InvalidInput`` (``pages-url-invalid``) unless that names a host and a port.
+    """
+    address = urlsplit(settings.pages_url or "")
+    if address.hostname is None or address.port is None:
+        raise InvalidInput("pages-url-invalid", "STRIDELAB_PAGES_URL must be http://HOST:PORT.")
+    app = create_app(settings.model_copy(update={"pages_url": None}), for_pages=True)
+    return _make_server(settings, app, address.hostname, address.port, _LOOPBACK_PROXY)
+
+
+def _make_server(settings: Settings, app: FastAPI, host: str, port: int, proxies: str) -> uvicorn.Server:
+    limiter = ConnectionLimiter.from_settings(settings, raise_file_limit(), proxies)
     config = uvicorn.Config(
         app,
-        host=settings.host,
-        port=settings.port,
+        host=host,
+        port=port,
+        forwarded_allow_ips=proxies,
         http=guarded_protocol(limiter),
         backlog=BACKLOG,
         timeout_keep_alive=settings.keep_alive_s,
@@ -75,12 +95,21 @@ def build_server(settings: Settings) -> uvicorn.Server:
 
 def main() -> None:
     """Serve until SIGINT or SIGTERM."""
+    _run_server(build_server, "api")
+
+
+def run_page_server() -> None:
+    """Render pages for the first web server until SIGINT or SIGTERM."""
+    _run_server(build_page_server, "pages")
+
+
+def _run_server(build: Callable[[Settings], uvicorn.Server], name: str) -> None:
     settings = load_settings()
     configure_logging(settings.log_level)
     try:
         confinement.check_sandbox_settings(settings)
-        with telemetry.export_spans(settings.otlp_url, "api"):
-            server = build_server(settings)
+        with telemetry.export_spans(settings.otlp_url, name):
+            server = build(settings)
             gc.freeze()  # modules, schemas and templates: no collection looks at them again
             gc.set_threshold(*COLLECTOR_THRESHOLDS)
             server.run()

@@ -26,6 +26,7 @@ from stridelab.service import telemetry
 from stridelab.service.cursors import decode_cursor, encode_cursor
 from stridelab.service.jobs.events import CANCEL_CHANNEL, EVENT_COLUMNS, emit_event, statement_with_events
 from stridelab.service.jobs.partial_results import decode_partial_cursor, read_chunks
+from stridelab.service.jobs.queue_positions import QueuePositions
 from stridelab.service.jobs.verdict import VERDICT_FIELDS
 from stridelab.service.kinds.base import JobKind
 from stridelab.service.storage import locks
@@ -114,9 +115,16 @@ class JobStore:
     """Job operations of the web layer. Invalid requests raise ``StridelabError`` only."""
 
     def __init__(
-        self, engine: AsyncEngine, kinds: Mapping[str, JobKind], *, queue_limit: int = 200, user_queue_limit: int = 0
+        self,
+        engine: AsyncEngine,
+        kinds: Mapping[str, JobKind],
+        *,
+        queue_limit: int = 200,
+        user_queue_limit: int = 0,
+        max_position_age_s: float = 0.0,
     ) -> None:
         self._engine, self._kinds = engine, kinds
+        self._positions = QueuePositions(engine, max_position_age_s)
         self._queue_limit, self._user_queue_limit = queue_limit, user_queue_limit
 
     async def submit(
@@ -183,7 +191,8 @@ class JobStore:
             row = (await connection.execute(_JOB_BY_ID, {"job_id": job_id})).mappings().one_or_none()
         if row is None:
             raise _unknown_job(job_id)
-        return _job_record(row)
+        (record,) = await self._records_of([row])
+        return record
 
     async def list_jobs(
         self,
@@ -222,9 +231,9 @@ class JobStore:
             at, job_id = decode_cursor(cursor)
             wanted = wanted.where(tuple_(job.c.created_at, job.c.id) < tuple_(literal(at), literal(job_id)))
         async with connect_autocommit(self._engine) as connection:
-            rows = [_job_record(row) for row in (await connection.execute(wanted)).mappings()]
+            rows = (await connection.execute(wanted)).mappings().all()
         more = len(rows) > limit
-        items = tuple(rows[:limit])
+        items = await self._records_of(rows[:limit])
         return JobPage(items, encode_cursor(items[-1].created_at, items[-1].id) if more else None)
 
     async def request_cancel(self, job_id: str) -> JobRecord:
@@ -295,6 +304,13 @@ class JobStore:
             artifacts=[Artifact(**artifact) for artifact in row.result["artifacts"]],
         )
 
+    async def _records_of(self, rows: Sequence[Mapping[Any, Any]]) -> tuple[JobRecord, ...]:
+        waiting = [row["id"] for row in rows if row["state"] == "queued"]
+        places = await self._positions.positions_of(waiting)
+        return tuple(
+            JobRecord(**row, queue_position=places.get(row["id"]) if row["state"] == "queued" else None) for row in rows
+        )
+
     async def _find_by_idempotency_key(
         self, connection: AsyncConnection, owner: str | None, idempotency_key: str, body_hash: str
     ) -> str | None:
@@ -355,15 +371,7 @@ _SCENARIO_NAME: Final = (
 
 
 def _select_records() -> Select[Any]:
-    """Select the columns of ``JobRecord``; queue positions assume round-robin over owners (``jobs.queue``)."""
-    order = (job.c.priority.desc(), job.c.created_at, job.c.id)
-    turn = func.row_number().over(partition_by=job.c.owner, order_by=order).label("turn")
-    waiting = select(job.c.id, job.c.priority, job.c.created_at, turn).where(job.c.state == "queued").subquery()
-    order_by = (waiting.c.turn, waiting.c.priority.desc(), waiting.c.created_at, waiting.c.id)
-    place = func.row_number().over(order_by=order_by)
-    # computed once for all rows, and not at all if none of them is waiting
-    placed = select(waiting.c.id, place.label("place")).cte("placed").prefix_with("MATERIALIZED")
-    position = select(placed.c.place).where(placed.c.id == job.c.id).scalar_subquery()
+    """Select the columns of ``JobRecord`` but for the queue position."""
     # results can be long: each is decompressed once, and a list needs only what the verdicts depend on
     field = func.jsonb_each(job.c.result["summary"]).table_valued("key", column("value", JSONB))
     parts = select(func.jsonb_object_agg(field.c.key, field.c.value)).where(field.c.key.in_(VERDICT_FIELDS))
@@ -372,14 +380,9 @@ def _select_records() -> Select[Any]:
         job.c.result.is_not(None).label("has_result"),
         case((job.c.state == "succeeded", parts.scalar_subquery())).label("verdict_parts"),
         func.coalesce(_RECORDING_NAME, _SCENARIO_NAME).label("subject_name"),
-        case((job.c.state == "queued", position)).label("queue_position"),
     )
 
 
 # built once: building the statement costs more than executing it
 _JOBS_SELECT: Final = _select_records()
 _JOB_BY_ID: Final = _JOBS_SELECT.where(job.c.id == bindparam("job_id"))
-
-
-def _job_record(row: Mapping[Any, Any]) -> JobRecord:
-    return JobRecord(**{name: row[name] for name in JobRecord.__dataclass_fields__})

@@ -55,9 +55,9 @@ def libpq_url(url: str) -> str:
 def make_engine(url: str, *, pool_size: int = 16, planner: str = "", autocommit: bool = False) -> AsyncEngine:
     """Asynchronous engine that replaces connections which the server has closed, for example by a restart.
 
-    It opens up to ``pool_size`` connections when needed and leaves them open: a new one for each request of a burst would
-    cost the server a new process. ``planner`` are further options of its sessions, as in ``-c enable_sort=off``. With ``autocommit``, every statement
-    of every connection is a transaction of its own.
+    It opens up to ``pool_size`` connections when needed and leaves them open: a new one for each request of a burst
+    would cost the server a new process. ``planner`` are further options of its sessions, as in ``-c enable_sort=off``.
+    With ``autocommit``, every statement of every connection is a transaction of its own.
     """
     address = parse_url(url).set(drivername="postgresql+psycopg")
     given = address.query.get("options", "")
