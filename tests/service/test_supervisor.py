@@ -118,12 +118,13 @@ def test_help_is_needed_from_high_use_of_the_processor_to_a_rest(
             return SimpleNamespace(user=used_s, system=0.0)
 
     monkeypatch.setattr(supervised_program.psutil, "Process", Measured)
+    monkeypatch.setattr(supervised_program, "queued_s", lambda _: 0.5 * used_s)
     program.process = SimpleNamespace(pid=1)  # type: ignore[assignment]
     signal = BusySignal(program, above=0.4, below=0.1, rest_s=60.0, clock=lambda: clock_s)
     busy = []
     for share in [0.3, 0.5, *[0.2] * 12, *[0.05] * 12, 0.2]:
         busy.append(signal.is_busy())
-        clock_s, used_s = clock_s + 5.0, used_s + 5.0 * share
+        clock_s, used_s = clock_s + 5.0, used_s + 5.0 * share / 1.5
     # the share of an interval counts at its end; busy at 10 s (0.5), last above 0.1 at 70 s, so at rest from 130 s on
     assert busy == [False] * 2 + [True] * 24 + [False]
     program.process = SimpleNamespace(pid=2)  # type: ignore[assignment]  # a new process has other times

@@ -38,7 +38,7 @@ PAGES: Final = "stridelab.service.page_server"
 WORKER: Final = "stridelab.service.jobs.worker"
 _POLL_INTERVAL_S: Final = 0.2
 _PAGES_SHARES: Final = (0.4, 0.1)
-"""Shares of a processor that the web server uses when the second one starts, and below which that one is not needed."""
+"""Shares of its time in which the web server needs a processor: the second one starts above, is not needed below."""
 _PAGES_REST_S: Final = 600.0
 """Time without need after which the second web server ends: it takes 0.1 GB."""
 _DATABASE_CHECK_S: Final = 0.5

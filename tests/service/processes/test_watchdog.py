@@ -87,13 +87,13 @@ def test_a_process_that_waits_for_a_processor_has_more_time(
     idle: subprocess.Popen[bytes], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = Clock()
-    monkeypatch.setattr(watchdog, "_queued_s", lambda _: 0.95 * clock.now_s)  # a twentieth of a processor
+    monkeypatch.setattr(watchdog, "queued_s", lambda _: 0.95 * clock.now_s)  # a twentieth of a processor
     silence = ResponseWatchdog(idle.pid, clock=clock)
     silence.record_answer()
     failure, after_s = verdict_after(silence, clock, 1000.0)
     assert failure == "hangs"
     assert HUNG_S * CERTAIN_FACTOR - 1 < after_s <= HUNG_S * CERTAIN_FACTOR + 1
-    monkeypatch.setattr(watchdog, "_queued_s", lambda _: 0.5 * clock.now_s)
+    monkeypatch.setattr(watchdog, "queued_s", lambda _: 0.5 * clock.now_s)
     silence.record_answer()
     assert verdict_after(silence, clock, 1000.0)[1] == pytest.approx(2 * HUNG_S, abs=2.5)
 
@@ -112,9 +112,9 @@ def test_time_on_the_run_queue_is_counted() -> None:
     crowd = [subprocess.Popen(["taskset", "-c", str(cores[0]), *spin]) for _ in range(3)]
     try:
         time.sleep(1.0)
-        before_s, began_s = watchdog._queued_s(crowd[0].pid), time.monotonic()
+        before_s, began_s = watchdog.queued_s(crowd[0].pid), time.monotonic()
         time.sleep(3.0)
-        share = (watchdog._queued_s(crowd[0].pid) - before_s) / (time.monotonic() - began_s)
+        share = (watchdog.queued_s(crowd[0].pid) - before_s) / (time.monotonic() - began_s)
     finally:
         for process in crowd:
             process.kill()

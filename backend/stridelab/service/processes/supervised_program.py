@@ -15,7 +15,7 @@ import psutil
 
 from stridelab.machine import heartbeat
 from stridelab.service.processes.parent_death import command_ending_with_parent
-from stridelab.service.processes.watchdog import ResponseWatchdog
+from stridelab.service.processes.watchdog import ResponseWatchdog, queued_s
 
 FAILURES: Final = {"stopped": "is stopped", "hangs": "does not respond"}
 """What a watchdog has noticed, in words."""
@@ -124,7 +124,8 @@ class SupervisedProgram:
 class BusySignal:
     """Whether ``program`` needs help: from a share ``above`` of a processor until ``rest_s`` with less than ``below``.
 
-    Shares are means over five seconds, in which the imports of a program that starts are no load.
+    A share is that of the time in which it uses a processor or waits for one, over five seconds, in which the imports
+    of a program that starts are no load.
     """
 
     program: SupervisedProgram
@@ -141,7 +142,7 @@ class BusySignal:
         if process is not None and (self._measured is None or now_s - self._measured[1] >= _USE_PERIOD_S):
             with contextlib.suppress(psutil.Error):
                 times = psutil.Process(process.pid).cpu_times()
-                measured = process.pid, now_s, times.user + times.system
+                measured = process.pid, now_s, times.user + times.system + queued_s(process.pid)
                 if self._measured is not None and self._measured[0] == process.pid:
                     share = (measured[2] - self._measured[2]) / (now_s - self._measured[1])
                     if share >= (self.below if now_s < self._busy_until_s else self.above):

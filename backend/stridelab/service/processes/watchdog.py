@@ -60,9 +60,9 @@ class ResponseWatchdog:
         if status == psutil.STATUS_TRACING_STOP:
             self._reset_times()
             return None
-        queued_s = _queued_s(self._pid)
-        waited_s = max(queued_s - self._queued_s, 0.0) if self._queued_s is not None else passed_s
-        self._queued_s = queued_s
+        queued_now_s = queued_s(self._pid)
+        waited_s = max(queued_now_s - self._queued_s, 0.0) if self._queued_s is not None else passed_s
+        self._queued_s = queued_now_s
         self._stopped_s = self._stopped_s + passed_s if status == psutil.STATUS_STOPPED else 0.0
         if status != psutil.STATUS_DISK_SLEEP:
             self._silent_s += max(passed_s - waited_s, 0.0)
@@ -76,7 +76,7 @@ class ResponseWatchdog:
         self._queued_s = None
 
 
-def _queued_s(pid: int) -> float:
+def queued_s(pid: int) -> float:
     """Total time in seconds that all threads of a process have waited for a processor; 0 if not available."""
     total_ns = 0
     try:
