@@ -1,6 +1,7 @@
 """Pages by a second web server, and by the first one while the second does not answer."""
 
 import socket
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -74,3 +75,25 @@ def test_without_the_second_server_the_first_one_renders_pages(postgres: TestDat
         nowhere = f"http://127.0.0.1:{reserved.getsockname()[1]}"
         with postgres.fresh() as url, served(url, tmp_path, pages_url=nowhere) as first, first.http() as http:
             assert http.get("/jobs").status_code == 200
+
+
+def test_a_page_that_ends_in_its_middle_is_rendered_by_the_first_server(
+    postgres: TestDatabases, tmp_path: Path
+) -> None:
+    half = b"HTTP/1.1 200 OK\r\nContent-Length: 1000\r\n\r\n<!doctype html>"
+
+    def answer_half(listening: socket.socket) -> None:
+        connection, _ = listening.accept()
+        with connection:
+            connection.recv(65536)
+            connection.sendall(half)
+
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        broken = threading.Thread(target=answer_half, args=(listening,), daemon=True)
+        broken.start()
+        url = f"http://127.0.0.1:{listening.getsockname()[1]}"
+        with postgres.fresh() as base, served(base, tmp_path, pages_url=url) as first, first.http() as http:
+            answer = http.get("/jobs")
+            broken.join(10)
+    assert answer.status_code == 200
+    assert answer.text.rstrip().endswith("</html>")

@@ -8,7 +8,7 @@ from typing import Final
 
 import httpx
 import structlog
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from stridelab.service.api.middleware.authentication import as_internal_app
 
@@ -20,6 +20,8 @@ _LISTS: Final = ("/", "/scenarios", "/jobs", "/recordings", "/subjects", "/popul
 _TIMEOUT: Final = httpx.Timeout(60.0)
 _MAX_CONNECTIONS: Final = 32
 _HOP_BY_HOP: Final = frozenset({b"connection", b"keep-alive", b"transfer-encoding", b"te", b"trailer", b"upgrade"})
+_OWN: Final = frozenset({b"date", b"server"})
+"""Headers that the first web server adds itself."""
 _FORWARDED: Final = frozenset({b"x-forwarded-for", b"x-forwarded-proto"})
 
 
@@ -40,11 +42,12 @@ class PageRelayMiddleware:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "http" and scope["method"] == "GET" and RELAYED.fullmatch(scope["path"]):
             try:
-                answer = await self._client.send(self._relayed_request(scope), stream=True)
+                start, body = await self._fetch_page(scope)
             except httpx.TransportError as error:
                 log.debug("page not relayed", error=repr(error))
             else:
-                await _relay_answer(answer, send)
+                await send(start)
+                await send(body)
                 return
         try:
             await self.app(scope, receive, send)
@@ -52,33 +55,28 @@ class PageRelayMiddleware:
             if scope["type"] == "lifespan":
                 await self._client.aclose()
 
-    def _relayed_request(self, scope: Scope) -> httpx.Request:
+    async def _fetch_page(self, scope: Scope) -> tuple[Message, Message]:
+        """The page as sent, still compressed; whole, so that nothing of it was sent if the other server ends."""
         query = b"?" + scope["query_string"] if scope["query_string"] else b""
         url = self._client.base_url.copy_with(raw_path=scope["raw_path"] + query)
         headers = [pair for pair in scope["headers"] if pair[0] not in _HOP_BY_HOP | _FORWARDED]
-        client = scope.get("client")
-        if client is not None:
-            headers.append((b"x-forwarded-for", client[0].encode()))
+        if scope.get("client") is not None:
+            headers.append((b"x-forwarded-for", scope["client"][0].encode()))
         headers.append((b"x-forwarded-proto", scope["scheme"].encode()))
-        return httpx.Request("GET", url, headers=headers, extensions={"timeout": _TIMEOUT.as_dict()})
+        request = httpx.Request("GET", url, headers=headers, extensions={"timeout": _TIMEOUT.as_dict()})
+        answer = await self._client.send(request, stream=True)
+        try:
+            body = b"".join([part async for part in answer.aiter_raw()])
+        finally:
+            await answer.aclose()
+        kept = [pair for pair in answer.headers.raw if pair[0].lower() not in _HOP_BY_HOP | _OWN]
+        start = {"type": "http.response.start", "status": answer.status_code, "headers": kept}
+        return start, {"type": "http.response.body", "body": body}
 
 
 async def render_lists(app: ASGIApp) -> None:
     """Render home and the lists once: their templates and statements are compiled at first use, for half a second."""
-    async with httpx.AsyncClient(
-        transport=httpx.ASGITransport(as_internal_app(app)), base_url="http://127.0.0.1"
-    ) as client:
+    transport = httpx.ASGITransport(as_internal_app(app), raise_app_exceptions=False)
+    async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1") as client:
         for path in _LISTS:
             await client.get(path)
-
-
-async def _relay_answer(answer: httpx.Response, send: Send) -> None:
-    try:
-        # this server adds its own
-        headers = [pair for pair in answer.headers.raw if pair[0].lower() not in _HOP_BY_HOP | {b"date", b"server"}]
-        await send({"type": "http.response.start", "status": answer.status_code, "headers": headers})
-        async for part in answer.aiter_raw():
-            await send({"type": "http.response.body", "body": part, "more_body": True})
-        await send({"type": "http.response.body", "body": b""})
-    finally:
-        await answer.aclose()
