@@ -77,9 +77,7 @@ def test_without_the_second_server_the_first_one_renders_pages(postgres: TestDat
             assert http.get("/jobs").status_code == 200
 
 
-def test_a_page_that_breaks_off_is_rendered_by_the_first_server(
-    postgres: TestDatabases, tmp_path: Path
-) -> None:
+def test_a_page_that_breaks_off_is_rendered_by_the_first_server(postgres: TestDatabases, tmp_path: Path) -> None:
     half = b"HTTP/1.1 200 OK\r\nContent-Length: 1000\r\n\r\n<!doctype html>"
 
     def answer_half(listening: socket.socket) -> None:
