@@ -6,7 +6,7 @@ from stridelab.schemas.jobs import SimulateRecordingInput
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import SimulatedRecording, record
 from stridelab.simulation.noise import MeasurementNoise
-from stridelab.simulation.robot.anatomy import RobotAnatomy
+from stridelab.simulation.robot.anatomy import RobotAnatomy, require_weight
 from stridelab.simulation.robot.gait_plan import WalkerSize, gait_for
 from stridelab.simulation.robot.runner import running_at, simulate_run
 from stridelab.simulation.robot.walker import simulate_walk
@@ -38,6 +38,7 @@ def _simulate_robot(request: SimulateRecordingInput, progress: ProgressCallback)
     """Simulate a robot walking, or TALOS running; returns the recording and the citation keys of preview control."""
     robot = load_robot(request.robot)
     anatomy = RobotAnatomy.of_robot(robot)
+    require_weight(robot)
     size = WalkerSize(robot.title, anatomy.size, anatomy.spacing_m)
     if request.gait == "running":
         walk = simulate_run(running_at(request.speed_m_s, request.duration_s), request.seed)

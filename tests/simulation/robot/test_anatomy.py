@@ -14,7 +14,7 @@ from stridelab.robots.loader import load_robot
 from stridelab.robots.proposal.propose import propose_card, rebuild_description
 from stridelab.robots.robot import Robot
 from stridelab.simulation.human.marker_layout import LABELS
-from stridelab.simulation.robot.anatomy import RobotAnatomy
+from stridelab.simulation.robot.anatomy import RobotAnatomy, require_weight
 from stridelab.simulation.robot.markers import marker_places, marker_tracks, segment_table, stature_m
 from support.robots.humanoid import Humanoid, archive
 
@@ -84,5 +84,5 @@ def test_statures_of_the_bundled_robots() -> None:
 )
 def test_robots_that_plates_cannot_measure_are_refused(humanoid: Humanoid, reason: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match=reason) as refusal:
-        RobotAnatomy.of_robot(robot_of(humanoid, tmp_path))
+        require_weight(robot_of(humanoid, tmp_path))
     assert refusal.value.code == "robot-not-recordable"

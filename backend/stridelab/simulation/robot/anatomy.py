@@ -48,7 +48,7 @@ class RobotAnatomy:
 
     @staticmethod
     def of_robot(robot: Robot) -> "RobotAnatomy":
-        """Raises ``InvalidInput`` (``robot-not-recordable``) for a robot without two legs of six joints, or too light.
+        """Raises ``InvalidInput`` (``robot-not-recordable``) for a robot without two legs of six joints.
 
         Arms without a hand among the effectors belong to the trunk.
         """
@@ -58,8 +58,6 @@ class RobotAnatomy:
         leg = {side: _chain(robot, f"{side}_foot", "leg") for side in SIDES}
         if any(len(chain) != LEG_JOINTS for chain in leg.values()):
             raise _not_recordable(robot, f"its legs need {LEG_JOINTS} joints each")
-        if robot.mass_kg < MIN_MASS_KG:
-            raise _not_recordable(robot, f"it weighs less than {MIN_MASS_KG:g} kg, which plates hardly measure")
         arm = {side: _chain(robot, f"{side}_hand", "arm") for side in SIDES}
         if not all(arm.values()):
             arm = dict.fromkeys(SIDES, ())
@@ -86,6 +84,10 @@ class RobotAnatomy:
         normal = sum(planes, 1e-6 * np.eye(3))
         right = sum((P @ p for P, p in zip(planes, origins, strict=True)), 1e-6 * np.mean(origins, axis=0))
         return np.asarray(np.linalg.solve(normal, right))
+
+    def origin_m(self, joint: int) -> Vector3:
+        """Origin of a joint in the world, in the reference posture."""
+        return np.asarray(self._data.oMi[joint].translation).copy()
 
     def nearest_m(self, joint: int, start_m: Vector3, end_m: Vector3) -> Vector3:
         """The point of a joint's axis nearest to the line from ``start_m`` to ``end_m``."""
@@ -117,7 +119,7 @@ class RobotAnatomy:
             box = part.geometry.aabb_local
             middle, half = (np.array(box.max_) + box.min_) / 2, (np.array(box.max_) - box.min_) / 2
             tops.append(float(at.act(middle)[2] + np.abs(at.rotation[2]) @ half))
-        return max(tops)
+        return float(max(tops))
 
     def segment_of(self) -> list[str]:
         """Segment of the table by joint, from joint 1 on: that of its limb, else that of the link that carries it.
@@ -148,6 +150,12 @@ class RobotAnatomy:
         """Velocity of a hand per rate of a joint of its arm."""
         hand = self.effector_m(f"{side}_hand", np.zeros(3))
         return np.asarray(np.cross(self.axis(joint), hand - self._data.oMi[joint].translation))
+
+
+def require_weight(robot: Robot) -> None:
+    """Raise ``InvalidInput`` (``robot-not-recordable``) for a robot that is too light for force plates."""
+    if robot.mass_kg < MIN_MASS_KG:
+        raise _not_recordable(robot, f"it weighs less than {MIN_MASS_KG:g} kg, which plates hardly measure")
 
 
 def _chain(robot: Robot, effector: str, group: str) -> tuple[int, ...]:

@@ -188,7 +188,7 @@ def _shoulder_m(anatomy: RobotAnatomy, side: Side) -> Vector3:
     if chain:
         return anatomy.centre_m(chain[1:3] or chain)
     hip = anatomy.centre_m(anatomy.leg[side][:3])
-    return hip + np.array([0.0, 0.5 * hip[1], _TRUNK_PER_LEG * anatomy.leg_m])
+    return np.asarray(hip + np.array([0.0, 0.5 * hip[1], _TRUNK_PER_LEG * anatomy.leg_m]))
 
 
 def _thorax_offset(size: float, angle_deg: float, scale: float) -> Vector3:
