@@ -3,7 +3,8 @@
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from experiments.obstacles import stand_up, stepping_stones, wall_step
+from experiments.obstacles import stepping_stones, wall_step
+from stridelab.contacts.scenarios.hand_scenes import stand_up
 from stridelab.contacts.scenarios.parts import HRP2, Scenario
 from stridelab.contacts.scenarios.stairs import (
     HandRail,

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal, TypeVar
 
 from experiments.bundled_scenarios import BUNDLED
-from experiments.obstacles import stand_up
 from stridelab.centroidal.boundary_conditions import PathBounds
 from stridelab.centroidal.hand_force_limits import hand_bounds_n
 from stridelab.centroidal.native.availability import NativeSolver, native_availability
@@ -20,6 +19,7 @@ from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
+from stridelab.contacts.scenarios.hand_scenes import stand_up
 from stridelab.contacts.scenarios.parts import HRP2, Walker
 from stridelab.contacts.scenarios.stairs import descent, flat_walk, long_stride, six_stairs
 from stridelab.contacts.sequence import ContactSequence

@@ -1,4 +1,4 @@
-"""Builders of scenarios with obstacles: tilted stepping stones, a hand on a wall, standing up with a rail."""
+"""Builders of scenarios with obstacles: tilted stepping stones, a hand on a wall."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -25,7 +25,6 @@ Tilt = tuple[float, float]
 """Angles in degrees about x (left side up) and about y (front down)."""
 TILTS: Final[tuple[Tilt, ...]] = ((10.0, 0.0), (0.0, -12.0), (-20.0, 0.0), (0.0, 12.0))
 CAREFUL: Final = Timing(2.0, 1.6, 0.3)
-RAIL_RADIUS_M: Final = 0.02
 STONE_M: Final = (0.28, 0.16, 0.20)
 LAST_STEP_EXTRA_M: Final = 0.06
 """Extra length of the last step, so that the heels clear the last stone."""
@@ -93,34 +92,6 @@ def wall_step(
         [ground(), wall],
         phases,
     )
-
-
-def stand_up(
-    start_com_height_m: float = 0.62,
-    hand_m: Point = (0.25, -0.50, 0.72),
-    duration_s: float = 5.0,
-    walker: Walker = TALOS,
-    friction: float = 0.6,
-) -> Scenario:
-    """From a crouch to standing, both feet on the ground, the right hand at ``hand_m`` on a level rail along x."""
-    x, y, z = hand_m
-    rail = {
-        "name": "rail",
-        "kind": "rail",
-        "from_m": round_values((x - 0.5, y, z - RAIL_RADIUS_M)),
-        "to_m": round_values((x + 0.5, y, z - RAIL_RADIUS_M)),
-        "radius_m": RAIL_RADIUS_M,
-        "friction": friction,
-    }
-    standing = both_feet(walker, 0.0, 0.0) | {"right_hand": contact("right_hand", hand_m)}
-    standing_up = scenario(
-        "Standing up",
-        "From a crouch to standing, the right hand on a rail.",
-        walker.robot,
-        [ground(), rail],
-        [phase(duration_s, standing)],
-    )
-    return standing_up | {"start_com_height_m": start_com_height_m}
 
 
 def _foot_of_step(i: int) -> str:

@@ -3,10 +3,10 @@
 import pinocchio as pin
 import pytest
 
-from experiments.obstacles import stand_up
 from stridelab.centroidal.rest_to_rest import COM_LOWERING_M, from_rest_to_rest
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
+from stridelab.contacts.scenarios.hand_scenes import stand_up
 from stridelab.contacts.scenarios.stairs import Stairs, stairs_with_rail
 from stridelab.robots.loader import load_robot
 

@@ -26,7 +26,6 @@ from stridelab.cli.options import (
     OutFolder,
     Preparation,
     Walk,
-    Walker,
     Walks,
     with_groups,
 )
@@ -212,7 +211,7 @@ def simulate(
     out_dir: OutFolder = None,
     seed: Annotated[int, typer.Option("--seed", help="Varies the walk and its noise.")] = 0,
     duration_s: Annotated[float, typer.Option("--duration", help="Seconds, 2 to 60.")] = 6.0,
-    robot: Annotated[Walker, typer.Option("--robot", help="A person, or the humanoid TALOS.")] = "human",
+    robot: Annotated[str, typer.Option("--robot", help="human, or the name of a robot on two legs.")] = "human",
     gait: Annotated[Gait, typer.Option("--gait", help="Only TALOS runs, with flight phases.")] = "walking",
     speed_m_s: Annotated[
         float | None, typer.Option("--speed", help="Speed in m/s, 0 to 2; by default that of the walker.")
@@ -231,7 +230,7 @@ def simulate(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate a walk of a person or of TALOS: writes recording.c3d and the true centre of mass."""
+    """Simulate a walk of a person or of a robot: writes recording.c3d and the true centre of mass."""
     from stridelab.cli.estimate import simulate_walk as run
 
     stated = {"speed_m_s": speed_m_s, "height_m": height_m, "mass_kg": mass_kg, "sex": sex}

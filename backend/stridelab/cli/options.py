@@ -19,7 +19,6 @@ from stridelab.schemas.tasks import RecordingSource
 from stridelab.service.local_runs import validate_options
 
 Lab = Literal["walkway", "two_plates"]
-Walker = Literal["human", "talos"]
 Gait = Literal["walking", "running"]
 PostureMeasure = Literal["uniform", "conditioned"]
 PlanSolver = Literal["auto", "native", "casadi", "ipopt", "fatrop"]

@@ -1,14 +1,15 @@
 """From the parameters of a walker to its recording with the ground truth."""
 
 from stridelab.pipelines.progress import ProgressCallback
+from stridelab.robots.loader import load_robot
 from stridelab.schemas.jobs import SimulateRecordingInput
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import SimulatedRecording, record
 from stridelab.simulation.noise import MeasurementNoise
-from stridelab.simulation.robot.gait_plan import gait_for
-from stridelab.simulation.robot.runner import running_at
-from stridelab.simulation.robot.runner import simulate_run as run_talos
-from stridelab.simulation.robot.walker import simulate_walk as walk_talos
+from stridelab.simulation.robot.anatomy import RobotAnatomy, require_weight
+from stridelab.simulation.robot.gait_plan import WalkerSize, gait_for
+from stridelab.simulation.robot.runner import running_at, simulate_run
+from stridelab.simulation.robot.walker import simulate_walk
 from stridelab.simulation.robot_recording import record_robot
 
 Keys = tuple[str, ...]
@@ -16,12 +17,13 @@ Keys = tuple[str, ...]
 
 
 def simulate_recording(request: SimulateRecordingInput, progress: ProgressCallback) -> tuple[SimulatedRecording, Keys]:
-    """Simulate a person or TALOS; returns the recording with its truth, and the citation keys of the model.
+    """Simulate a person or a robot; returns the recording with its truth, and the citation keys of the model.
 
-    Raises ``InvalidInput`` if body or walk are outside the range of the simulation.
+    Raises ``InvalidInput`` if body or walk are outside the range of the simulation, and ``robot-not-recordable`` for a
+    robot without two legs of six joints; ``NotFound`` (``robot-not-found``).
     """
     progress(0.02, request.gait)
-    return _simulate_talos(request, progress) if request.robot == "talos" else _simulate_human(request, progress)
+    return _simulate_human(request, progress) if request.robot == "human" else _simulate_robot(request, progress)
 
 
 def _simulate_human(request: SimulateRecordingInput, progress: ProgressCallback) -> tuple[SimulatedRecording, Keys]:
@@ -32,12 +34,16 @@ def _simulate_human(request: SimulateRecordingInput, progress: ProgressCallback)
     return record(walk, _measurement_noise(request), request.seed, lab=request.lab), walk.body.table.references
 
 
-def _simulate_talos(request: SimulateRecordingInput, progress: ProgressCallback) -> tuple[SimulatedRecording, Keys]:
-    """Simulate TALOS walking or running; returns the recording and the citation keys of preview control."""
+def _simulate_robot(request: SimulateRecordingInput, progress: ProgressCallback) -> tuple[SimulatedRecording, Keys]:
+    """Simulate a robot walking, or TALOS running; returns the recording and the citation keys of preview control."""
+    robot = load_robot(request.robot)
+    anatomy = RobotAnatomy.of_robot(robot)
+    require_weight(robot)
+    size = WalkerSize(robot.title, anatomy.size, anatomy.spacing_m)
     if request.gait == "running":
-        walk = run_talos(running_at(request.speed_m_s, request.duration_s), request.seed)
+        walk = simulate_run(running_at(request.speed_m_s, request.duration_s), request.seed)
     else:
-        walk = walk_talos(gait_for(request.speed_m_s, request.duration_s), request.seed)
+        walk = simulate_walk(gait_for(request.speed_m_s, request.duration_s, size), request.seed, request.robot)
     progress(0.6, "recording markers and plates")
     return record_robot(walk, _measurement_noise(request), request.seed, lab=request.lab), (
         "kajita2003",

@@ -264,15 +264,17 @@ class SimulationNoise(Contract):
 
 
 class SimulateRecordingInput(Contract):
-    """Input of ``simulate-recording``. Height, mass and sex describe the person and are null for TALOS."""
+    """Input of ``simulate-recording``. Height, mass and sex describe the person and are null for a robot."""
 
-    robot: Literal["human", "talos"] = Field(default="human", description="walker: a person, or the humanoid TALOS")
+    robot: Annotated[str, Field(min_length=1, max_length=60)] = Field(
+        default="human", description="walker: human, or a robot on two legs of six joints each, by its name"
+    )
     gait: Literal["walking", "running"] = Field(
         default="walking", description="running, with flight phases, is available for TALOS only"
     )
     duration_s: Annotated[float, Field(ge=2.0, le=60.0)] = 6.0
     speed_m_s: Annotated[float, Field(ge=0.0, le=2.0)] = Field(
-        default=1.2, description="default for TALOS: 0.4 m/s walking, 1 m/s running"
+        default=1.2, description="default for robots: 0.4 m/s walking, 1 m/s running"
     )
     height_m: Annotated[float, Field(ge=1.2, le=2.2)] | None = 1.71
     mass_kg: Annotated[float, Field(ge=25, le=200)] | None = 60.0
@@ -286,37 +288,26 @@ class SimulateRecordingInput(Contract):
 
     @model_validator(mode="before")
     @classmethod
-    def _set_talos_defaults(cls, data: Any) -> Any:
-        """Set the defaults for TALOS: lower speed, and no height, mass and sex."""
-        if not isinstance(data, dict) or data.get("robot") != "talos":
+    def _set_robot_defaults(cls, data: Any) -> Any:
+        """Set the defaults for robots: lower speed, and no height, mass and sex."""
+        if not isinstance(data, dict) or data.get("robot", "human") == "human":
             return data
         speed_m_s = 1.0 if data.get("gait") == "running" else 0.4
         return {"speed_m_s": speed_m_s, "height_m": None, "mass_kg": None, "sex": None, **data}
 
-    @field_validator("robot", mode="before")
-    @classmethod
-    def _check_robot(cls, robot: object) -> object:
-        """Refuse other robots with the reason: the markers of a recording need places on named links."""
-        if robot not in ("human", "talos"):
-            raise ValueError(
-                f"recordings are simulated of human and talos only, not of {str(robot)[:60]}: their markers are placed "
-                "on the links of a person and of TALOS; stridelab plan and stridelab live move any robot"
-            )
-        return robot
-
     @field_validator("gait")
     @classmethod
     def _check_gait(cls, gait: str, info: Any) -> str:
-        if gait == "running" and info.data.get("robot") == "human":
-            raise ValueError("the simulated person walks; only TALOS runs")
+        if gait == "running" and info.data.get("robot") != "talos":
+            raise ValueError("only TALOS runs; its flight phases are balanced with gains of its own")
         return gait
 
     @field_validator("height_m", "mass_kg", "sex")
     @classmethod
     def _check_body(cls, value: float | str | None, info: Any) -> float | str | None:
         robot = info.data.get("robot")
-        if robot == "talos" and value is not None:
-            raise ValueError("TALOS has its own height and mass; leave this out")
+        if robot not in ("human", None) and value is not None:
+            raise ValueError("a robot has its own height and mass; leave this out")
         if robot == "human" and value is None:
             raise ValueError("a person needs a height, a mass and a sex")
         return value

@@ -83,12 +83,16 @@ class WalkerFacts(Contract):
 
     ``leg_m``: straight leg from hip to sole; ``foot_y_m``: half the distance between the soles in the reference
     posture; ``toe_m`` and ``heel_m``: how far the shoes reach before and behind the middle of their soles.
+    ``shoulder_m``: right shoulder in the reference posture; ``arm_m``: straight right arm. Both are null without arms
+    of at least four joints, or for facts of an earlier version.
     """
 
     leg_m: float
     foot_y_m: float
     toe_m: float
     heel_m: float
+    shoulder_m: Triple | None = None
+    arm_m: float | None = None
 
 
 class RobotFacts(Contract):

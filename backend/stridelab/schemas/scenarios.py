@@ -235,8 +235,8 @@ Angle = Annotated[float, Field(ge=-0.7, le=0.7, description="radians")]
 Count = Annotated[int, Field(ge=1, le=40)]
 
 
-SceneName = Literal["flat-walk", "long-stride", "six-stairs", "stairs-down"]
-"""Bundled scenes of the feet, which can be scaled to any robot."""
+SceneName = Literal["flat-walk", "long-stride", "six-stairs", "stairs-down", "stairs-with-rail", "stand-up"]
+"""Bundled scenes that can be scaled to any robot; the last two need a right arm."""
 
 
 class ScaledScene(Contract):

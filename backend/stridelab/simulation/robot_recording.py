@@ -1,4 +1,4 @@
-"""Simulated laboratory recording of a walk of TALOS: markers on its links, force plates and ground truth.
+"""Simulated laboratory recording of a walk of a robot: markers on its links, force plates and ground truth.
 
 Plates, noise and seeds are those of the simulated subject (``human_recording``).
 """
@@ -21,7 +21,7 @@ from stridelab.simulation.human_recording import (
     measured_plates,
 )
 from stridelab.simulation.noise import MeasurementNoise, coloured_noise, perturb_table
-from stridelab.simulation.robot.markers import HEIGHT_M, marker_tracks, segment_table
+from stridelab.simulation.robot.markers import marker_tracks, segment_table, stature_m
 from stridelab.simulation.robot.walker import RATE_HZ, RobotWalk
 
 _MARGIN_S = 0.1
@@ -53,7 +53,7 @@ def record_robot(
         marker_rate_hz=MARKER_RATE_HZ,
         force_rate_hz=FORCE_RATE_HZ,
         plates=measured_plates(feet, at_s, walk.plan, n, noise, lab, rngs[2]),
-        subject=Subject(HEIGHT_M, walk.robot.mass_kg),
+        subject=Subject(stature_m(walk.robot), walk.robot.mass_kg),
         events=gait_events(walk.plan),
         up_axis="+z",
         walking_direction=np.array([1.0, 0.0, 0.0]) if walk.plan.walks else None,

@@ -23,8 +23,11 @@ SCENES: Final[tuple[tuple[SceneName, str], ...]] = (
     ("long-stride", "Long strides"),
     ("six-stairs", "Six stairs"),
     ("stairs-down", "Downstairs"),
+    ("stairs-with-rail", "Stairs with a rail"),
+    ("stand-up", "Standing up"),
 )
 """Bundled scenes that are scaled to the robot, and their titles."""
+HAND_SCENES: Final = frozenset({"stairs-with-rail", "stand-up"})
 
 
 async def robots_page(request: Request) -> Response:
@@ -58,7 +61,7 @@ async def robot_page(request: Request) -> Response:
         learned=reachability.density_values(cards, f"/robots/{robot.name}/reach.json?measure={measure}")
         if cards
         else None,
-        scenes=SCENES,
+        scenes=[one for one in SCENES if one[0] not in HAND_SCENES or (robot.walker and robot.walker.arm_m)],
         plotly_style_ids=plotly_style_ids() if cards else (),
     )
 

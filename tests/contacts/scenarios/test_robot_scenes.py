@@ -1,4 +1,4 @@
-"""The bundled scenes of the feet, scaled to robots by the length of their legs."""
+"""The bundled scenes, scaled to robots by the length of their legs and arms."""
 
 from itertools import pairwise
 from typing import get_args
@@ -7,7 +7,8 @@ import pytest
 
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.scenario_io import sequence_of
-from stridelab.contacts.scenarios.robot_scenes import SCENES, TALOS_LEG_M
+from stridelab.contacts.scenarios.hand_scenes import RAIL_HAND_M, TALOS_ARM
+from stridelab.contacts.scenarios.robot_scenes import HAND_SCENES, SCENES, TALOS_LEG_M
 from stridelab.errors import InvalidInput
 from stridelab.pipelines.commissioning.robot_walker import walker_facts
 from stridelab.pipelines.scaled_scenes import scene_for_robot
@@ -31,7 +32,7 @@ def rises_m(scenario: Scenario) -> set[float]:
 
 
 @pytest.mark.parametrize("robot", ["talos", "hrp2", "g1"])
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", [*SCENES, *HAND_SCENES])
 def test_every_scene_is_valid_for_every_robot(scene: str, robot: str) -> None:
     scenario, _ = scaled_with_facts(scene, robot)
     sequence = sequence_of(scenario.model_dump(mode="json"), effector_shapes(robot))  # raises for an invalid one
@@ -53,6 +54,26 @@ def test_the_scale_is_that_of_the_legs_of_talos() -> None:
     facts = walker_facts(load_robot("talos"))
     assert facts is not None
     assert facts.leg_m == pytest.approx(TALOS_LEG_M, abs=5e-4)
+    assert facts.shoulder_m == pytest.approx(TALOS_ARM.shoulder_m, abs=1e-3)
+    assert facts.arm_m == pytest.approx(TALOS_ARM.length_m, abs=1e-3)
+
+
+def test_a_hand_is_as_far_from_the_shoulder_for_the_length_of_the_arm() -> None:
+    scenario, facts = scaled_with_facts("stand-up", "g1")
+    assert facts.shoulder_m is not None
+    assert facts.arm_m is not None
+    (hand,) = (c.position_m for c in scenario.phases[0].contacts if c.effector == "right_hand")
+    for own, shoulder, usual, usual_shoulder in zip(
+        hand, facts.shoulder_m, RAIL_HAND_M, TALOS_ARM.shoulder_m, strict=True
+    ):
+        assert (own - shoulder) / facts.arm_m == pytest.approx((usual - usual_shoulder) / TALOS_ARM.length_m, abs=2e-3)
+
+
+def test_a_scene_of_a_hand_is_refused_without_an_arm() -> None:
+    facts = WalkerFacts(leg_m=0.8, foot_y_m=0.1, toe_m=0.1, heel_m=0.1)
+    with pytest.raises(InvalidInput, match="no arm of at least four joints") as refusal:
+        scene_for_robot("stand-up", "legs", facts)
+    assert refusal.value.code == "robot-not-scalable"
 
 
 def test_treads_are_deep_enough_for_long_shoes() -> None:
@@ -64,10 +85,10 @@ def test_treads_are_deep_enough_for_long_shoes() -> None:
 
 
 def test_the_names_of_the_contract_are_those_of_the_scenes() -> None:
-    assert set(get_args(SceneName)) == SCENES.keys()
+    assert set(get_args(SceneName)) == SCENES.keys() | HAND_SCENES.keys()
 
 
-def test_a_scene_of_hands_and_a_robot_without_legs_are_refused_by_name() -> None:
+def test_other_scenes_and_a_robot_without_legs_are_refused_by_name() -> None:
     facts = WalkerFacts(leg_m=0.8, foot_y_m=0.1, toe_m=0.1, heel_m=0.1)
     with pytest.raises(InvalidInput, match="these can: flat-walk, long-stride, six-stairs, stairs-down") as refusal:
         scene_for_robot("wall-step", "g1", facts)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from stridelab.errors import InvalidInput
-from stridelab.robots.proposal.propose import propose_card, rebuild_description
+from stridelab.robots.card import parse_card
+from stridelab.robots.proposal.propose import card_toml, propose_card, rebuild_description
 from support.robots.humanoid import HALF_SOLE_M, Humanoid, archive, box_stl
 
 
@@ -154,3 +155,28 @@ def test_a_continuous_joint_with_a_range_has_that_range(upper: float, is_stated:
     assert limit is not None
     assert (float(limit.attrib["upper"]) == upper) == is_stated
     assert ("joint left_knee: type" in assumed) == is_stated == ("joint left_knee: range" not in assumed)
+
+
+def test_names_may_have_combining_marks_and_spaces(tmp_path: Path) -> None:
+    _, assumed = rebuilt(Humanoid(sides=("बायाँ 1", "दायाँ 1")).urdf(), tmp_path)
+    proposal = propose_card("small", "small", tmp_path / "robots", assumed)
+    assert proposal.robot.group["दायाँ 1_knee"] == "leg"
+    assert parse_card("small", card_toml(proposal.card).encode()) == proposal.card
+
+
+@pytest.mark.parametrize("side", ["🦵 left", "<b>left</b>", "left|right", 'a"b'])
+def test_names_with_markup_or_signs_are_refused_with_what_is_allowed(side: str, tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput, match="letters, digits, spaces") as refusal:
+        rebuilt(Humanoid(sides=(side, "other")).urdf(), tmp_path)
+    assert all(fault.where.startswith(("link", "joint")) for fault in refusal.value.faults)
+
+
+def test_a_joint_that_follows_another_is_opened_with_a_remark(tmp_path: Path) -> None:
+    """As in parallel linkages of URDF files, which know no closed loops."""
+    root = ET.fromstring(Humanoid().urdf())
+    joint = root.find("joint[@name='left_ankle_pitch']")
+    assert joint is not None
+    ET.SubElement(joint, "mimic", joint="left_knee", multiplier="-1")
+    plain, assumed = rebuilt(ET.tostring(root, encoding="unicode"), tmp_path)
+    assert assumed["joint left_ankle_pitch: mimic"] == "not coupled to left_knee: it has a motor of its own here"
+    assert plain.find("joint[@name='left_ankle_pitch']/mimic") is None

@@ -192,6 +192,10 @@ class _Reader:
         (rotor,) = self._numbers(element.find("dynamics"), "armature", 1, where, "armature", (0.0,))
         if 0.0 < rotor < MAX_ROTOR_KG_M2:
             ET.SubElement(plain, "dynamics", damping="0", armature=repr(rotor))
+        coupled = element.find("mimic")
+        if coupled is not None:
+            with_joint = coupled.get("joint", "")[:100] or "another"
+            assumed[f"{where}: mimic"] = f"not coupled to {with_joint}: it has a motor of its own here"
         self._limit(plain, element, where, assumed)
         return plain
 

@@ -1,6 +1,7 @@
 """Names of links and joints of a stranger's URDF, and the tree that its joints make."""
 
 import itertools
+import unicodedata
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -66,8 +67,13 @@ def _name_faults(elements: Sequence[ET.Element], kind: str) -> Iterator[Fault]:
             yield Fault(shown, "its name occurs more than once")
         if not name or len(name) > MAX_NAME:
             yield Fault(shown, f"its name must have 1 to {MAX_NAME} characters")
-        elif not all(letter.isalnum() or letter in _SAFE for letter in name):
+        elif not all(_is_safe(letter) for letter in name):
             yield Fault(shown, "its name may contain letters, digits, spaces and . : + - _ only")
+
+
+def _is_safe(letter: str) -> bool:
+    """Letters, digits and the marks that some alphabets combine them with, and ``_SAFE``."""
+    return letter.isalnum() or letter in _SAFE or unicodedata.category(letter) in ("Mn", "Mc")
 
 
 def joint_end(joint: ET.Element, which: str) -> str:

@@ -51,14 +51,20 @@ def link_masses(model: pin.Model) -> LinkMasses:
 
 
 def link_poses(model: pin.Model, q: Float[np.ndarray, "n nq"]) -> LinkPoses:
-    """Poses over the configurations ``q`` of a free-flying base with hinges about its links' axes."""
+    """Poses over the configurations ``q`` of a free-flying base with hinges."""
     n, links = len(q), model.njoints - 1
     rotation, position = np.empty((n, links, 3, 3)), np.empty((n, links, 3))
     rotation[:, 0], position[:, 0] = Rotation.from_quat(q[:, 3:7]).as_matrix(), q[:, :3]
     for joint in range(2, model.njoints):
         parent, place = model.parents[joint] - 1, model.jointPlacements[joint]
-        axis = np.eye(3)["XYZ".index(model.joints[joint].shortname()[-1])]
-        turn = Rotation.from_rotvec(q[:, [model.joints[joint].idx_q]] * axis).as_matrix()
+        turn = Rotation.from_rotvec(q[:, [model.joints[joint].idx_q]] * _hinge_axis(model.joints[joint])).as_matrix()
         rotation[:, joint - 1] = rotation[:, parent] @ place.rotation @ turn
         position[:, joint - 1] = position[:, parent] + rotation[:, parent] @ place.translation
     return LinkPoses(rotation, position)
+
+
+def _hinge_axis(joint: pin.JointModel) -> Float[np.ndarray, "3"]:
+    """Axis of a hinge in the link that it moves."""
+    data = joint.createData()
+    joint.calc(data, np.zeros(joint.nq))
+    return np.array(data.S).reshape(6)[3:]

@@ -30,6 +30,8 @@ SHIFT_S: Final = 0.4
 LEAD_S: Final = 1.0
 """Simulated time before and after the recording, in which sway fades in from and out to exact rest."""
 MAX_SPEED_M_S: Final = 0.9
+COM_HEIGHT_M: Final = 0.83
+BOB_M: Final = 0.012
 _WALK_RATIO_MS: Final = 0.21
 """Step length over step rate: 0.20 m s at the robot's cadence, 0.22 m s at the human one."""
 _LEAST_REST_S: Final = 0.5
@@ -57,8 +59,8 @@ class RobotGait:
     rest_s: float
     double_support: float = 0.25
     width_m: float = 0.17
-    com_height_m: float = 0.83
-    bob_m: float = 0.012
+    com_height_m: float = COM_HEIGHT_M
+    bob_m: float = BOB_M
     arms: ArmSwing = ArmSwing()
 
     @property
@@ -80,26 +82,51 @@ WALKS: Final[Mapping[str, RobotGait]] = {
 """The two walks of section 2.5: at a robot's and at a human cadence."""
 
 
-def gait_for(speed_m_s: float, duration_s: float) -> RobotGait:
+@dataclass(frozen=True)
+class WalkerSize:
+    """Size of a robot over that of TALOS, and the distance of its soles; lengths scale with it, times with its root."""
+
+    title: str = "TALOS"
+    scale: float = 1.0
+    width_m: float = 0.17
+
+    @property
+    def max_speed_m_s(self) -> float:
+        """Fastest walk, of the same Froude number for all robots."""
+        return MAX_SPEED_M_S * math.sqrt(self.scale)
+
+
+TALOS_SIZE: Final = WalkerSize()
+
+
+def gait_for(speed_m_s: float, duration_s: float, size: WalkerSize = TALOS_SIZE) -> RobotGait:
     """A walk from rest to rest of ``duration_s`` with full steps at ``speed_m_s``; below 0.1 m/s, standing.
 
     As in humans, the ratio of step length to step rate is constant, here that of the walks of section 2.5. Raises
     ``InvalidInput`` (``walker-out-of-range``) for a speed that is out of range or a duration that is too short.
     """
-    if not 0.0 <= speed_m_s <= MAX_SPEED_M_S:
-        message = f"TALOS walks at 0 to {MAX_SPEED_M_S:g} m/s, not at {speed_m_s:g} m/s."
+    if not 0.0 <= speed_m_s <= size.max_speed_m_s:
+        message = f"{size.title} walks at 0 to {size.max_speed_m_s:.2g} m/s, not at {speed_m_s:g} m/s."
         raise InvalidInput("walker-out-of-range", message, [Fault("speed_m_s", message)])
-    standing_still = RobotGait(step_length_m=0.0, step_time_s=1.0, n_steps=0, rest_s=duration_s / 2)
+    body = RobotGait(
+        step_length_m=0.0,
+        step_time_s=1.0,
+        n_steps=0,
+        rest_s=duration_s / 2,
+        width_m=size.width_m,
+        com_height_m=COM_HEIGHT_M * size.scale,
+        bob_m=BOB_M * size.scale,
+    )
     if speed_m_s < MIN_SPEED_M_S:
-        return standing_still
-    length_m = math.sqrt(_WALK_RATIO_MS * speed_m_s)
+        return body
+    length_m = math.sqrt(_WALK_RATIO_MS * size.scale**1.5 * speed_m_s)
     step_s = length_m / speed_m_s
     n_steps = int((duration_s - 2 * _LEAST_REST_S) / step_s) - 1
     if n_steps < 2:
         message = f"At {speed_m_s:g} m/s, two steps from rest to rest take {2 * _LEAST_REST_S + 3 * step_s:.1f} s."
         raise InvalidInput("walker-out-of-range", message, [Fault("duration_s", message)])
     rest_s = (duration_s - (n_steps + 1) * step_s) / 2
-    return RobotGait(step_length_m=length_m, step_time_s=step_s, n_steps=n_steps, rest_s=rest_s)
+    return replace(body, step_length_m=length_m, step_time_s=step_s, n_steps=n_steps, rest_s=rest_s)
 
 
 def plan_walk(gait: RobotGait, rng: Generator) -> GaitPlan:

@@ -1,101 +1,50 @@
-"""Markers on the links of TALOS, and the segment table computed from its link masses.
+"""Markers on the links of a robot, and the segment table computed from its link masses.
 
 The labels are those of the simulated subject (marker set ``isb-head``). The markers are placed where the segment model
 expects bony landmarks: on both sides of knees, ankles, elbows and wrists, and around pelvis and trunk such that the
-regressed joint centres coincide with the robot's. The head is locked and belongs to the trunk.
+regressed joint centres coincide with those of the robot's ``anatomy``. A head belongs to the trunk; arms that a robot
+lacks are marked on its trunk and have no mass.
 
-The links are lumped into the segments of the model: hip yaw with the pelvis, hip roll with the thigh, both ankle links
-with the foot, the three shoulder links with the upper arm. A row of the table is the CoM of such a lump in its
-segment's frame while standing; in a walk the lumps are not quite rigid, with an error below a millimetre.
+The links are lumped into the segments of the model (``RobotAnatomy.segment_of``). A row of the table is the CoM of such
+a lump in its segment's frame while standing; in a walk the lumps are not quite rigid.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 
 from stridelab.body.joint_centres import joint_centres
-from stridelab.body.segment_model import segment_frames
+from stridelab.body.segment_model import POSSIBLE_STATURE, SHANK_SHARE, segment_frames
 from stridelab.body.segment_tables import SegmentTable, load_anthropometry, parse_table
 from stridelab.conventions import Configurations, Points, Vector3
+from stridelab.recordings.recording import Side
 from stridelab.robots.robot import Robot
 from stridelab.simulation.human.body_proportions import SIDES, sagittal_direction, side_prefix, side_sign
 from stridelab.simulation.human.marker_layout import LABELS
+from stridelab.simulation.robot.anatomy import RobotAnatomy
 from stridelab.simulation.robot.forward_kinematics import LinkPoses, link_masses, link_poses
 
-HEIGHT_M: Final = 1.75
-"""Stature of TALOS according to its manufacturer."""
-_SEGMENT: Final[Mapping[str, str]] = {
-    "leg_1": "pelvis",
-    "leg_2": "thigh",
-    "leg_3": "thigh",
-    "leg_4": "shank",
-    "leg_5": "foot",
-    "leg_6": "foot",
-    **{f"arm_{k}": "upper_arm" for k in (1, 2, 3)},
-    **{f"arm_{k}": "forearm" for k in (4, 5)},
-    **{f"arm_{k}": "hand" for k in (6, 7)},
-}
 _THORAX_M: Final = 0.06
 _NOTCH_SLOPE_RAD: Final = math.radians(-25.0)
-_CERVICAL: Final = np.array([0.0, 0.0, 0.33])
-"""Upper end of the trunk in the frame of its last link."""
+_NECK_M: Final = 0.06
+"""Cervical joint above the shoulders, for a robot of the size of TALOS."""
+_TRUNK_PER_LEG: Final = 0.6
+"""Height of the shoulders above the hips over the length of a leg, for a robot without arms."""
+_ON_AXIS_M: Final = 0.005
+Place = tuple[str, int, Vector3]
+"""A landmark, the joint of its link, and its place in the world in the reference posture."""
 
 
-def marker_places(robot: Robot) -> Mapping[str, tuple[str, Vector3]]:
-    """Map from landmark to ``(joint of the link, position in the link)``."""
-    places: dict[str, tuple[str, Vector3]] = {}
-    body, model = load_anthropometry(None), robot.model
-
-    def joint_origin(joint: str) -> Vector3:
-        """Position of a joint in its parent link."""
-        return np.array(model.jointPlacements[model.getJointId(joint)].translation)
-
-    hip = joint_origin("leg_left_1_joint")
-    w = float(hip[1] / body.hip[2])
-    middle = np.array([hip[0] - w * body.hip[0], 0.0, hip[2] - w * body.hip[1]])
-    c7 = _CERVICAL - _thorax_offset(body.cervical.angle_deg, body.cervical.scale)
-    for name, place in (
-        ("c7", c7),
-        ("jugular_notch", c7 + _THORAX_M * sagittal_direction(_NOTCH_SLOPE_RAD)),
-    ):
-        places[name] = ("torso_2_joint", place)
+def marker_places(robot: Robot) -> Mapping[str, tuple[int, Vector3]]:
+    """Map from landmark to ``(joint of the link, position in the link)``. Raises as ``RobotAnatomy.of_robot``."""
+    anatomy = RobotAnatomy.of_robot(robot)
+    places = [*_pelvis(anatomy), *_trunk(anatomy)]
     for side in SIDES:
-        s, y = side_prefix(side), side_sign(side)
-
-        def put_marker(landmark: str, joint: str, place: Vector3, s: str = s, side: str = side) -> None:
-            places[f"{s}{landmark}"] = (joint.replace("*", side), place)
-
-        def put_pair(end: str, link: str, across: Vector3, outer: str, inner: str, side: str = side) -> None:
-            centre = joint_origin(end.replace("*", side))
-            put_marker(outer, link, centre + across)
-            put_marker(inner, link, centre - across)
-
-        put_marker("asis", "root_joint", middle + np.array([0.0, y * w / 2, 0.0]))
-        put_marker("psis", "root_joint", middle + np.array([-0.65 * w, y * 0.18 * w, 0.0]))
-        put_marker("head_front", "torso_2_joint", np.array([0.08, y * 0.06, 0.50]))
-        put_marker("head_back", "torso_2_joint", np.array([-0.08, y * 0.06, 0.50]))
-        shoulder = joint_origin(f"arm_{side}_2_joint")
-        put_marker("acromion", "arm_*_1_joint", shoulder - _thorax_offset(body.shoulder.angle_deg, body.shoulder.scale))
-        outwards = np.array([0.0, y, 0.0])
-        put_pair("leg_*_4_joint", "leg_*_3_joint", 0.06 * outwards, "knee_lateral", "knee_medial")
-        put_pair("leg_*_5_joint", "leg_*_4_joint", 0.05 * outwards, "ankle_lateral", "ankle_medial")
-        put_pair("arm_*_4_joint", "arm_*_3_joint", 0.05 * outwards, "elbow_lateral", "elbow_medial")
-        forwards = np.array([0.04, 0.0, 0.0])
-        put_marker("wrist_radial", "arm_*_5_joint", forwards)
-        put_marker("wrist_ulnar", "arm_*_5_joint", -forwards)
-        put_marker("mc2", "arm_*_7_joint", np.array([0.04, 0.0, -0.10]))
-        put_marker("mc5", "arm_*_7_joint", np.array([-0.04, 0.0, -0.10]))
-        for name, x, across_m in (
-            ("heel", -0.10, 0.0),
-            ("mt1", 0.09, -0.05),
-            ("mt2", 0.10, -0.02),
-            ("mt5", 0.09, 0.05),
-        ):
-            put_marker(name, "leg_*_6_joint", np.array([x, y * across_m, -0.087]))
-    return places
+        places += [*_leg(anatomy, side), *(_arm(anatomy, side) if anatomy.arm[side] else _absent_arm(anatomy, side))]
+    return {name: (joint, anatomy.in_link(joint, place)) for name, joint, place in places}
 
 
 def marker_tracks(robot: Robot, q: Configurations) -> Mapping[str, Points]:
@@ -111,36 +60,137 @@ def segment_table(robot: Robot, q: Float[np.ndarray, "nq"]) -> SegmentTable:
     frames = segment_frames(tracks, joint_centres(tracks, body, {}), body)
     links = poses.coms_m(masses)[0]
     lumps: dict[str, list[int]] = {}
-    for k, joint in enumerate(("root_joint", *robot.joint_names)):
-        lumps.setdefault(_segment_of_joint(joint), []).append(k)
+    for k, segment in enumerate(RobotAnatomy.of_robot(robot).segment_of()):
+        lumps.setdefault(segment, []).append(k)
     rows = {}
     for name, members in lumps.items():
         m, frame = masses.mass_kg[members], frames[name]
+        if not m.sum() > 0.0:
+            continue
         away = (m @ links[members] / m.sum() - frame.origin_m[0]) / frame.length_m
         com = [float(away @ axis[0]) for axis in (frame.X, frame.Y, frame.Z)]
         rows[name] = {"mass_fraction": float(m.sum() / masses.mass_kg.sum()), "com": com}
     return parse_table({"name": robot.name, "segments": rows})
 
 
-def _segment_of_joint(joint: str) -> str:
-    part, _, rest = joint.partition("_")
-    if part == "root":
-        return "pelvis"
-    if part == "torso":
-        return "torso"
-    side, number, _ = rest.split("_")
-    segment = _SEGMENT[f"{part}_{number}"]
-    return segment if segment == "pelvis" else f"{side[0]}_{segment}"
+def stature_m(robot: Robot) -> float | None:
+    """Height of the robot on straight legs; None where its legs are not those of a person of that height."""
+    anatomy = RobotAnatomy.of_robot(robot)
+    hips = [anatomy.centre_m(anatomy.leg[side][:3]) for side in SIDES]
+    ankles = [anatomy.centre_m(anatomy.leg[side][4:]) for side in SIDES]
+    height_m = anatomy.top_m + anatomy.leg_m - float(np.mean(hips, axis=0)[2] - np.mean(ankles, axis=0)[2])
+    knees = [_knee_m(anatomy, side) for side in SIDES]
+    shank_m = float(np.linalg.norm(np.array(knees) - ankles, axis=1).mean())
+    low, high = POSSIBLE_STATURE
+    return round(height_m, 2) if low < height_m * SHANK_SHARE / shank_m < high else None
 
 
 def _landmark_tracks(robot: Robot, poses: LinkPoses) -> dict[str, Points]:
     tracks = {}
     for name, (joint, place) in marker_places(robot).items():
-        link = robot.model.getJointId(joint) - 1
+        link = joint - 1
         tracks[name] = np.asarray(poses.position_m[:, link] + poses.rotation[:, link] @ place)
     return tracks
 
 
-def _thorax_offset(angle_deg: float, scale: float) -> Vector3:
+def _pelvis(anatomy: RobotAnatomy) -> Iterator[Place]:
+    """Spines whose regression gives the hips, as far apart as these."""
+    body = load_anthropometry(None)
+    left, right = (anatomy.centre_m(anatomy.leg[side][:3]) for side in SIDES)
+    w = float((left[1] - right[1]) / 2.0 / body.hip[2])
+    hips = (left + right) / 2.0
+    middle = hips - w * np.array([body.hip[0], 0.0, body.hip[1]])
+    for side in SIDES:
+        s, y = side_prefix(side), side_sign(side)
+        yield f"{s}asis", 1, middle + np.array([0.0, y * w / 2, 0.0])
+        yield f"{s}psis", 1, middle + np.array([-0.65 * w, y * 0.18 * w, 0.0])
+
+
+def _trunk(anatomy: RobotAnatomy) -> Iterator[Place]:
+    """Neck above the middle of the shoulders, and a head."""
+    body, size = load_anthropometry(None), anatomy.size
+    cervical = np.mean([_shoulder_m(anatomy, side) for side in SIDES], axis=0) + np.array([0.0, 0.0, size * _NECK_M])
+    c7 = cervical - _thorax_offset(size, body.cervical.angle_deg, body.cervical.scale)
+    yield "c7", anatomy.trunk, c7
+    yield "jugular_notch", anatomy.trunk, c7 + size * _THORAX_M * sagittal_direction(_NOTCH_SLOPE_RAD)
+    for side in SIDES:
+        s, y = side_prefix(side), side_sign(side)
+        yield f"{s}head_front", anatomy.trunk, cervical + size * np.array([0.08, y * 0.06, 0.17])
+        yield f"{s}head_back", anatomy.trunk, cervical + size * np.array([-0.08, y * 0.06, 0.17])
+
+
+def _leg(anatomy: RobotAnatomy, side: Side) -> Iterator[Place]:
+    """Both sides of knee and ankle, and the sole's heel and ball, 2 cm above the ground for the size of TALOS."""
+    s, out, size = side_prefix(side), np.array([0.0, side_sign(side), 0.0]), anatomy.size
+    thigh, shank, foot = anatomy.leg[side][2], anatomy.leg[side][3], anatomy.leg[side][5]
+    yield from _pair(f"{s}knee_lateral", f"{s}knee_medial", thigh, _knee_m(anatomy, side), 0.06 * size * out)
+    ankle = anatomy.centre_m(anatomy.leg[side][4:])
+    yield from _pair(f"{s}ankle_lateral", f"{s}ankle_medial", shank, ankle, 0.05 * size * out)
+    x_m, y_m = anatomy.robot.effectors[f"{side}_foot"].contact_half_size_m or (0.1, 0.05)
+    for name, along, across in (("heel", -0.9, 0.0), ("mt1", 0.9, -0.8), ("mt2", 0.95, -0.3), ("mt5", 0.9, 0.8)):
+        offset = np.array([along * x_m, side_sign(side) * across * y_m, 0.02 * size])
+        yield f"{s}{name}", foot, anatomy.effector_m(f"{side}_foot", offset)
+
+
+def _arm(anatomy: RobotAnatomy, side: Side) -> Iterator[Place]:
+    """Shoulder, elbow (the fourth joint), wrist (the sixth, else the hand) and knuckles."""
+    body, size, chain = load_anthropometry(None), anatomy.size, anatomy.arm[side]
+    s, shoulder, hand = side_prefix(side), _shoulder_m(anatomy, side), anatomy.effector_m(f"{side}_hand", np.zeros(3))
+    outwards = np.array([0.0, side_sign(side), 0.0])
+    away = np.cross(anatomy.axis(chain[0]), shoulder - anatomy.centre_m(chain[:1]))
+    carrier = anatomy.trunk if float(np.linalg.norm(away)) < _ON_AXIS_M else chain[0]
+    acromion = shoulder - _thorax_offset(size, body.shoulder.angle_deg, body.shoulder.scale)
+    yield f"{s}acromion", carrier, acromion
+    if len(chain) > 3:
+        upper, fore = chain[2], chain[min(4, len(chain) - 1)]
+        elbow, axis = anatomy.nearest_m(chain[3], shoulder, hand), anatomy.axis(chain[3])
+    else:
+        upper = fore = chain[-1]
+        elbow, axis = (shoulder + hand) / 2.0, outwards
+    axis = axis if axis @ outwards >= 0.0 else -axis
+    yield from _pair(f"{s}elbow_lateral", f"{s}elbow_medial", upper, elbow, 0.05 * size * axis)
+    wrist = anatomy.nearest_m(chain[5], elbow, hand) if len(chain) > 5 else hand
+    along = (wrist - elbow) / max(float(np.linalg.norm(wrist - elbow)), 1e-9)
+    ahead = -side_sign(side) * np.cross(axis, along)
+    ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
+    yield from _pair(f"{s}wrist_radial", f"{s}wrist_ulnar", fore, wrist, 0.04 * size * ahead)
+    yield from _pair(f"{s}mc2", f"{s}mc5", chain[-1], wrist + 0.10 * size * along, 0.04 * size * ahead)
+
+
+def _absent_arm(anatomy: RobotAnatomy, side: Side) -> Iterator[Place]:
+    """An arm that hangs from the trunk and has no mass."""
+    body, size, shoulder = load_anthropometry(None), anatomy.size, _shoulder_m(anatomy, side)
+    s, out = side_prefix(side), np.array([0.0, side_sign(side), 0.0])
+    ahead, down = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -size])
+    acromion = shoulder - _thorax_offset(size, body.shoulder.angle_deg, body.shoulder.scale)
+    yield f"{s}acromion", anatomy.trunk, acromion
+    for first, second, below, offset in (
+        ("elbow_lateral", "elbow_medial", 0.25, 0.05 * out),
+        ("wrist_radial", "wrist_ulnar", 0.50, 0.04 * ahead),
+        ("mc2", "mc5", 0.60, 0.04 * ahead),
+    ):
+        yield from _pair(f"{s}{first}", f"{s}{second}", anatomy.trunk, shoulder + below * down, size * offset)
+
+
+def _pair(outer: str, inner: str, joint: int, centre: Vector3, across: Vector3) -> Iterator[Place]:
+    yield outer, joint, centre + across
+    yield inner, joint, centre - across
+
+
+def _knee_m(anatomy: RobotAnatomy, side: Side) -> Vector3:
+    chain = anatomy.leg[side]
+    return anatomy.nearest_m(chain[3], anatomy.centre_m(chain[:3]), anatomy.centre_m(chain[4:]))
+
+
+def _shoulder_m(anatomy: RobotAnatomy, side: Side) -> Vector3:
+    """Where the second and the third axis of an arm meet; without arms, above the hips."""
+    chain = anatomy.arm[side]
+    if chain:
+        return anatomy.centre_m(chain[1:3] or chain)
+    hip = anatomy.centre_m(anatomy.leg[side][:3])
+    return np.asarray(hip + np.array([0.0, 0.5 * hip[1], _TRUNK_PER_LEG * anatomy.leg_m]))
+
+
+def _thorax_offset(size: float, angle_deg: float, scale: float) -> Vector3:
     """Offset of a regressed joint centre from its landmark on the trunk."""
-    return np.asarray(scale * _THORAX_M * sagittal_direction(_NOTCH_SLOPE_RAD + math.radians(angle_deg)))
+    return np.asarray(scale * size * _THORAX_M * sagittal_direction(_NOTCH_SLOPE_RAD + math.radians(angle_deg)))

@@ -93,7 +93,8 @@ def simulate_run(gait: RunningGait, seed: int = 0, robot_name: str = "talos") ->
     def momentum_rate(k: int, theta: Vector3, L: Vector3) -> Vector3:
         return np.asarray(-lift[k] * (_K_NM_RAD * theta + _D_PER_S * L))
 
-    body, upper = WholeBody(robot), swing_arms(robot, gait.arms, plan, dense_s, rngs[1])
+    body = WholeBody(robot)
+    upper = swing_arms(robot, body.upper, gait.arms, plan, dense_s, rngs[1])
     start = first_posture(robot, feet, com.position_m[0])
     motion = body.solve_with_momentum(time_s, Task.from_paths(feet, com, upper), start, momentum_rate)
     truth = motion_truth(body.model, time_s, motion.q, motion.v, motion.a)

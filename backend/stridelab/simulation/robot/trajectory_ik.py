@@ -24,9 +24,11 @@ from stridelab.errors import NotEstimable
 from stridelab.recordings.recording import Side
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
+from stridelab.simulation.human.body_proportions import SIDES
+from stridelab.simulation.robot.anatomy import RobotAnatomy
 
 LEGS_AND_BASE: Final = 18
-"""The first coordinates of the velocity: free flyer, left leg, right leg."""
+"""Coordinates of the velocity that are solved for: free flyer, left leg, right leg."""
 _TOLERANCE: Final = 1e-11
 _ITERATIONS: Final = 40
 _STEP_RAD: Final = 0.3
@@ -43,7 +45,7 @@ class PointPath:
 
 @dataclass(frozen=True, eq=False)
 class JointPath:
-    """Angles ``(n, k)`` of the prescribed joints over time, rates and accelerations."""
+    """Angles ``(n, k)`` of the prescribed joints (``WholeBody.upper``) over time, rates and accelerations."""
 
     q: Float[np.ndarray, "n k"]
     v: Float[np.ndarray, "n k"]
@@ -85,10 +87,19 @@ class RobotMotion:
 
 
 class WholeBody:
-    """The 18 equations of a robot whose legs come first in its coordinates (left, right)."""
+    """The 18 equations of a robot with two legs of six joints; ``upper`` are its other joints, by index of ``v``.
+
+    Raises ``InvalidInput`` (``robot-not-recordable``) for another robot.
+    """
 
     def __init__(self, robot: Robot) -> None:
         self.model, frames = with_contact_frames(robot)
+        legs = RobotAnatomy.of_robot(robot).leg
+        lower = [*range(6), *(self.model.joints[j].idx_v for side in SIDES for j in legs[side])]
+        self.upper = np.setdiff1d(np.arange(self.model.nv), lower)
+        self._lower = slice(0, LEGS_AND_BASE) if lower == list(range(LEGS_AND_BASE)) else np.array(lower)
+        self._others = slice(LEGS_AND_BASE, None) if isinstance(self._lower, slice) else self.upper
+        self._R_upright = robot.R_root_trunk.T
         self.data = self.model.createData()
         self._soles = (frames["left_foot"], frames["right_foot"])
 
@@ -100,8 +111,8 @@ class WholeBody:
         motion, guess, upright = self._empty_motion(time_s), start, np.zeros(3)
         for k in range(len(time_s)):
             q, J = self._solve_position(guess, task, k, upright, float(time_s[k]))
-            v = _solve_rates(J, task.rate[k], task.upper.v[k])
-            a = _solve_rates(J, task.second[k] - self._drift(q, v), task.upper.a[k])
+            v = self._solve_rates(J, task.rate[k], task.upper.v[k])
+            a = self._solve_rates(J, task.second[k] - self._drift(q, v), task.upper.a[k])
             motion.q[k], motion.v[k], motion.a[k] = q, v, a
             if k + 1 < len(time_s):
                 dt = time_s[k + 1] - time_s[k]
@@ -129,7 +140,7 @@ class WholeBody:
             J[-3:] = pin.computeCentroidalMap(self.model, self.data, q)[3:]
             task_rate = task.rate[k].copy()
             task_rate[-3:] = L
-            v = _solve_rates(J, task_rate, task.upper.v[k])
+            v = self._solve_rates(J, task_rate, task.upper.v[k])
             turning = pin.Jlog3(pin.exp3(theta)) @ v[3:6]
             return np.concatenate([turning, momentum_rate(k, theta, L)]), q, v, J
 
@@ -143,7 +154,7 @@ class WholeBody:
             ).angular
             second = task.second[k].copy()
             second[-3:] = k1[3:]
-            a = _solve_rates(J, second - drift, task.upper.a[k])
+            a = self._solve_rates(J, second - drift, task.upper.a[k])
             motion.q[i], motion.v[i], motion.a[i] = q, v, a
             if i + 1 < len(time_s):
                 guess = pin.integrate(self.model, q, dt * v + 0.5 * dt * dt * a)
@@ -162,8 +173,8 @@ class WholeBody:
         self, guess: np.ndarray, task: Task, k: int, theta: np.ndarray, time_s: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Solve for ``q`` by Newton's method with the base rotation ``theta``; also return the Jacobian."""
-        model, data, q, R_d = self.model, self.data, guess.copy(), pin.exp3(theta)
-        q[7 + LEGS_AND_BASE - 6 :] = task.upper.q[k]
+        model, data, q, R_d = self.model, self.data, guess.copy(), pin.exp3(theta) @ self._R_upright
+        q[self.upper + 1] = task.upper.q[k]
         left_m, right_m, com_m = task.places_m[k]
         step = np.zeros(model.nv)
         for _ in range(_ITERATIONS):
@@ -178,7 +189,7 @@ class WholeBody:
             )
             if np.abs(e).max() < _TOLERANCE:
                 return q, J
-            step[:LEGS_AND_BASE] = np.linalg.solve(J[:, :LEGS_AND_BASE], e)
+            step[self._lower] = np.linalg.solve(J[:, self._lower], e)
             q = pin.integrate(model, q, min(1.0, _STEP_RAD / float(np.abs(step).max())) * step)
         raise NotEstimable("robot-out-of-reach", f"The robot's legs do not reach the footprints {time_s:.2f} s in.")
 
@@ -201,8 +212,9 @@ class WholeBody:
         rows = [pin.getFrameClassicalAcceleration(model, data, f, pin.LOCAL_WORLD_ALIGNED) for f in self._soles]
         return np.concatenate([*(row.vector for row in rows), data.acom[0], np.zeros(3)])
 
-
-def _solve_rates(J: np.ndarray, rate: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Rates of all coordinates: the upper body as given, base and legs from the equations."""
-    lower = np.linalg.solve(J[:, :LEGS_AND_BASE], rate - J[:, LEGS_AND_BASE:] @ upper)
-    return np.concatenate([lower, upper])
+    def _solve_rates(self, J: np.ndarray, rate: np.ndarray, upper: np.ndarray) -> np.ndarray:
+        """Rates of all coordinates: the upper body as given, base and legs from the equations."""
+        rates = np.empty(self.model.nv)
+        rates[self._lower] = np.linalg.solve(J[:, self._lower], rate - J[:, self._others] @ upper)
+        rates[self._others] = upper
+        return rates

@@ -12,13 +12,14 @@ one to the other: of a grid of load shares, the one is used whose total shift is
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from stridelab.contacts.effector_geometry import FOOT_CLEARANCE_M, foot_clearance_m
 from stridelab.conventions import GRAVITY_M_S2, Rotation, Vector3
 from stridelab.robots.robot import Robot
 
@@ -27,7 +28,7 @@ _MIN_LOAD_SHARE = 0.05
 _N_SHARES = 41
 _TRANSFER_COST_M = 0.01
 """Cost of transferring all the load, in units of the error of the centre of pressure."""
-MIN_COM_HEIGHT_M = 0.3
+MIN_COM_HEIGHT_M = 0.15
 """Lower bound of the CoM height in the pendulum model."""
 Shift = Float[np.ndarray, "2"]
 
@@ -64,6 +65,10 @@ class CapturePointFeedback:
     integral_m: float = 0.03
     edge_m: float = 0.005
     transfer: float = 1.0
+
+    def scaled(self, size: float) -> "CapturePointFeedback":
+        """For a robot of ``size`` times the lengths."""
+        return replace(self, integral_m=size * self.integral_m, edge_m=size * self.edge_m)
 
     def shift_m(self, error_m: Shift, integral_m: Shift) -> Shift:
         """Shift of the centre of pressure for an error of the capture point and its integral times w."""
@@ -119,6 +124,15 @@ def _pressure_m(sole: Sole) -> Vector3:
 def pendulum_rate(com_height_m: float) -> float:
     """Rate ``w`` (1/s) of the linear inverted pendulum."""
     return float(np.sqrt(GRAVITY_M_S2 / max(com_height_m, MIN_COM_HEIGHT_M)))
+
+
+def size_share(robot: Robot) -> float:
+    """Size of a robot over that for which lengths and forces of the replay were chosen, at most 1.
+
+    It is below 1 where the swings are lower, too: for a CoM below 0.55 m in the reference posture.
+    """
+    com_m = pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)
+    return foot_clearance_m(float(com_m[2])) / FOOT_CLEARANCE_M
 
 
 def ankle_torques_nm(ankle: Ankle, shift_m: Shift, load_n: float) -> Float[np.ndarray, "2"]:

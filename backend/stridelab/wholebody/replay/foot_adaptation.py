@@ -12,7 +12,7 @@ stays at its position; one that is not loaded in time moves down to search for t
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -45,6 +45,20 @@ class Footing:
     search_m: float = 0.025
     most_m: float = 0.25
     may_land: float = 0.6
+
+    def scaled(self, size: float) -> "Footing":
+        """For a robot of ``size`` times the lengths: times with its root, forces with its cube."""
+        root = size**0.5
+        return replace(
+            self,
+            loaded_n=size**3 * self.loaded_n,
+            settling_s=root * self.settling_s,
+            rate_m_s=root * self.rate_m_s,
+            aside_m_s=root * self.aside_m_s,
+            search_m_s=root * self.search_m_s,
+            search_m=size * self.search_m,
+            most_m=size * self.most_m,
+        )
 
 
 class FootAdaptation:

@@ -29,7 +29,7 @@ lowered again.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -70,6 +70,13 @@ class Grip:
     lift_m_s: float = 0.2
     search_m_s: float = 0.06
     torque_share: float = 0.5
+
+    def scaled(self, size: float) -> "Grip":
+        """For a robot of ``size`` times the lengths: times with its root, forces with its cube."""
+        powers = {"least_n": 3.0, "touching_n": 3.0, "gain_m_per_ns": -2.5, "rate_n_s": 2.5}
+        powers |= dict.fromkeys(("pressure_m", "most_m", "most_aside_m", "beside_m", "lift_m"), 1.0)
+        powers |= dict.fromkeys(("release_s", "lost_s", "aside_m_s", "lift_m_s", "search_m_s"), 0.5)
+        return replace(self, **{name: size**power * getattr(self, name) for name, power in powers.items()})
 
     def force_reference_n(self, planned_n: float, hand: Contact, soles_m: Vector3, weight_n: float) -> float:
         """Normal force reference (N) of a hand of a robot with soles around ``soles_m``."""

@@ -7,7 +7,7 @@ whole-body motion.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,33 +23,49 @@ from stridelab.wholebody.replay.dcm_feedback import (
     ankle_torques_nm,
     ankles_of,
     pendulum_rate,
+    size_share,
 )
 from stridelab.wholebody.replay.foot_adaptation import FootAdaptation, Footing
 from stridelab.wholebody.replay.hand_force_control import Grip, HandForceControl
 from stridelab.wholebody.replay.sensors import SensedState
 from stridelab.wholebody.replay.step_adjustment import AdaptiveClock, Stepping
 
-_MIN_LOAD_N = 30.0
-"""Lower bound of a sole's load in the ankle feedback."""
 _AHEAD_S = 1.5
 """A motion that is still being computed is followed so far behind: all but a hundredth of a sole's reach is known."""
 
 
 @dataclass(frozen=True)
 class Stabiliser:
-    """Settings; ``ankle_stiffness`` scales the position control of the ankles, which counteracts ``capture``."""
+    """Settings; ``ankle_stiffness`` scales the position control of the ankles, which counteracts ``capture``.
+
+    ``least_load_n`` is the lower bound of a sole's load in the ankle feedback.
+    """
 
     capture: CapturePointFeedback = field(default_factory=CapturePointFeedback)
     footing: Footing | None = field(default_factory=Footing)
     grip: Grip | None = field(default_factory=Grip)
     stepping: Stepping = field(default_factory=Stepping)
     ankle_stiffness: float = 0.2
+    least_load_n: float = 30.0
+
+    def scaled(self, size: float) -> "Stabiliser":
+        """For a robot of ``size`` times the lengths (``size_share``): forces with its cube."""
+        return replace(
+            self,
+            capture=self.capture.scaled(size),
+            footing=None if self.footing is None else self.footing.scaled(size),
+            grip=None if self.grip is None else self.grip.scaled(size),
+            stepping=self.stepping.scaled(size),
+            least_load_n=size**3 * self.least_load_n,
+        )
 
 
 class StabiliserRun:
     """State of the stabiliser during one replay."""
 
     def __init__(self, stabiliser: Stabiliser, robot: Robot, motion: WholeBodyMotion) -> None:
+        size = size_share(robot)
+        stabiliser = stabiliser if size == 1.0 else stabiliser.scaled(size)
         self._settings, self._robot, self._motion = stabiliser, robot, motion
         self._ankles = ankles_of(robot)
         self._kinematics = LimbKinematics(robot, motion.sequence.effectors)
@@ -158,7 +174,7 @@ class StabiliserRun:
         )
         for name, sole in soles.items():
             ankle = self._ankles[name]
-            load_n = max(sole.load_n + transferred[name], _MIN_LOAD_N)
+            load_n = max(sole.load_n + transferred[name], self._settings.least_load_n)
             tau[list(ankle.joints)] += ankle_torques_nm(ankle, shifts[name], load_n)
             if transferred[name]:
                 tau[self._kinematics.limb[name]] += self._kinematics.torques_nm(

@@ -12,7 +12,7 @@ step; the rate with the smallest step is used.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,6 +43,11 @@ class Stepping:
     slew_per_s: float = 40.0
     still_m: float = 0.06
     most_lost_s: float = 5.0
+
+    def scaled(self, size: float) -> "Stepping":
+        """For a robot of ``size`` times the lengths."""
+        lengths = ("least_m", "small_m", "margin_m", "most_step_m", "still_m")
+        return replace(self, **{name: size * getattr(self, name) for name in lengths})
 
 
 class ConstantClock:

@@ -18,6 +18,7 @@ from stridelab.wholebody.recovery.driven_joints import DrivenJoints
 from stridelab.wholebody.recovery.leg_geometry import LegGeometry
 from stridelab.wholebody.recovery.recovery import JointCommand, Recovery, RecoveryRun
 from stridelab.wholebody.recovery.walking import WalkCommand, WalkRun
+from stridelab.wholebody.replay.dcm_feedback import size_share
 from stridelab.wholebody.replay.disturbances import Disturbances, Push
 from stridelab.wholebody.replay.log import LOADED_N, LeftPlan, Replay, ReplayLog
 from stridelab.wholebody.replay.mujoco_model import build_simulation
@@ -29,7 +30,7 @@ from stridelab.wholebody.replay.stabiliser import StabiliserRun
 from stridelab.wholebody.replay.step_adjustment import ConstantClock
 
 FALL_COM_ERROR_M: Final = 0.25
-"""CoM error beyond which the robot counts as fallen."""
+"""CoM error beyond which a robot counts as fallen, in proportion for small ones (``size_share``)."""
 HOLD_S: Final = 1.0
 """Duration of the last posture, to detect falls right after the end of the motion."""
 
@@ -71,6 +72,7 @@ class ReplayStepper:
         self._pace = ConstantClock(self._last_sample) if self.stabilising is None else self.stabilising.pace
         self._legs = LegGeometry.of_robot(robot)
         self.standing = True
+        self._fall_error_m = size_share(robot) * FALL_COM_ERROR_M
         self.recovering: RecoveryRun | None = None
         self._left: LeftPlan | None = None
         self._resumption: Resumption | None = None
@@ -231,7 +233,7 @@ class ReplayStepper:
         left = self.recovering is not None
         times_s = self.time_s, self.plan_time_s, float(self.motion.time_s[self._pace.sample_index])
         self.log.record_sample(simulation, times_s, com_m, error_m, left)
-        self.standing = error_m < FALL_COM_ERROR_M if self.recovering is None else not self.recovering.has_fallen
+        self.standing = error_m < self._fall_error_m if self.recovering is None else not self.recovering.has_fallen
         return i
 
     def to_replay(self, took_s: float) -> Replay:

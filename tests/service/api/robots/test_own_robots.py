@@ -236,12 +236,16 @@ def test_jobs_that_name_it_or_its_parts_are_validated(http: httpx.Client, small:
         body = {"scenario": one_step(), "robot": robot_name, "speed_m_s": 0.2, "n": 2}
         return http.post(f"{jobs}/push-basin", json=body)
 
+    def simulate(robot_name: str) -> httpx.Response:
+        return http.post(f"{jobs}/simulate-recording", json={"robot": robot_name, "duration_s": 2.0})
+
     wrong = problem_of(learn("nose"), 422)
     assert (wrong["errors"][0]["where"], "left_foot" in wrong["detail"]) == ("effectors.0", True)
     wrong = problem_of(plan("nose"), 422)
     assert (wrong["code"], wrong["errors"][0]["where"]) == ("replay-invalid", "replay.pushes.0.link")
     assert problem_of(push("nobody"), 422)["errors"][0]["where"] == "robot"
-    for answer in (learn("left_foot"), plan("pelvis"), push("small")):
+    assert problem_of(simulate("nobody"), 422)["errors"][0]["where"] == "robot"
+    for answer in (learn("left_foot"), plan("pelvis"), push("small"), simulate("small"), simulate("human")):
         assert answer.status_code == 202, answer.text
         http.delete(f"{jobs}/{answer.json()['id']}")
     assert small["name"] == "small"

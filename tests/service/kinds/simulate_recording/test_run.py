@@ -162,9 +162,11 @@ def test_talos_is_estimated_like_a_person(talos: Path) -> None:
     ("options", "part"),
     [
         ({"gait": "running"}, "only TALOS runs"),
+        ({"robot": "hrp2", "gait": "running"}, "only TALOS runs"),
         ({"robot": "talos", "mass_kg": 80.0}, "its own height and mass"),
         ({"robot": "talos", "sex": "male"}, "its own height and mass"),
-        ({"robot": "hrp2"}, "human and talos only, not of hrp2"),
+        ({"robot": "hrp2", "height_m": 1.6}, "its own height and mass"),
+        ({"robot": ""}, "at least 1 character"),
         ({"mass_kg": None}, "a person needs"),
     ],
 )

@@ -19,7 +19,7 @@ from stridelab.pipelines.replays.options import require_pushes
 from stridelab.robots.card import robot_card, robot_names
 from stridelab.schemas.base import Contract
 from stridelab.schemas.comparison import ComBenchInput
-from stridelab.schemas.jobs import Job
+from stridelab.schemas.jobs import Job, SimulateRecordingInput
 from stridelab.schemas.measures import GaitMeasuresInput, GaitReportInput
 from stridelab.schemas.plans import PlanContactsInput, PlanMotionInput, ReplayOptions
 from stridelab.schemas.population import MAX_RECORDINGS, StudyPopulationInput
@@ -70,6 +70,8 @@ async def validate_request(parts: Parts, request: Contract, caller: Caller) -> J
     if isinstance(request, CommissionRobotInput):
         async with parts.engine.connect() as connection:
             require_owner(caller, (await required_robot(connection, request.robot))["owner"], "robot")
+    if isinstance(request, SimulateRecordingInput) and request.robot != "human":
+        await _effectors_of(parts, request.robot)
     if isinstance(request, LearnReachabilityInput):
         _refuse_unknown_effectors(request, (await _effectors_of(parts, request.robot)).names)
     if isinstance(request, StudyPopulationInput | GaitMeasuresInput | GaitReportInput | ComBenchInput):

@@ -61,7 +61,7 @@ async def publish(
 KIND = JobKind(
     name="simulate-recording",
     title="Simulated recording",
-    description="Simulates a laboratory recording of a walking person or of the humanoid TALOS, with its ground truth.",
+    description="Simulates a laboratory recording of a walking person or robot, with its ground truth.",
     examples={
         "walk": {"summary": "Six seconds of walking", "value": {"duration_s": 6.0, "speed_m_s": 1.2, "seed": 1}},
         "noisy": {

@@ -1,4 +1,4 @@
-"""``simulate-recording``: simulates a laboratory recording of a walking human or TALOS, with its ground truth.
+"""``simulate-recording``: simulates a laboratory recording of a walking human or robot, with its ground truth.
 
 The recording is a C3D file like an upload, and its facts are read from this file; it contains the segment table of the
 simulated body (table "carried" of ``estimate-com``). ``truth`` is the exact motion.
