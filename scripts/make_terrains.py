@@ -57,7 +57,8 @@ physics simulation without disturbances. All results are simulated.{share}
 """
 NOTE = """The seed was used for nothing before, and nothing was changed because of these results. Planner and
 controller were developed on other seeds (1, 31, 501, 502, 7311, 8123, 8124, 94127; flights 31874 and 52017) and on
-single scenarios of 861207 (68, 101, 104, 138, 174, 176, 197), 90417 (68), 77003 (flights 3 and 6) and 558201 (193);
+single scenarios of 861207 (68, 101, 104, 138, 174, 176, 197), 90417 (68), 77003 (flights 3 and 6), 558201 (193) and,
+afterwards, 914663 (30);
 turns on the spot were narrowed to 24 degrees for TALOS and HRP-2 after such turns had been seen, since from 26 and 29
 degrees on their shoes overlap.
 
@@ -67,7 +68,13 @@ legs keep off boxes and rails, which was taken back because the body of a test s
 hand's force used half of its friction then, which was taken back as well, since hands on walls did not bear what is
 planned. Rails were repeated with the final program: of the first eight of this draw in the order of their numbers seven
 are certified and completed (TALOS 2 of 3, HRP-2 3 of 3, G1 2 of 2). The other (30, TALOS: the hand sinks 4.2 mm into
-its rail as it lands, 0.5 are allowed) is refused by the certificate, and was before these changes, too.
+its rail as it leaves it, 0.5 are allowed) is refused by the certificate, and was before these changes, too.
+
+It passes since [no hand is pushed into its rail](whole-body.md#the-hierarchy), which was tuned on it. Of a draw that
+was used for nothing before (seed 20261128, rails only, the first twelve of a fixed order, as many as the time
+allowed) ten are certified and completed: TALOS 5 of 5, HRP-2 3 of 3, G1 2 of 4. The other two are certified neither
+with nor without this change, by the same figures: a hand of G1 drifts by 0.86 and 0.88 mm on its rail (0.5 are
+allowed). Their replays are completed.
 
 The draw before, seed 558201, was used for nothing before either and shows the program before [its limits were
 moved](whole-body.md#limits-that-random-scenarios-found): of its first 86 scenarios in random order (of 200) 84 are

@@ -4,6 +4,7 @@ A ``Scenario`` of the HTTP API becomes a ``ContactSequence`` once it is validate
 stage read no other contact data.
 """
 
+from bisect import bisect_right
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -63,6 +64,10 @@ class ContactSequence:
         return np.cumsum(self.durations_s)
 
     @cached_property
+    def _end_list_s(self) -> list[float]:
+        return [float(end) for end in self.ends_s]
+
+    @cached_property
     def starts_s(self) -> Series:
         """Start of every phase ``(n_phases,)``."""
         return np.concatenate([[0.0], self.ends_s[:-1]])
@@ -96,7 +101,7 @@ class ContactSequence:
 
     def phase_at(self, time_s: float) -> int:
         """Index of the phase at ``time_s``; a boundary belongs to the phase that begins there."""
-        return int(self.phases_at(np.array([time_s]))[0])
+        return min(bisect_right(self._end_list_s, time_s), len(self.phases) - 1)
 
     def phases_at(self, time_s: Series) -> Int[np.ndarray, "n"]:
         """Indices of the phases at ``time_s`` ``(n,)``, as ``phase_at``."""

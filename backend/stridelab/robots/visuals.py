@@ -196,11 +196,17 @@ def link_meshes(robot: Robot) -> tuple[LinkMesh, ...]:
 
 def link_poses(robot: Robot, q: Float[np.ndarray, "nq"]) -> Float[np.ndarray, "n_links 7"]:
     """Pose of every link of ``link_names`` in the world: px, py, pz (m), qw, qx, qy, qz (w >= 0)."""
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, q)
-    poses = np.array([pin.SE3ToXYZQUAT(T_world_joint) for T_world_joint in list(data.oMi)[1:]])
-    wxyz = poses[:, [6, 3, 4, 5]]
-    return np.column_stack([poses[:, :3], np.where(wxyz[:, :1] < 0.0, -wxyz, wxyz)])
+    return np.asarray(link_pose_frames(robot, q[None])[0])
+
+
+def link_pose_frames(robot: Robot, q: Float[np.ndarray, "f nq"]) -> Float[np.ndarray, "f n_links 7"]:
+    """``link_poses`` of many postures; making room for the kinematics takes far longer than one posture."""
+    data, poses = robot.model.createData(), np.empty((len(q), robot.model.njoints - 1, 7))
+    for frame, posture in zip(poses, q, strict=True):
+        pin.forwardKinematics(robot.model, data, posture)
+        frame[:] = [pin.SE3ToXYZQUATtuple(T_world_joint) for T_world_joint in list(data.oMi)[1:]]
+    wxyz = poses[:, :, [6, 3, 4, 5]]
+    return np.concatenate([poses[:, :, :3], np.where(wxyz[:, :, :1] < 0.0, -wxyz, wxyz)], axis=2)
 
 
 def _link_of(model: pin.Model, joint: int) -> str:

@@ -13,6 +13,7 @@ from sqlalchemy import select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.errors import StridelabError
+from stridelab.robots.card import robot_names
 from stridelab.schemas.robots import NAME_PATTERN
 from stridelab.service.filenames import BUNDLE_FILE, LEARNED_FILE, LINKS_FILE, STAGED_ROBOT
 from stridelab.service.kinds.base import Blobs
@@ -21,6 +22,7 @@ from stridelab.service.storage.tables import robot
 
 ROBOT_FOLDER: Final = "own-robots"
 """Key prefix of the files of robots: ``own-robots/<id>/<file>``."""
+_LINKS_POLL_S: Final = 0.5
 _UPLOAD: Final = "stridelab.service.kinds.robots.upload"
 READ_ROBOT: Final = f"{_UPLOAD}:read_robot"
 PROPOSE_CARD: Final = f"{_UPLOAD}:propose"
@@ -68,6 +70,22 @@ async def stage_links(connection: AsyncConnection, blobs: Blobs, name: str, fold
             key = row["links_key"]
         if await blobs.exists(key):
             await blobs.get_file(key, folder / LINKS_FILE)
+
+
+async def await_links(blobs: Blobs, name: str, folder: Path) -> None:
+    """Fetch the display meshes of a bundled robot into ``folder`` once they are stored, unless they are there.
+
+    A service makes them after its first start, when a plan may run already.
+    """
+    links, part = folder / LINKS_FILE, folder / f".{LINKS_FILE}"
+    if links.exists() or name not in robot_names():
+        return
+    with contextlib.suppress(StridelabError, OSError):  # the run says what is wrong with the robot
+        key = f"{await asyncio.to_thread(cached_files_prefix, name)}/{CACHED_LINKS_FILE}"
+        while not await blobs.exists(key):
+            await asyncio.sleep(_LINKS_POLL_S)
+        await blobs.get_file(key, part)
+        part.replace(links)
 
 
 async def stored_bytes(blobs: Blobs, row: Mapping[str, Any]) -> int:

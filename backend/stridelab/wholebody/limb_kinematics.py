@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float, Int
 
-from stridelab.conventions import Vector3
+from stridelab.conventions import Rotation, Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
@@ -19,6 +19,8 @@ class LimbKinematics:
     def __init__(self, robot: Robot, effectors: tuple[str, ...]) -> None:
         self._model, self._frames = with_contact_frames(robot)
         self._data = self._model.createData()
+        self._placements: dict[str, Placement] = {}
+        self._measured: tuple[SensedState, Rotation] | None = None
         self.limb: Mapping[str, Int[np.ndarray, "k"]] = {
             name: self._limb_joints(robot, name) for name in effectors if name in self._frames
         }
@@ -28,17 +30,21 @@ class LimbKinematics:
         """Compute the kinematics at ``q``."""
         pin.computeJointJacobians(self._model, self._data, q)
         pin.updateFramePlacements(self._model, self._data)
+        self._placements.clear()
         self.base = Placement(q[:3], self._data.oMi[1].rotation.copy())
 
     def contact_placement(self, effector: str) -> Placement:
         """Placement of an effector's contact frame."""
-        placement = self._data.oMf[self._frames[effector]]
-        return Placement(placement.translation.copy(), placement.rotation.copy())
+        if effector not in self._placements:
+            placement = self._data.oMf[self._frames[effector]]
+            self._placements[effector] = Placement(placement.translation.copy(), placement.rotation.copy())
+        return self._placements[effector]
 
     def compensate_base_error(self, target_m: Vector3, measured: SensedState) -> Vector3:
         """Position relative to the planned base that puts an effector at ``target_m`` despite the error of the base."""
-        measured_R = np.asarray(pin.Quaternion(measured.q[3:7]).toRotationMatrix())
-        in_measured_base = measured_R.T @ (target_m - measured.q[:3])
+        if self._measured is None or self._measured[0] is not measured:
+            self._measured = measured, np.asarray(pin.Quaternion(measured.q[3:7]).toRotationMatrix())
+        in_measured_base = self._measured[1].T @ (target_m - measured.q[:3])
         return np.asarray(self.base.rotation @ in_measured_base + self.base.position_m)
 
     def limb_jacobian(self, effector: str) -> Float[np.ndarray, "6 k"]:

@@ -1,5 +1,6 @@
 """Rows and blobs become a task; a finished simulation becomes a recording. On a real database and a real store."""
 
+import asyncio
 import hashlib
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -251,6 +252,28 @@ def test_a_plan_of_the_whole_body_gets_the_stored_meshes_of_its_robot(
         await stage(connection, blobs, PlanMotionInput(scenario=short_walk()), folder)
 
     within(database_url, act)
+    assert (folder / LINKS_FILE).read_bytes() == b"meshes"
+
+
+def test_meshes_that_are_stored_while_a_plan_runs_reach_it(blobs: BlobStore, folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "stored").write_bytes(b"meshes")
+    later, walk = KINDS["plan-motion"].stage_later, short_walk()
+
+    def task(whole_body: bool) -> dict[str, Any]:
+        request = PlanMotionInput(scenario=walk, whole_body=whole_body)
+        return PlanMotionTask(scenario=walk, input=request).model_dump(mode="json")
+
+    async def act() -> None:
+        assert later is not None
+        await asyncio.wait_for(later(blobs, task(whole_body=False), folder), 5.0)
+        waiting = asyncio.ensure_future(later(blobs, task(whole_body=True), folder))
+        done, _ = await asyncio.wait({waiting}, timeout=0.2)
+        assert not done, "nothing is stored yet"
+        await blobs.put_file(f"{cached_files_prefix(walk.robot)}/links.glb", tmp_path / "stored")
+        await asyncio.wait_for(waiting, 10.0)
+
+    asyncio.run(act())
+    assert [path.name for path in folder.iterdir()] == [LINKS_FILE], "no half-written file beside it"
     assert (folder / LINKS_FILE).read_bytes() == b"meshes"
 
 

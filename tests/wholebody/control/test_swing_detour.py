@@ -62,6 +62,20 @@ def test_a_detour_has_an_end() -> None:
         assert np.linalg.norm(pin.log3(R)) < 1.1 * MAX_TILT_RAD
 
 
+def test_a_hand_is_not_pushed_into_the_surface_that_it_leaves() -> None:
+    start = Placement.from_wxyz([0.0, 0.0, 0.9], [np.cos(0.2), np.sin(0.2), 0.0, 0.0])
+    curve = SwingCurve(start, Placement.from_wxyz([0.4, 0.0, 1.0]), 1.0, "point")
+    inward, outward, normal = SwingDetour(curve, DT), SwingDetour(curve, DT), start.rotation[:, 2]
+    push = np.array([0.3, -8.0, -9.0, 0.0, 0.0, 0.0])
+    for i in range(1, 500):
+        plain_m = curve.state_at(i * DT).placement.position_m
+        moved_m = inward.next_state(i * DT, push.copy).placement.position_m - plain_m
+        assert abs(moved_m @ normal) < 1e-12
+        assert i < 100 or moved_m[1] < -1e-3, "along the surface it is pushed as before"
+        out_m = outward.next_state(i * DT, lambda: -push).placement.position_m - plain_m
+        assert i == 1 or out_m @ normal > 0.0
+
+
 @pytest.mark.parametrize("joint", ["leg_left_5_joint", "leg_left_6_joint"])
 @pytest.mark.parametrize("end", ["lower", "upper"])
 def test_an_ankle_near_an_end_of_its_range_is_turned_away_from_it(talos: Robot, joint: str, end: str) -> None:

@@ -4,6 +4,7 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Coroutine
 from contextlib import aclosing, asynccontextmanager, suppress
+from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,11 +12,14 @@ from typing import Any, Final
 
 import anyio
 from fastapi import APIRouter, FastAPI
+from sqlalchemy import exists, select
+from sqlalchemy.ext.asyncio import AsyncEngine
 from starlette.middleware.gzip import DEFAULT_EXCLUDED_CONTENT_TYPES, GZipMiddleware
 
 from stridelab import __version__
 from stridelab.errors import Unavailable
 from stridelab.robots.card import robot_names
+from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service.api import health, login, metrics, openapi, problems
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.jobs import endpoints as jobs
@@ -43,6 +47,7 @@ from stridelab.service.api.subjects import endpoints as subjects
 from stridelab.service.api.tokens import endpoints as access
 from stridelab.service.auth.token_cache import TokenCache
 from stridelab.service.jobs.notifications import JobNotifications
+from stridelab.service.jobs.queue import DATABASE_UNAVAILABLE
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.jobs.work_folder import WorkFolder
 from stridelab.service.kinds.registry import KINDS, READING
@@ -54,6 +59,7 @@ from stridelab.service.samples import scenarios as bundled_scenarios
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import database_url, make_engine
+from stridelab.service.storage.tables import job
 
 WEB_MODULE: Final = "stridelab.service.web_mount"
 MAX_PARSERS: Final = 2
@@ -64,6 +70,10 @@ MAX_ROBOT_READERS: Final = 2
 """Maximum number of robots that are read or whose cards are checked at the same time: each may take 90 s."""
 MAX_VALIDATIONS: Final = 2
 """Maximum number of scenarios that are validated at the same time."""
+REST_S: Final = 5.0
+"""The files of further robots are made once no job has run for this time: a first plan would take a third longer."""
+REST_MAX_S: Final = 60.0
+"""They are made after this time in any case."""
 
 MAX_POSITION_AGE_S: Final = 1.0
 """Maximum age of the positions of waiting jobs."""
@@ -146,7 +156,22 @@ def create_app(settings: Settings, *, with_sample: bool = False, for_pages: bool
 async def _warm_robots(parts: Parts, with_sample: bool) -> None:
     if with_sample:
         # robots of the bundled scenarios come first
-        await parts.robots.prepare_all(dict.fromkeys((*bundled_scenarios.robots_by_frequency(), *robot_names())))
+        names = dict.fromkeys((*bundled_scenarios.robots_by_frequency(), *robot_names()))
+        await parts.robots.prepare_all(names, partial(await_idle_queue, parts.engine))
+
+
+async def await_idle_queue(engine: AsyncEngine) -> None:
+    """Return when no job has run or waited for ``REST_S``, or after ``REST_MAX_S``."""
+    began_s = rests_since_s = time.monotonic()
+    works = select(exists().where(job.c.state.not_in(FINAL_STATES)))
+    while (now_s := time.monotonic()) - began_s < REST_MAX_S:
+        with suppress(*DATABASE_UNAVAILABLE):
+            async with engine.connect() as connection:
+                if await connection.scalar(works):
+                    rests_since_s = now_s
+        if now_s - rests_since_s >= REST_S:
+            return
+        await asyncio.sleep(1.0)
 
 
 @asynccontextmanager

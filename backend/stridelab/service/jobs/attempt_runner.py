@@ -119,6 +119,7 @@ class AttemptRunner:
 
     async def _run_attempt(self, engine: AsyncEngine, pool: IsolatedPool, root: Path) -> str:
         folder: Path | None = None
+        later: asyncio.Task[None] | None = None
         log_tail = ""
         try:
             folder = await self._retry_storage(lambda: _folder_below(root))
@@ -127,6 +128,8 @@ class AttemptRunner:
             if self._kind.shows_parts:
                 with explain_full_disk():
                     self._parts = PartialReader(folder)
+            if self._kind.stage_later is not None:
+                later = asyncio.ensure_future(self._kind.stage_later(self._blobs, task, folder))
             with telemetry.start_span("compute") as computing:
                 outcome = await pool.run(
                     self._kind.run,
@@ -160,6 +163,9 @@ class AttemptRunner:
             }
             return await self._end_unsuccessful("failed", problem, log_tail)
         finally:
+            if later is not None:
+                later.cancel()
+                await asyncio.gather(later, return_exceptions=True)
             parts, self._parts = self._parts, None
             if parts is not None:
                 parts.close()

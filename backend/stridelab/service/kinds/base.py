@@ -74,6 +74,8 @@ class Outcome:
 
 Stage: TypeAlias = "Callable[[AsyncConnection, Blobs, Any, Path], Awaitable[Json]]"
 """``stage(connection, blobs, input, folder) -> task``: fetch rows and blob files for a valid input into ``folder``."""
+StageLater: TypeAlias = "Callable[[Blobs, Json, Path], Awaitable[None]]"
+"""``stage_later(blobs, task, folder)``: called beside the run, and cancelled when that ends."""
 Publish: TypeAlias = "Callable[[AsyncConnection, Blobs, Mapping[str, Any], Json, Path], Awaitable[Json | None]]"
 """``publish(connection, blobs, job_row, outcome, folder) -> summary``: called inside the fenced transaction, before
 the job row is set to succeeded; ``folder`` still contains the artifacts; a returned summary replaces the outcome's."""
@@ -97,7 +99,8 @@ class JobKind:
     another call submits it. ``own_files`` maps a job's input to the key prefix of files that only this job needs: they
     are removed when it has ended. ``sandbox`` restricts the child; None, for a kind that reads no uploaded files, is
     unrestricted. A kind that ``spans_nodes`` may connect to the scheduler of ``STRIDELAB_DASK_URL``; one
-    that ``shows_parts`` writes parts of its result while it is computed (``partial_results``).
+    that ``shows_parts`` writes parts of its result while it is computed (``partial_results``). ``stage_later`` fetches
+    files that a run uses only if they are there in time.
     """
 
     name: str
@@ -107,6 +110,7 @@ class JobKind:
     summary_model: type[Contract]
     stage: Stage
     run: str = ""
+    stage_later: "StageLater | None" = None
     examples: Mapping[str, Any] = field(default_factory=dict)
     publish: "Publish | None" = None
     timeout_s: float | None = None

@@ -26,7 +26,7 @@ from stridelab.service.kinds.base import Blobs, Json, Stage
 from stridelab.service.kinds.session_staging import session_of
 from stridelab.service.storage.tables import recording, scenario, subject
 from stridelab.service.stored_marker_sets import source_marker_sets
-from stridelab.service.stored_robots import stage_links, stage_robot
+from stridelab.service.stored_robots import await_links, stage_links, stage_robot
 
 
 def stated_subject(recording_fields: Mapping[str, Any], subject_fields: Mapping[str, Any] | None) -> SubjectFields:
@@ -94,6 +94,12 @@ def stage_scenario(task_model: type[PlanMotionTask | PlanRecedingTask | PushBasi
         return task_model.model_validate({"scenario": scenario, "input": request}).model_dump(mode="json")
 
     return stage
+
+
+async def await_robot_links(blobs: Blobs, task: Json, folder: Path) -> None:
+    """Fetch the display meshes of the robot of a ``PlanMotionTask`` as soon as they are stored."""
+    if task["input"]["whole_body"]:
+        await await_links(blobs, task["scenario"]["robot"], folder)
 
 
 async def _stored_scenario(connection: AsyncConnection, scenario_id: str | None) -> Scenario:

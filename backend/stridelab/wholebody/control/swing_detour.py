@@ -26,6 +26,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.contacts.swing import SwingCurve, SwingPoint, Window, quintic_scaling
+from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.joint_limits import JointLimits
@@ -74,6 +75,8 @@ class SwingDetour:
         o, v, p = self.offset, self.rate, push()
         if self.opens is not None:
             p = p * quintic_scaling(t, self.opens, self.curve.duration_s)[0]
+        if self.curve.kind == "point":
+            p[:3] = self._without_inward_push(p[:3], t)
         if not (p.any() or o.any()):
             return target
         for part, most in ((slice(0, 3), MAX_DETOUR_M), (slice(3, 6), MAX_TILT_RAD)):
@@ -94,6 +97,12 @@ class SwingDetour:
             angular_velocity_rad_s=target.angular_velocity_rad_s + x_v[3:],
             angular_acceleration_rad_s2=target.angular_acceleration_rad_s2 + x_a[3:],
         )
+
+    def _without_inward_push(self, push_m_s2: Vector3, time_s: float) -> Vector3:
+        """A push on a hand without the part that moves its contact point into the surface that it leaves or nears."""
+        nearer = self.curve.start if 2.0 * time_s < self.curve.duration_s else self.curve.end
+        normal = nearer.rotation[:, 2]
+        return np.asarray(push_m_s2 - min(0.0, float(push_m_s2 @ normal)) * normal)
 
 
 @dataclass(frozen=True, eq=False)

@@ -123,9 +123,16 @@ class Capturability:
 
 def _discounted_integral(values: np.ndarray, decay: Series, ends: np.ndarray) -> np.ndarray:
     """``w int exp(-w (s - t)) values(s) ds`` from every sample on; the integral stops after samples with ``ends``."""
-    integral = values.copy()
-    for i in range(len(values) - 2, -1, -1):
-        integral[i] = decay[i] * integral[i + 1] * (not ends[i]) + (1.0 - decay[i]) * values[i]
+    integral, goes_on = values.copy(), ~ends
+    gained = (1.0 - decay).reshape(-1, *[1] * (values.ndim - 1)) * values
+    rows = integral.reshape(len(values), -1)
+    for column, added in zip(rows.T, gained.reshape(rows.shape).T, strict=True):
+        sums = column.tolist()  # a loop over plain numbers, ten times as fast as over arrays
+        given = list(zip(decay.tolist(), goes_on.tolist(), added.tolist(), strict=True))
+        for i in range(len(sums) - 2, -1, -1):
+            factor, continues, gain = given[i]
+            sums[i] = factor * sums[i + 1] * continues + gain
+        column[:] = sums
     return integral
 
 

@@ -11,6 +11,7 @@ with ``d x f``, which the joint with axis ``a`` opposes by ``-a (d x f)``. On tw
 one to the other: of a grid of load shares, the one is used whose total shift is closest to d.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -78,9 +79,10 @@ class CapturePointFeedback:
         self, shift_m: Shift, soles: Mapping[str, Sole], half_size_m: Mapping[str, tuple[float, float]]
     ) -> tuple[dict[str, Shift], dict[str, float]]:
         """Per sole the shift of its centre of pressure (contact frame) and the load transferred to it (N)."""
-        own_shifts = {name: self._clip_to_sole(shift_m, sole, half_size_m[name]) for name, sole in soles.items()}
-        gained = dict.fromkeys(soles, 0.0)
-        if len(soles) == 2:
+        if len(soles) != 2:
+            own_shifts = {name: self._clip_to_sole(shift_m, sole, half_size_m[name]) for name, sole in soles.items()}
+            gained = dict.fromkeys(soles, 0.0)
+        else:
             a, b = soles.values()
             total_n = a.load_n + b.load_n
             # load shares of the first sole, the planned one first; ``rest`` is left to the soles themselves
@@ -123,7 +125,7 @@ def _pressure_m(sole: Sole) -> Vector3:
 
 def pendulum_rate(com_height_m: float) -> float:
     """Rate ``w`` (1/s) of the linear inverted pendulum."""
-    return float(np.sqrt(GRAVITY_M_S2 / max(com_height_m, MIN_COM_HEIGHT_M)))
+    return math.sqrt(GRAVITY_M_S2 / max(com_height_m, MIN_COM_HEIGHT_M))
 
 
 def size_share(robot: Robot) -> float:

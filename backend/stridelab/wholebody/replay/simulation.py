@@ -44,6 +44,7 @@ class Simulation:
         self._measured: tuple[dict[str, Float[np.ndarray, "6"]], tuple[GeomContact, ...]] | None = None
         self._root = 1  # the robot's first body; 0 is the world
         self._command_nm = np.zeros(built.model.nu)
+        self._least_nm = -built.torque_limit_nm
         self._moving_limit_nm = built.torque_limit_nm[built.moving_actuator]
         self._coordinates: tuple[Float[np.ndarray, "nq"], Float[np.ndarray, "nv"]] | None = None
         self._placements: dict[str, Placement] = {}
@@ -83,10 +84,10 @@ class Simulation:
 
     def step(self, moving_nm: Float[np.ndarray, "na"], locked_nm: Float[np.ndarray, "nl"]) -> float:
         """One step under torques clipped at the limits; returns the largest ratio of commanded torque and limit."""
-        u, limit = self._command_nm, self.built.torque_limit_nm
-        u[self.built.moving_actuator] = moving_nm
-        u[self.built.locked_actuator] = locked_nm
-        np.minimum(np.maximum(u, -limit), limit, out=self._data.ctrl)
+        u, built = self._command_nm, self.built
+        u[built.moving_actuator] = moving_nm
+        u[built.locked_actuator] = locked_nm
+        np.minimum(np.maximum(u, self._least_nm), built.torque_limit_nm, out=self._data.ctrl)
         if self._refreshed:  # derived quantities and contacts are already up to date
             mujoco.mj_step2(self._model, self._data)
         else:
@@ -176,16 +177,17 @@ class Simulation:
         if self._measured is None:
             wrenches = {name: np.zeros(6) for name in self.built.geom}
             local, contacts = np.zeros(6), []
-            data_contacts = self._data.contact
-            for k, pair in enumerate(data_contacts.geom[: self._data.ncon].tolist()):
-                for geom, other, sign in ((pair[1], pair[0], 1.0), (pair[0], pair[1], -1.0)):
-                    if geom in self.built.effector:
+            at, effectors = self._data.contact, self.built.effector
+            pairs, frames, points_m = at.geom[: self._data.ncon].tolist(), at.frame, at.pos
+            for k, (first, second) in enumerate(pairs):
+                for geom, other, sign in ((second, first, 1.0), (first, second, -1.0)):
+                    if geom in effectors:
                         # the force is in the contact frame, whose rows are its axes, and acts on the second geometry
                         mujoco.mj_contactForce(self._model, self._data, k, local)
-                        axes = sign * data_contacts.frame[k].reshape(3, 3).T
+                        axes, wrench = sign * frames[k].reshape(3, 3).T, wrenches[effectors[geom]]
                         force = axes @ local[:3]
-                        wrenches[self.built.effector[geom]][:3] += force
-                        wrenches[self.built.effector[geom]][3:] += axes @ local[3:] + cross(data_contacts.pos[k], force)
+                        wrench[:3] += force
+                        wrench[3:] += axes @ local[3:] + cross(points_m[k], force)
                         contacts.append(GeomContact(geom, other, math.sqrt(float(force @ force))))
             self._measured = wrenches, tuple(contacts)
         return self._measured

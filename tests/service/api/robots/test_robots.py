@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import httpx
 import pytest
 
 from stridelab.robots import card
+from stridelab.service.api import app
 from stridelab.service.api.robots import cache as shelf_module
 from stridelab.service.api.robots import endpoints
 from stridelab.service.api.robots.cache import RobotCache
@@ -283,6 +285,28 @@ def test_robots_are_prepared_one_after_the_other_and_a_failure_affects_no_other(
     shelve(stubbed, describe="support.service.robot_children:missing")
     stubbed.run(stubbed.parts.robots.prepare_all(["hrp2"]))
     assert diary.read_text() == diary_text
+
+
+def test_further_robots_are_prepared_once_no_job_runs_or_waits(
+    http: httpx.Client, stubbed: Served, diary: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(app, "REST_S", 0.2)
+    rest = partial(app.await_idle_queue, stubbed.parts.engine)
+    asked = {"scenario": ONE_STEP, "whole_body": False}
+    waiting = http.post("/api/v1/jobs/plan-motion", json=asked).raise_for_status().json()["id"]
+    with ThreadPoolExecutor(1) as beside:
+        preparing = beside.submit(stubbed.run, stubbed.parts.robots.prepare_all(["talos", "g1"], rest), 120.0)
+        while len(diary.read_text().splitlines()) < len(ALL_OF_TALOS):
+            time.sleep(0.1)
+        time.sleep(2.5)
+        assert not preparing.done()
+        assert diary.read_text().splitlines() == ALL_OF_TALOS
+        http.delete(f"/api/v1/jobs/{waiting}").raise_for_status()
+        preparing.result()
+    assert len(diary.read_text().splitlines()) == 2 * len(ALL_OF_TALOS)
+    monkeypatch.setattr(app, "REST_S", 60.0)
+    monkeypatch.setattr(app, "REST_MAX_S", 0.2)
+    stubbed.run(rest())  # not for ever
 
 
 def test_children_run_at_low_priority_until_a_request_waits_for_them(

@@ -249,12 +249,15 @@ class RobotCache:
             return RobotPreparation(state="ready", fraction=1.0, message="ready")
         return RobotPreparation(state="failed", fraction=0.0, message=reason)
 
-    async def prepare_all(self, names: Iterable[str]) -> None:
+    async def prepare_all(self, names: Iterable[str], before_next: Callable[[], Awaitable[None]] | None = None) -> None:
         """Prepare robots one after the other; a failure is reported when the robot is requested.
 
-        The child processes of a robot have low priority until its preparation is requested.
+        The child processes of a robot have low priority until its preparation is requested. ``before_next`` is awaited
+        before every robot but the first.
         """
-        for name in names:
+        for k, name in enumerate(names):
+            if k and before_next is not None:
+                await before_next()
             self._in_background.add(name)
             try:
                 await self.prepare(name)

@@ -13,7 +13,7 @@ from stridelab.conventions import Points, Series
 from stridelab.dynamics.spatial import Placement
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
-from stridelab.robots.visuals import link_poses
+from stridelab.robots.visuals import link_pose_frames
 from stridelab.service.kinds.base import ArtifactFile
 from stridelab.service.kinds.plan_motion.tables import phase_indices
 from stridelab.service.kinds.result_tables import write_atomically, write_text_atomically
@@ -47,7 +47,7 @@ def display_frames(n_samples: int, rate_hz: float) -> Int[np.ndarray, "f"]:
 
 def display_poses(robot: Robot, q: Float[np.ndarray, "f nq"]) -> Float[np.ndarray, "f links 7"]:
     """Poses ``px py pz qw qx qy qz`` of every link in the world, per frame."""
-    return np.stack([link_poses(robot, frame) for frame in q])
+    return link_pose_frames(robot, q)
 
 
 def display_forces(motion: WholeBodyMotion, frames: Int[np.ndarray, "f"]) -> Float[np.ndarray, "f effectors 6"]:
@@ -87,10 +87,9 @@ def replay_tracks(robot: Robot, replay: "Replay", time_s: Series, effectors: tup
     there = np.abs(replay.time_s[nearest] - time_s) < 0.5 / DISPLAY_HZ
     poses = np.full((len(time_s), robot.model.njoints - 1, len(POSE_COLUMNS)), np.nan)
     forces = np.full((len(time_s), len(effectors), len(FORCE_COLUMNS)), np.nan)
+    poses[there] = link_pose_frames(robot, replay.q[nearest[there]])
     for i in np.flatnonzero(there):
-        q = replay.q[nearest[i]]
-        poses[i] = link_poses(robot, q)
-        pin.framesForwardKinematics(model, data, q)
+        pin.framesForwardKinematics(model, data, replay.q[nearest[i]])
         for e, effector in enumerate(effectors):
             force_n = replay.forces_n[effector][nearest[i]]
             if np.linalg.norm(force_n) > _MIN_FORCE_N:

@@ -4,7 +4,7 @@ from typing import Final
 
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary, PlanMotionTask
 from stridelab.service.kinds.base import JobKind
-from stridelab.service.kinds.staging import stage_scenario
+from stridelab.service.kinds.staging import await_robot_links, stage_scenario
 from stridelab.service.processes.sandbox import Sandbox
 from stridelab.service.samples.scenario_bodies import ONE_STEP
 from stridelab.service.samples.scenarios import EXAMPLE_ID
@@ -28,6 +28,7 @@ KIND = JobKind(
     input_model=PlanMotionInput,
     summary_model=PlanMotionSummary,
     stage=stage_scenario(PlanMotionTask),
+    stage_later=await_robot_links,
     timeout_s=600.0,
     memory_mb=4096,
     lane="long",

@@ -10,7 +10,7 @@ from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Series
 from stridelab.pipelines.plan_motion import PlanWatcher
 from stridelab.robots.robot import Robot
-from stridelab.robots.visuals import link_names, link_poses
+from stridelab.robots.visuals import link_names, link_pose_frames
 from stridelab.schemas.plans import CertificateCheck, CertificateSummary
 from stridelab.schemas.previews import LinkPoses, PartialCertificate, PartialMotion, PartialPlan, PartialReplay
 from stridelab.service.kinds.partial_results import PartialWriter
@@ -98,12 +98,15 @@ class _FrameBuffer:
     def add_samples(self, robot: Robot | None, time_s: Series, q: Float[np.ndarray, "k nq"]) -> None:
         """Add the samples that are due."""
         assert robot is not None
-        for t, posture in zip(time_s, q, strict=True):
+        due = []
+        for k, t in enumerate(time_s.tolist()):
             if t < self._next_s - 1e-9:
                 continue
-            self._next_s = max(self._next_s + 1.0 / FRAMES_HZ, float(t))
-            self._times_s.append(round(float(t), 4))
-            self._poses.append([tuple(pose) for pose in np.round(link_poses(robot, posture), _DECIMALS).tolist()])
+            self._next_s = max(self._next_s + 1.0 / FRAMES_HZ, t)
+            self._times_s.append(round(t, 4))
+            due.append(k)
+        for frame in np.round(link_pose_frames(robot, q[due]), _DECIMALS).tolist():
+            self._poses.append([tuple(pose) for pose in frame])
 
     def take(self) -> tuple[list[float], list[LinkPoses]]:
         """Return the frames and forget them."""
