@@ -46,10 +46,18 @@ const box = document.getElementById("plots");
 const cursor = document.getElementById("cursor");
 const readout = document.getElementById("readout");
 const unreadable = translate("The curves could not be read. Reload the page to try again.");
-const response = await fetchChecked(box.dataset.plots, {}, unreadable).catch((error) => {
-  box.textContent = /** @type {Error} */ (error).message;
-});
-if (response) draw(await response.json());
+try {
+  draw(await (await fetchChecked(box.dataset.plots, {}, unreadable)).json());
+} catch (error) {
+  showReason(/** @type {Error} */ (error).message);
+}
+
+// Says why there are no curves, in place of them and of what moves them.
+function showReason(text) {
+  const note = createElement("p", { className: "note warn", role: "status" }, text);
+  box.closest("section").querySelector(".plots-bar").remove();
+  box.parentElement.replaceWith(note);
+}
 
 function rowTraces(row, columns) {
   return row.traces.flatMap((trace) => {

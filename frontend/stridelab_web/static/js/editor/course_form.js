@@ -1,5 +1,6 @@
 // The page "New scenario": obstacles in a row, drawn while they change by typing or by handles; then contacts, and on request
 // the motion. Every change can be undone.
+import { untilAnswering } from "../shared/connection_notice.js";
 import { createElement, smallButton } from "../shared/elements.js";
 import { focusRow, replaceRows, setActive } from "../shared/focus.js";
 import { courseBody, dragElement, KINDS, moveItem, newElement } from "./course_fields.js";
@@ -8,6 +9,7 @@ import { bindCourseButton, planningUrl, startPlan } from "./planning_jobs.js";
 
 const DRAW_AFTER_MS = 100,
   PX_PER_M = 200; // of the drawing (charts/scenario_drawing.py)
+const UNAUTHENTICATED = 401;
 const OUT_OF_RANGE = "A number is missing or outside of its range.";
 const HEAD = ["name", "robot", "handrails", "width_m", "friction"];
 
@@ -165,8 +167,13 @@ async function draw() {
   }
   const query = new URLSearchParams({ course: JSON.stringify(course()) });
   const response = await fetch(`/scenarios/new/pictures?${query}`).catch(() => null);
-  const text = response ? await response.text() : "The service does not answer. Is it still running?";
+  if (!response || response.status === UNAUTHENTICATED) {
+    await untilAnswering();
+    if (turn === drawn) draw();
+    return;
+  }
+  const text = await response.text();
   if (turn !== drawn) return;
-  status.textContent = response?.ok ? "" : text;
-  if (response?.ok) pictures.innerHTML = text;
+  status.textContent = response.ok ? "" : text;
+  if (response.ok) pictures.innerHTML = text;
 }

@@ -9,6 +9,7 @@ const COPY_SUFFIX = " (copy)";
 export const DURATIONS_SUFFIX = ": durations chosen"; // and of one with the durations of a plan
 const MAX_STEPS = 40;
 const WAITS = "Not stored yet: it will be once the service answers.";
+const WAITS_FOR_LOGIN = "Not stored yet: it will be once you have logged in again.";
 
 /** @type {(a: unknown, b: unknown) => boolean} */
 export const sameJson = (a, b) => JSON.stringify(a) === JSON.stringify(b);
@@ -66,7 +67,7 @@ export class ScenarioStore {
     return before !== null && !sameJson(before, scenario);
   }
 
-  // Where the service does not answer, waits for it, calls `onWait(sentence)`, and stores then.
+  // Where the service does not answer or the login has ended, calls `onWait(sentence)`, waits, and stores then.
   /** @param {Scenario} scenario @param {(sentence: string) => void} [onWait] @returns {Promise<void>} */
   async store(scenario, onWait = () => {}) {
     const before = this.scenario;
@@ -75,7 +76,7 @@ export class ScenarioStore {
       await this.replaceStored(scenario);
     } catch (error) {
       if (!isUnanswered(error)) throw error;
-      onWait(WAITS);
+      onWait(error.status ? WAITS_FOR_LOGIN : WAITS);
       await untilAnswering();
       if (await this.isStored(scenario)) this.scenario = scenario;
       else return this.store(scenario, onWait);

@@ -2,7 +2,7 @@
 // a stream it looks for one every second.
 import { call } from "../shared/api.js";
 import { onColourScheme } from "../shared/colours.js";
-import { checkConnection, isAnswering, onRestored } from "../shared/connection_notice.js";
+import { checkConnection, isAnswering, isLoggedOut, onRestored } from "../shared/connection_notice.js";
 import { createElement } from "../shared/elements.js";
 import { drawBase, drawBody } from "./live_drawing.js";
 import { describeMargin, describeMissing, standing } from "./live_text.js";
@@ -27,6 +27,7 @@ let watched = "";
 let latest = null;
 let asked = false;
 let written = 0;
+let lookTimer = 0;
 const silence = new Silence(QUIET_MS, () => socket && checkConnection());
 
 const show = (name, text) => {
@@ -100,10 +101,19 @@ function watch(item) {
     watched = "";
     if (event.code !== 1000) await checkConnection();
     if (event.code === 1000) said.textContent = translate("The stream has ended. Its last frame is shown.");
-    else if (!seen && event.code === 1006 && isAnswering())
+    else if (!seen && event.code === 1006 && isConnected())
       said.textContent = translate("The service refuses to show the stream: that needs a token of scope submit.");
-    setTimeout(look, POLL_MS);
+    lookLater();
   });
+}
+
+// Whether what goes wrong is not said by the notice of the page.
+const isConnected = () => isAnswering() && !isLoggedOut();
+
+// After the end of the login each look would be refused, until the reader has logged in again.
+function lookLater() {
+  clearTimeout(lookTimer);
+  if (!isLoggedOut()) lookTimer = setTimeout(look, POLL_MS);
 }
 
 async function look() {
@@ -113,14 +123,15 @@ async function look() {
   try {
     items = (await call("GET", "/stream/markers")).items;
   } catch (error) {
-    if (isAnswering()) said.textContent = error.message; // else the notice of the page says it
+    await checkConnection();
+    if (isConnected()) said.textContent = error.message;
   }
   list(items);
   how.open = how.open && !items.length;
   if (items.length) watch(items[0]);
   else {
-    if (!latest && isAnswering()) said.textContent = translate("No stream is open.");
-    setTimeout(look, POLL_MS);
+    if (!latest && isConnected()) said.textContent = translate("No stream is open.");
+    lookLater();
   }
 }
 
@@ -144,9 +155,9 @@ new ResizeObserver(redraw).observe(body);
 onColourScheme(redraw);
 onRestored(() => {
   const silent = socket;
-  if (!silent) return;
   socket = null;
-  silent.close();
+  silent?.close();
+  clearTimeout(lookTimer);
   look();
 });
 look();

@@ -9,7 +9,7 @@ import { HIDDEN, ViserNodes } from "./viser_nodes.js";
 import { counted } from "../shared/plurals.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
 import { fetchChecked } from "../shared/api.js";
-import { checkConnection, isAnswering, onRestored } from "../shared/connection_notice.js";
+import { checkConnection, isAnswering, isLoggedOut, onRestored } from "../shared/connection_notice.js";
 import { createElement } from "../shared/elements.js";
 import { Silence } from "../shared/silence.js";
 
@@ -53,6 +53,8 @@ let pushNumber = 0;
 let isReady = false;
 let wasDrawn = false;
 let isInterrupted = false;
+let isOver = false;
+let reconnectTimer = 0;
 
 const live = { nodes, layout: { n_frames: 1, width: 3, points: [["/com/live", 0]], bodies: [] }, values: REST };
 const camera = new Camera(live);
@@ -71,7 +73,12 @@ const silence = new Silence(QUIET_MS, async () => {
   await checkConnection();
   if (!isAnswering()) setActing(false);
 });
-onRestored(() => socket && replaceSocket(socket));
+onRestored(() => {
+  if (isOver) return;
+  clearTimeout(reconnectTimer);
+  if (socket) replaceSocket(socket);
+  else connect();
+});
 connect();
 openScene().catch((error) => showFailure(stage, error));
 
@@ -97,17 +104,26 @@ function connect() {
     socket = null;
     setActing(false);
     if (event.code === 1000 || event.code === 4404) {
+      isOver = true;
       silence.stop();
       const link = createElement("a", { href: "/live/robots" }, "Start a new one");
       part("said").replaceChildren("This robot is no longer live. ", link, ".");
-    } else if (event.code === 4429) say("Too many others watch this robot, or too much was sent.");
-    else {
+    } else if (event.code === 4429) {
+      isOver = true;
+      say("Too many others watch this robot, or too much was sent.");
+    } else {
       isInterrupted = true;
-      setTimeout(connect, RECONNECT_MS);
-      // The notice on the page is enough while the whole service does not answer.
-      checkConnection().then(() => isInterrupted && say(isAnswering() ? "The connection is lost; trying again …" : ""));
+      checkConnection().then(awaitConnection);
     }
   });
+}
+
+// The notice on the page is enough while the whole service does not answer, and after the end of the login, which each
+// attempt would be refused for.
+function awaitConnection() {
+  if (!isInterrupted || socket) return;
+  say(isAnswering() && !isLoggedOut() ? "The connection is lost; trying again …" : "");
+  if (!isLoggedOut()) reconnectTimer = setTimeout(connect, RECONNECT_MS);
 }
 
 // What a silent network has carried late is dropped.

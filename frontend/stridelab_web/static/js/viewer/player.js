@@ -10,7 +10,8 @@ import { DarkMode } from "./dark_mode.js";
 import { Scene } from "./scene.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
 import { fetchChecked } from "../shared/api.js";
-import { showFailure, hideOverlay } from "./loading_overlay.js";
+import { framePosition, nearestFrame } from "./interpolation.js";
+import { showFailure, hideOverlay, showGoneFiles } from "./loading_overlay.js";
 import { translate } from "../shared/translate.js";
 
 const URL_INTERVAL_MS = 250,
@@ -81,13 +82,14 @@ async function start() {
   applyLayers();
   const query = new URLSearchParams(location.search);
   range.setFrames(time_s, ...["from", "to"].map((name) => (query.has(name) ? Number(query.get(name)) : NaN)));
-  seek(frameAt(Number(query.get("t") ?? player.dataset.start)), false);
+  seek(nearestFrame(time_s, Number(query.get("t") ?? player.dataset.start)), false);
   const isRestored = address.restoreCamera(camera);
   if (isRestored ? address.isFollowing : camera.moveNear(position)) {
     followBox.checked = true;
     camera.follow(true, position);
   }
   await hideOverlay(stage, scene.nodes);
+  showGoneFiles(player, layout.gone);
   player.dataset.ready = "true";
   if (query.has("play")) play(true);
   setInterval(() => {
@@ -96,29 +98,6 @@ async function start() {
     darkMode.apply();
     if (!playing) scene.show(position);
   }, STALE_CHECK_MS);
-}
-
-// The frame nearest to a time, by bisection: frames need not be equally spaced.
-function frameAt(t_s) {
-  if (!(t_s > 0)) return 0;
-  let low = 0,
-    high = time_s.length - 1;
-  while (high - low > 1) {
-    const middle = (low + high) >> 1;
-    if (time_s[middle] <= t_s) low = middle;
-    else high = middle;
-  }
-  return t_s - time_s[low] <= time_s[high] - t_s ? low : high;
-}
-
-// The frame at a time as a real number: a film has instants between two frames.
-function framePosition(t_s) {
-  const after = Math.max(
-    time_s.findIndex((each) => each >= t_s - 1e-9),
-    0,
-  );
-  if (after === 0) return t_s > time_s[0] ? time_s.length - 1 : 0;
-  return after - (time_s[after] - t_s) / (time_s[after] - time_s[after - 1]);
 }
 
 function seek(target, inUrl = true) {
@@ -157,7 +136,7 @@ function seekPhase(step) {
   const now = starts_s.findLastIndex((start_s) => start_s <= time_s[Math.round(position)] + 1e-6);
   const target = starts_s[now + step];
   if (playing) play(false);
-  if (target !== undefined) seek(frameAt(target));
+  if (target !== undefined) seek(nearestFrame(time_s, target));
   else seek(step < 0 ? 0 : time_s.length - 1);
 }
 
@@ -241,7 +220,7 @@ for (const strip of player.querySelectorAll("[data-seek]")) {
     const mark = /** @type {PageElement} */ (event.target).dataset.at; // the time of a check's worst sample
     if (mark !== undefined) return void pauseAndSeek(Number(mark));
     const box = strip.getBoundingClientRect();
-    seek(frameAt(((event.clientX - box.left) / box.width) * time_s.at(-1)));
+    seek(nearestFrame(time_s, ((event.clientX - box.left) / box.width) * time_s.at(-1)));
   });
 }
 
@@ -256,7 +235,7 @@ moments?.addEventListener("change", () => {
 });
 function pauseAndSeek(t_s) {
   if (playing) play(false);
-  seek(frameAt(t_s));
+  seek(nearestFrame(time_s, t_s));
 }
 
 // Writes the looped range into the address, so that a reload or a link restores it.
@@ -289,7 +268,7 @@ const filmSource = {
   speed: () => Number(speed.value),
   seek: (t_s) => {
     filming = true;
-    position = framePosition(t_s);
+    position = framePosition(time_s, t_s);
     scene.show(position);
     camera.onFrame(position);
   },
