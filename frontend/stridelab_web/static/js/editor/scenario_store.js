@@ -1,6 +1,8 @@
 // The scenario in the service: reads and stores it with undo and redo, which survive a reload, and stores copies of it.
 import { call, isUnanswered } from "../shared/api.js";
 import { untilAnswering } from "../shared/connection_notice.js";
+import { rotateAboutZ, yawDegrees } from "../viewer/quaternions.js";
+import { contactOf } from "./phase_edits.js";
 
 const FIELDS = ["name", "description", "robot", "friction", "start_com_height_m", "terrain", "phases"];
 const MAX_NAME_LENGTH = 120;
@@ -28,6 +30,16 @@ export function moveContact(scenario, touch, position_m, orientation_wxyz) {
     k < first || k > last ? phase : { ...phase, contacts: phase.contacts.map(replace) },
   );
   return { ...scenario, phases };
+}
+
+// Moves a touch to one number of its pose: `x`, `y` or `z` in metres, or `yaw` in degrees.
+/** @param {Scenario} scenario @param {Touch} touch @param {string} name @param {number} value */
+export function setPoseNumber(scenario, touch, name, value) {
+  const { position_m, orientation_wxyz } = contactOf(scenario, touch);
+  if (name !== "yaw")
+    return moveContact(scenario, touch, position_m.with("xyz".indexOf(name), value), orientation_wxyz);
+  const turn_rad = ((value - yawDegrees(orientation_wxyz)) * Math.PI) / 180;
+  return moveContact(scenario, touch, position_m, rotateAboutZ(orientation_wxyz, turn_rad));
 }
 
 // Stores a scenario under its name with a suffix as a new one, and opens that in the editor.

@@ -30,10 +30,11 @@ let written = 0;
 let lookTimer = 0;
 const silence = new Silence(QUIET_MS, () => socket && checkConnection());
 
-const show = (name, text) => {
+const show = (/** @type {string} */ name, /** @type {string} */ text) => {
   document.querySelector(`[data-fact="${name}"]`).textContent = text;
 };
 
+/** @param {any} answer */
 function writeNumbers(answer) {
   show("height", answer.height_m === null ? "–" : `${(100 * answer.height_m).toFixed(1)} cm`);
   show("speed", answer.speed_m_s === null ? "–" : `${answer.speed_m_s.toFixed(2)} m/s`);
@@ -43,6 +44,7 @@ function writeNumbers(answer) {
   document.querySelector("[data-missing]").textContent = describeMissing(answer);
 }
 
+/** @param {any} answer */
 function writeMargins(answer) {
   for (const axis of /** @type {("ap" | "ml")[]} */ (["ml", "ap"])) {
     const part = document.querySelector(`[data-margin="${axis}"]`);
@@ -76,6 +78,7 @@ function redraw() {
   requestAnimationFrame(draw);
 }
 
+/** @param {Api.LiveStreams["items"][number]} item */
 function watch(item) {
   watched = item.stream_id;
   const scheme = location.protocol === "https:" ? "wss" : "ws";
@@ -124,7 +127,7 @@ async function look() {
     items = (await call("GET", "/stream/markers")).items;
   } catch (error) {
     await checkConnection();
-    if (isConnected()) said.textContent = error.message;
+    if (isConnected()) said.textContent = /** @type {Error} */ (error).message;
   }
   list(items);
   how.open = how.open && !items.length;
@@ -135,16 +138,19 @@ async function look() {
   }
 }
 
+/** @param {Api.LiveStreams["items"]} items */
 function list(items) {
   choice.hidden = items.length < 2;
-  const name = (item) => item.title || item.stream_id;
+  const name = (/** @type {Api.LiveStreams["items"][number]} */ item) => item.title || item.stream_id;
   streams.replaceChildren(...items.map((item) => createElement("option", { value: item.stream_id }, name(item))));
   streams.value = watched || (items[0]?.stream_id ?? "");
 }
 
 streams.addEventListener("focus", async () => list((await call("GET", "/stream/markers")).items));
 streams.addEventListener("change", async () => {
-  const item = (await call("GET", "/stream/markers")).items.find((one) => one.stream_id === streams.value);
+  const item = (await call("GET", "/stream/markers")).items.find(
+    (/** @type {any} */ one) => one.stream_id === streams.value,
+  );
   if (!item) return;
   const before = socket;
   watch(item);
