@@ -236,8 +236,7 @@ class FakeService:
         form = await request.form()
         file = form["file"]
         assert not isinstance(file, str)
-        name = file.filename or ""
-        content = await file.read()
+        name, content = file.filename or "", await file.read()
         await form.close()
         if not content.startswith(b"\x02P"):
             reason = f"{name} is neither a C3D file nor a ZIP."
