@@ -3,6 +3,7 @@
 
 interface PageElement extends HTMLElement {
   checked: boolean;
+  defaultChecked: boolean;
   close(): void;
   cloneNode(deep?: boolean): PageElement;
   closest(selectors: string): PageElement;
@@ -31,6 +32,18 @@ interface PageElement extends HTMLElement {
   readonly validity: ValidityState;
   value: string;
   readonly valueAsNumber: number;
+}
+
+// A keyboard shortcut (shared/shortcuts.js says what the fields mean); without `run` it is only listed.
+interface Shortcut {
+  keys: string[];
+  text: string;
+  run?: (event: KeyboardEvent) => void;
+  ctrl?: boolean;
+  page?: boolean;
+  always?: boolean;
+  shown?: string[];
+  when?: () => boolean;
 }
 
 // The element of a plot, once plotly.js has drawn into it.

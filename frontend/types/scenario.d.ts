@@ -34,16 +34,38 @@ type Surface = Box | Rail;
 
 interface Scenario {
   name: string;
+  robot: string;
   friction: number;
   terrain: Surface[];
   phases: Phase[];
 }
 
-// A contact of one effector that stays at its place from the first to the last of `phases`.
+// A contact of one effector that stays at its place from the first to the last of `phases` (scene/contacts.py).
 interface Touch {
   number: number;
   effector: string;
   phases: [number, number];
+  node: string;
+  side: string;
+  surface: boolean;
+  start_s: number;
+  end_s: number;
+  position_m: number[];
+  orientation_wxyz: number[];
+  yaw_deg: number;
+}
+
+type ScenarioEdit = (scenario: Scenario) => Scenario;
+
+// What the phase timeline reports to the editor.
+interface TimelineCallbacks {
+  onChoosePhase(k: number): void;
+  onChooseContact(number: number): void;
+  onToggle(k: number, effector: string): void;
+  onPropose(edit: ScenarioEdit): void;
+  onCommit(edit: ScenarioEdit, done: string): void;
+  onKeyEdit(key: string, edit: ScenarioEdit, done: string): void;
+  onDiscard(): void;
 }
 
 // An error that names a place in the scenario, such as phases[2].contacts[left_foot].

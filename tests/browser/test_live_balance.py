@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stridelab.schemas.streams import MarkerFrame, MarkerStreamConfiguration
+from support.browser.accessibility import faults_at_every_size
 from support.browser.page import Service, Tab
 from support.service.streams import frame, header, sample
 
@@ -59,6 +60,7 @@ def test_the_page_follows_a_walk_to_its_end(tab: Tab, service: Service) -> None:
         expect(page.locator('[data-fact="speed"]')).to_have_text(re.compile(r"^1\.[0-9]+ m/s$"))
         for canvas in ("[data-body]", "[data-base]"):
             assert page.locator(canvas).evaluate(INK) > 500
+        assert faults_at_every_size(page, "live-walk") == {}
     expect(page.locator("[data-said]")).to_contain_text("The stream has ended")
     expect(page.locator('[data-fact="time"]')).to_have_text("1.20 s")
 

@@ -7,6 +7,7 @@ from playwright.sync_api import Page, expect
 
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.samples.scenario_bodies import ONE_STEP
+from support.browser.accessibility import faults_at_every_size
 from support.browser.page import Service, Tab, nodes, until
 
 BASE = "/robot/base_link"
@@ -53,6 +54,7 @@ def test_a_live_robot_is_pushed_changed_paused_and_rewound(tab: Tab, service: Se
     rest_s = shown_s(page)
     page.wait_for_timeout(300)
     assert before_s < rest_s == shown_s(page)
+    assert faults_at_every_size(page, "live-robot-paused") == {}
     page.click('[data-order="restart"]')
     until(page, lambda: shown_s(page) < rest_s)
     page.check("[name=drag]")
@@ -62,6 +64,7 @@ def test_a_live_robot_is_pushed_changed_paused_and_rewound(tab: Tab, service: Se
         page.click('[data-push="left"]')
     expect(page.locator("[data-fall]")).to_be_visible(timeout=60_000)
     expect(page.locator("[data-fall-summary]")).to_contain_text("The robot fell at")
+    assert faults_at_every_size(page, "live-robot-fallen") == {}
     service.client.end_live(session.session_id)
     expect(page.locator("[data-said]")).to_have_text("This robot is no longer live. Start a new one.")
     service.client.delete_scenario(scenario.id)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from urllib.parse import urlsplit
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, Page, WebSocketRoute, expect
 
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.streams import MarkerFrame, MarkerStreamConfiguration
@@ -71,6 +71,39 @@ def test_a_live_robot_says_that_the_network_is_lost(tab: Tab, service: Service, 
     expect(push).to_be_enabled()
     service.client.end_live(session.session_id)
     expect(page.locator("[data-said]")).to_have_text("This robot is no longer live. Start a new one.")
+
+
+def test_a_live_robot_goes_on_once_the_reader_has_logged_in_again(tab: Tab, service: Service) -> None:
+    """A lost socket is refused to an ended token; the page does not try it again before the next login."""
+    session, has_ended, tried = service.client.start_live(robot="talos"), False, []
+    page, robot = tab.page, "[data-live-robot]"
+
+    def connect(socket: WebSocketRoute) -> None:
+        tried.append(socket)
+        if has_ended:
+            socket.close(code=4401)
+        else:
+            socket.connect_to_server()
+
+    page.route_web_socket("**/api/v1/live/*", connect)
+    tab.go(session.page)
+    expect(page.locator(robot)).to_have_attribute("data-shown", re.compile(r"[1-9]"), timeout=120_000)
+    has_ended = True
+    page.route("**/api/v1/caller", lambda route: route.fulfill(status=401, body="{}"))
+    tried[0].close(code=4000)
+    expect(connection_notice(page)).to_contain_text("Your login has ended.", timeout=NOTICED_WITHIN_MS)
+    expect(page.locator("[data-said]")).to_be_empty()
+    expect(page.locator("[data-push=ahead]")).to_be_disabled()
+    n_tried, stopped_s = len(tried), shown_s(page, robot)
+    page.wait_for_timeout(2500)  # longer than the page waits where only the connection is lost
+    assert len(tried) == n_tried
+    has_ended = False
+    page.unroute("**/api/v1/caller")
+    page.evaluate("() => window.dispatchEvent(new Event('focus'))")
+    until(page, lambda: shown_s(page, robot) > stopped_s + 0.5)
+    expect(page.locator("[data-push=ahead]")).to_be_enabled()
+    tab.missteps = [m for m in tab.missteps if "status of 401" not in m]
+    service.client.end_live(session.session_id)
 
 
 @pytest.mark.parametrize("way", ["silence", "cut"])

@@ -1,6 +1,7 @@
 """What goes wrong is shown calmly, in words, with what to do; and nothing that a file brings becomes part of a page."""
 
 import json
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ from playwright.sync_api import Page, Route, expect
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import EstimateOffer
 from stridelab_web.scene import proxy
-from support.browser.page import Tab
+from support.browser.every_page import every_page
+from support.browser.page import Tab, nodes, opened
 from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
@@ -26,6 +28,15 @@ def tab(open_tab: Callable[..., Tab]) -> Iterator[Tab]:
     made = open_tab(800, 600)
     yield made
     made.missteps = [m for m in made.missteps if "Failed to load resource" not in m]
+
+
+def end_login(route: Route) -> None:
+    """The answers of a service that knows the caller's token no more."""
+    if route.request.url.endswith("/health"):
+        route.fallback()
+    else:
+        problem = {"title": "Unauthenticated", "status": 401, "detail": "This service needs a token."}
+        route.fulfill(status=401, content_type="application/problem+json", body=json.dumps(problem))
 
 
 def drop(page: Page, name: str, content: str) -> None:
@@ -136,26 +147,75 @@ def test_a_service_that_goes_away_is_shown_and_reached_again(tab: Tab, lab: Lab)
     notice.get_by_role("button", name="Retry now").click()
     expect(notice.get_by_role("status")).to_have_text("The service answers again.")
     expect(notice).to_be_hidden()
-    login_ended = json.dumps({"title": "Unauthenticated", "status": 401, "detail": "This service needs a token."})
-
-    def refuse(route: Route) -> None:
-        if route.request.url.endswith("/health"):
-            route.fallback()
-        else:
-            route.fulfill(status=401, content_type="application/problem+json", body=login_ended)
-
-    page.route("**/api/**", refuse)
+    page.route("**/api/**", end_login)
     page.get_by_role("button", name="Save subject").click()
     expect(notice.get_by_role("status")).to_contain_text("Your login has ended.")
-    expect(page.locator("[data-subject] [data-said]")).to_have_text("Your login has ended.")
+    expect(page.locator("[data-subject] [data-said]")).to_have_text("Not done: log in again, then repeat it.")
     expect(notice.get_by_role("link", name="Log in")).to_have_attribute("target", "_blank")
     expect(page.get_by_label("Height")).to_have_value("1.8")
-    page.unroute("**/api/**", refuse)
+    page.unroute("**/api/**", end_login)
     page.evaluate("() => window.dispatchEvent(new Event('focus'))")
     expect(notice.get_by_role("status")).to_have_text("You are logged in again.")
     page.get_by_role("button", name="Save subject").click()
     page.wait_for_function("() => document.querySelector('[name=height_m]').defaultValue === '1.8'")
     assert lab.fake.patches[-1] == {"subject": {"height_m": 1.8}}, "only what was changed is sent"
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["recording", "estimate", "comparison", "wheel", "receding", "reproduction-of-one", "plan", "view-recording"],
+)
+def test_what_has_lost_its_files_says_so_once_and_shows_the_rest(tab: Tab, lab: Lab, name: str) -> None:
+    address = every_page(lab.fake)[name]
+    lab.fake.files_are_gone = True
+    try:
+        page = tab.go(address)
+        said = page.get_by_text(re.compile("gone.*Restore a backup, or"))
+        expect(said).to_have_count(1)
+        expect(said).to_be_visible()
+        assert page.get_by_text("gone").count() == 1, "it is said once"
+        assert page.locator("#cursor").count() == 0, "nothing moves curves that are not there"
+        if name == "view-recording":
+            page.wait_for_selector("[data-ready]", timeout=90_000)
+            assert nodes(page, "/markers/0")["/markers/0"]["drawn"], "the markers are of the recording"
+    finally:
+        lab.fake.files_are_gone = False
+
+
+def test_an_edit_is_stored_once_the_reader_has_logged_in_again(tab: Tab, lab: Lab) -> None:
+    scenario = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={scenario.id}&phase=1")
+    notice, said = page.get_by_role("complementary", name="Connection"), page.locator("[data-said]").first
+    verdict = page.locator("[data-verdict]")
+    expect(verdict).to_contain_text("Valid")
+    page.route("**/api/**", end_login)
+    page.get_by_label("lasts").fill("1.45")
+    page.locator("h1").click()  # which leaves the field, and so stores
+    expect(notice.get_by_role("status")).to_contain_text("Your login has ended.")
+    expect(said).to_have_text("Not stored yet: it will be once you have logged in again.")
+    expect(verdict).to_contain_text("Valid")
+    assert page.get_by_text("login has ended").count() == 1, "it is said once"
+    assert lab.fake.scenarios[scenario.id].phases[1].duration_s != 1.45
+    page.unroute_all()
+    page.evaluate("() => window.dispatchEvent(new Event('focus'))")
+    expect(said).to_have_text("Phase 1 stored.")
+    expect(notice.get_by_role("status")).to_have_text("You are logged in again.")
+    assert lab.fake.scenarios[scenario.id].phases[1].duration_s == 1.45
+
+
+def test_a_course_is_drawn_once_the_reader_has_logged_in_again(tab: Tab, lab: Lab) -> None:
+    page = tab.go("/scenarios/new")
+    said = page.locator("[data-course-said]")
+    expect(page.locator("[data-pictures] svg").first).to_be_visible()
+    page.evaluate("() => document.querySelector('[data-pictures]').replaceChildren()")
+    for part in ("**/api/**", "**/scenarios/new/pictures**"):
+        page.route(part, end_login)
+    page.get_by_label("Rise in cm of Stairs, obstacle 1").fill("11")
+    expect(page.get_by_role("complementary", name="Connection")).to_contain_text("Your login has ended.")
+    expect(said).to_have_text("")
+    page.unroute_all()
+    page.evaluate("() => window.dispatchEvent(new Event('focus'))")
+    expect(page.locator("[data-pictures] svg").first).to_be_visible()
 
 
 def test_a_job_is_followed_through_a_lost_connection(tab: Tab, lab: Lab) -> None:

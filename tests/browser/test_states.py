@@ -1,41 +1,20 @@
 """States that a page comes to by use, at four sizes and in light and dark: axe-core has nothing serious to say of them.
 
-``test_every_page.py`` looks at the pages as they are loaded. Each state here is reached once, and its window is then
-made larger and smaller.
+``test_every_page.py`` looks at pages as they are loaded, ``test_live_robot.py`` and ``test_live_balance.py`` at live
+ones. Each state here is reached once, and its window is then made larger and smaller.
 """
 
 import json
 from collections.abc import Callable
-from typing import Any
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, Route, expect
 
+from support.browser.accessibility import faults_at_every_size
 from support.browser.page import Tab, opened
 from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
-
-SIZES = ((1400, 850), (2560, 1440), (800, 600), (390, 844))
-TWO_PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
-FAULTS = """async ([options, counted]) => {
-    const part = document.querySelector("dialog[open]") ?? document;
-    const { violations } = await axe.run(part, options);
-    const wide = document.documentElement.scrollWidth - innerWidth;
-    return [
-        ...wide > 0 ? [`${wide} pixels too wide`] : [],
-        ...violations.filter(({ impact }) => counted.includes(impact))
-            .flatMap(({ id, nodes }) => nodes.map((node) => `${id} at ${node.target}: ${node.failureSummary}`)),
-    ];
-}"""
-"""What is wrong with the open dialog, or with the page."""
-SHEET = """(open) => document.querySelectorAll("[data-sheet]").forEach((sheet) => {
-    sheet.toggleAttribute("data-open", open);
-})"""
-EVERYTHING: dict[str, Any] = {"resultTypes": ["violations"], "iframes": False}
-COLOURS = {**EVERYTHING, "runOnly": ["color-contrast"]}
-COUNTED = ("serious", "critical")
 
 
 def first_tour(page: Page) -> None:
@@ -150,12 +129,58 @@ def obstacles_of_all_kinds(page: Page) -> None:
     expect(page.locator("[data-plan-said]")).not_to_be_empty()
 
 
+def deletion_dialog(page: Page) -> None:
+    page.locator("[data-delete]").click()
+    expect(page.locator("dialog[open]")).to_contain_text("Delete")
+
+
+def refused_deletion(page: Page) -> None:
+    """With the reason, as where another person has the rights."""
+    problem = {"title": "Forbidden", "detail": "This recording belongs to another owner.", "code": "not-owner"}
+    page.route(
+        "**/api/**",
+        lambda route: route.fulfill(status=403, content_type="application/problem+json", body=json.dumps(problem)),
+    )
+    deletion_dialog(page)
+    page.locator("dialog[open] [data-yes]").click()
+    expect(page.locator("dialog[open] [data-said]")).to_have_text(problem["detail"])
+
+
+def running_plan(page: Page) -> None:
+    """In the editor: its progress and what is shown meanwhile."""
+    expect(page.locator("[data-plan-live]")).to_be_visible()
+    expect(page.locator("[data-plan-message]")).to_contain_text("whole body")
+    expect(page.get_by_role("button", name="Cancel")).to_be_enabled()
+
+
+def filling_certificate(page: Page) -> None:
+    """A check that has failed, while others are still computed."""
+    certificate = page.locator("[data-plan-certificate]")
+    certificate.evaluate("""(one) => {
+        one.hidden = false;
+        one.className = "outcome outcome-failed";
+        one.textContent = "Certificate: 3 of 9 checks, terrain distance failed";
+    }""")
+    expect(certificate).to_be_visible()
+
+
+def running_progress(page: Page) -> None:
+    wanted_notification(page)
+    expect(page.locator("progress").first).to_be_visible()
+
+
 STATES: dict[str, tuple[str, tuple[Callable[[Page], None], ...]]] = {
     "first visit": ("/?tour=1", (first_tour, next_of_tour, next_of_tour, next_of_tour)),
     "uploads": ("home", (refused_and_waiting_uploads,)),
     "chosen recordings": ("recordings", (chosen_recordings,)),
     "running job": ("running", (wanted_notification,)),
+    "running plan": ("plan-running", (running_progress,)),
+    "editor of a running plan": ("view-planning", (running_plan, filling_certificate, shortcuts_dialog)),
     "connection": ("recording", (lost_connection,)),
+    "deletion of a recording": ("recording", (deletion_dialog, refused_deletion)),
+    "deletion of a subject": ("subject", (deletion_dialog,)),
+    "deletion of a job": ("failed", (deletion_dialog,)),
+    "deletion of a plan": ("plan", (deletion_dialog,)),
     "login": ("recording", (ended_login,)),
     "viewer": ("view-plan", (copied_link, film_dialog, empty_film, picture_dialog, shortcuts_dialog)),
     "editor": ("view-scenario", (open_editor, shortcuts_dialog, refused_json)),
@@ -171,20 +196,11 @@ def test_a_state_is_accessible_at_every_size(tab: Tab, lab: Lab, addresses: dict
     address, states = STATES[name]
     where = addresses.get(address, address)
     page = opened(tab, where) if address.startswith("view-") else tab.go(where)
-    page.evaluate(Axe().axe_script)
-    result: dict[str, list[str]] = {}
+    result: dict[str, dict[str, list[str]]] = {}
     for number, reach in enumerate(states):
-        page.set_viewport_size({"width": SIZES[0][0], "height": SIZES[0][1]})
         reach(page)
-        for width, height in SIZES:
-            page.set_viewport_size({"width": width, "height": height})
-            page.evaluate(SHEET, width < 800)
-            for scheme, options in (("light", EVERYTHING), ("dark", COLOURS)):
-                page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
-                page.evaluate(TWO_PICTURES)
-                if wrong := page.evaluate(FAULTS, [options, COUNTED]):
-                    result[f"{number} {reach.__name__}, {width}, {scheme}"] = wrong
-        page.evaluate(SHEET, False)
+        if faults := faults_at_every_size(page, f"{name.replace(' ', '-')}-{number}"):
+            result[f"{number} {reach.__name__}"] = faults
         if page.locator("dialog[open]").count():
             page.keyboard.press("Escape")
             expect(page.locator("dialog[open]")).to_have_count(0)

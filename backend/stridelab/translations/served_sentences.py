@@ -63,13 +63,14 @@ REFUSALS: Final = (
     "All force plates of this recording are switched off.",
     "The force plates of this recording are never loaded.",
     "The recording has only one frame: it can serve as a static trial.",
+    "The stored file is gone. Restore a backup, or upload the recording or compute the result again.",
     "The recording lasts %(duration)s ms; at least %(least)s s are needed.",
     (
         "The body mass is neither stated nor in the file, and no force is measured for long enough to weigh the "
         "person. The method geometry needs no mass."
     ),
 )
-"""Why a method is not possible for a recording."""
+"""Why a method is not possible for a recording, or a file cannot be read."""
 REMARKS: Final = (
     "The feet stand still: the stated belt speeds are not used.",
     "The feet stand on a surface that moves at %(speed)s m/s: taken for a treadmill.",

@@ -24,7 +24,6 @@ EXPLANATIONS = {
     "job-not-found": "This job does not exist, or it has been deleted.",
     "recording-not-found": "This recording does not exist, or it has been deleted.",
     "subject-not-found": "This subject does not exist, or it has been deleted.",
-    "file-gone": "The stored file is gone. Restore a backup, or upload the recording or compute the result again.",
     "login-needed": "This service needs a login with a token.",
     "queue-full": "Too many jobs are waiting. Try again in a few seconds.",
     "too-many-requests": "Too many requests in a short time. Try again in a few seconds.",

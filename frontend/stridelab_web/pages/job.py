@@ -68,7 +68,8 @@ async def job_page(request: Request) -> Response:
     present = {item.name for item in result.artifacts} if result is not None else set()
     compared, learned = views["comparison"], views["learned"]
     curves = COM_TABLE in present and views["cycloid"] is None
-    plots = curves or views["receding"] is not None or (compared is not None and compared["figure"] is not None)
+    executed = views["receding"] is not None and not files.gone
+    plots = curves or executed or (compared is not None and compared["figure"] is not None)
     return render_page(
         request,
         "pages/job.html",
@@ -114,7 +115,8 @@ async def _result_view(files: JobFiles, job: Job, result: JobResult, query: Quer
         case kind if kind in measures.KINDS:
             return {"measures": measures.measures_of(result)}
         case reproduction.KIND:
-            return {"reproduction": reproduction.reproduction_of(result)}
+            drawings = await reproduction.stored_drawings(files, result)
+            return {"reproduction": reproduction.reproduction_of(result), "drawings": drawings}
     return {}
 
 

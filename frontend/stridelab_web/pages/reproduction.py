@@ -23,7 +23,7 @@ from stridelab.schemas.reproduction import (
     ReproduceSummary,
     ReproductionItem,
 )
-from stridelab_web.api_client import client_of
+from stridelab_web.api_client import JobFiles, client_of
 from stridelab_web.book.contents import page_file
 from stridelab_web.pages.render import render_page
 
@@ -154,3 +154,9 @@ def _svg_name(artifacts: Iterable[Artifact]) -> str | None:
 def reproduction_of(result: JobResult) -> ReproduceSummary:
     """The summary of a reproduction."""
     return ReproduceSummary.model_validate(result.summary)
+
+
+async def stored_drawings(files: JobFiles, result: JobResult) -> list[str]:
+    """Names of the drawings of a reproduction whose files are still stored."""
+    drawings = [item.name for item in result.artifacts if item.media_type == "image/svg+xml"]
+    return [name for name in drawings if await files.read_file(name) is not None]

@@ -118,7 +118,7 @@ class Frames:
     """``values`` has shape ``(frames, width)``, float32, NaN where a node is absent.
 
     ``still`` names nodes that are only shown or hidden; ``phase_starts_s`` are the instants at which the set of
-    contacts changes.
+    contacts changes, and ``gone`` the files of the result that are no longer stored and therefore not shown.
     """
 
     time_s: np.ndarray
@@ -134,6 +134,7 @@ class Frames:
     still: tuple[str, ...] = ()
     copies: tuple[Copy, ...] = ()
     phase_starts_s: tuple[float, ...] = ()
+    gone: tuple[str, ...] = ()
 
     def track_m(self, name: str) -> np.ndarray | None:
         """Positions ``(frames, 3)`` of the track ``name``, if there is one."""
@@ -153,6 +154,7 @@ class Frames:
             "phase_starts_s": list(self.phase_starts_s),
             "arrow_m_per_n": ARROW_M_PER_N,
             "head_m": HEAD_M,
+            "gone": list(self.gone),
         }
 
     def to_bytes(self) -> bytes:

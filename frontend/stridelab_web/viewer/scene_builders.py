@@ -1,7 +1,7 @@
 """Reading of each kind of document through the HTTP interface, and building of its scene."""
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -16,6 +16,7 @@ from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.robots import Measure, RobotFacts
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab.translations.catalogue import in_language
+from stridelab_web.api_client import FILE_GONE
 from stridelab_web.config import ANONYMOUS_KEY
 from stridelab_web.scene.contacts import half_sizes
 from stridelab_web.scene.documents import Document, DocumentKind
@@ -129,9 +130,21 @@ def _recording_frames(client: Client, document: Document, recording: Any) -> Fra
         return frames_of(recording, tracks, {})
     result = client.result(document.job_id)
     present = [item.name for item in result.artifacts]
-    shown = {name: client.read_artifact(document.job_id, name) for name in shown_in_scene(present)}
+    shown = _read_stored(client, document.job_id, shown_in_scene(present))
     other_id = second_recording(present, result.summary, document.id)
     return frames_of(recording, tracks, shown, None if other_id is None else _second_walk(client, other_id))
+
+
+def _read_stored(client: Client, job_id: str, names: Iterable[str]) -> dict[str, bytes]:
+    """Content of the artifacts ``names`` without those whose files are gone from the store."""
+    contents = {}
+    for name in names:
+        try:
+            contents[name] = client.read_artifact(job_id, name)
+        except ProblemError as refusal:
+            if refusal.code != FILE_GONE:
+                raise
+    return contents
 
 
 def _second_walk(client: Client, recording_id: str) -> tuple[Any, bytes] | None:

@@ -2,6 +2,7 @@ import assert from "node:assert/strict";
 import test, { beforeEach } from "node:test";
 import {
   moveContact,
+  setPoseNumber,
   ScenarioStore,
   scenarioFields,
 } from "../../../frontend/stridelab_web/static/js/editor/scenario_store.js";
@@ -103,6 +104,20 @@ test("a touch is moved in its phases only", () => {
     { effector: "left_foot", position_m: [0.1, 0.2, 0.3], orientation_wxyz: turned },
   ]);
   assert.deepEqual(phases[2].contacts, [LEFT, AHEAD]);
+});
+
+test("a number of a pose is changed in all phases of a touch, and nothing else", () => {
+  const touch = /** @type {any} */ ({ effector: "left_foot", phases: [1, 1] });
+  const place = (/** @type {any} */ scenario) =>
+    scenario.phases[1].contacts.find((/** @type {any} */ one) => one.effector === "left_foot");
+  const before = place(walk());
+  const moved = place(setPoseNumber(walk(), touch, "y", 0.42));
+  assert.deepEqual(moved.position_m, [before.position_m[0], 0.42, before.position_m[2]]);
+  assert.deepEqual(moved.orientation_wxyz, before.orientation_wxyz);
+  const turned = place(setPoseNumber(setPoseNumber(walk(), touch, "yaw", 30), touch, "yaw", 90));
+  assert.deepEqual(turned.position_m, before.position_m);
+  for (const [k, value] of [Math.SQRT1_2, 0, 0, Math.SQRT1_2].entries())
+    assert.ok(Math.abs(turned.orientation_wxyz[k] - value) < 1e-9);
 });
 
 test("an edit of a read-only scenario is stored as a copy, which can be undone", async () => {

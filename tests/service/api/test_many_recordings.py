@@ -1,4 +1,4 @@
-"""Lists and pages of subjects at 20 000 recordings: nothing is left out, and no answer reads them all."""
+"""Lists at 20 000 recordings, 10 000 jobs and 10 000 scenarios: nothing is left out, and no answer reads them all."""
 
 import re
 import time
@@ -12,7 +12,16 @@ import pytest
 
 from stridelab.service.cursors import encode_cursor
 from stridelab.service.storage.migrate import libpq_address
-from support.service.database import N_OF_OLDEST, N_RECORDINGS, N_SUBJECTS, TestDatabases, store_many_recordings
+from support.service.database import (
+    N_JOBS,
+    N_OF_OLDEST,
+    N_RECORDINGS,
+    N_SCENARIOS,
+    N_SUBJECTS,
+    TestDatabases,
+    store_many_jobs,
+    store_many_recordings,
+)
 from support.service.web_server import Served, served
 
 
@@ -20,6 +29,7 @@ from support.service.web_server import Served, served
 def service(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     with postgres.fresh() as url:
         store_many_recordings(libpq_address(url))
+        store_many_jobs(libpq_address(url))
         with served(url, tmp_path_factory.mktemp("data")) as running:
             yield running
 
@@ -55,6 +65,13 @@ def every(http: httpx.Client, path: str, cursor: str | None = None, **query: Any
     [
         "/subjects",
         "/subjects/s1",
+        "/",
+        "/recordings",
+        "/jobs",
+        "/jobs?search=step",
+        "/scenarios",
+        "/sweeps",
+        "/population",
         "/api/v1/subjects",
         "/api/v1/recordings",
         "/api/v1/recordings?subject_id=s1",
@@ -65,6 +82,21 @@ def test_no_request_reads_all_recordings(http: httpx.Client, read_all_s: float, 
     """An answer takes less time than reading the facts of all recordings once, on whatever machine this is."""
     assert http.get(path).status_code == 200
     assert fastest_s(lambda: http.get(path), rounds=8) < read_all_s
+
+
+def test_every_job_and_every_scenario_is_on_one_page(http: httpx.Client) -> None:
+    own = {one["id"] for one in every(http, "/api/v1/scenarios") if not one["bundled"]}
+    assert own == {f"c{n}" for n in range(1, N_SCENARIOS + 1)}
+    assert [one["id"] for one in every(http, "/api/v1/jobs")] == [f"j{n}" for n in range(N_JOBS, 0, -1)]
+    for path, rows, older in (
+        ("/jobs", r"<tr data-job=", "Older jobs"),
+        ("/scenarios", r'href="/scenarios/c\d+"', "Older scenarios"),
+        ("/sweeps", r"<tr data-job=", "Older sweeps"),
+        ("/population", r"<tr data-job=", "All studies"),
+    ):
+        page = http.get(path).text
+        assert 0 < len(re.findall(rows, page)) <= 100, path
+        assert older in page, path
 
 
 def test_every_recording_of_every_subject_is_counted(http: httpx.Client) -> None:

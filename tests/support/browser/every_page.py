@@ -43,6 +43,12 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "running": fake.add_job(state="running", progress=Progress(fraction=0.5, message="fusing")).id,
         "failed": fake.add_job(state="failed", error=_PROBLEM, log_tail="step 3 of 7\nstopped\n" * 40).id,
     }
+    planning = fake.add_job(
+        "plan-motion",
+        "running",
+        progress=Progress(fraction=0.4, message="whole body: 3 of 9 phases"),
+        scenario_id=own.id,
+    )
     fake.change(plan.id, verdict=_FELL)
     fake.change(estimate.id, verdict=_DOUBTFUL)
     fake.change(wheel.id, verdict=_AGREE)
@@ -70,6 +76,7 @@ def every_page(fake: FakeService) -> dict[str, str]:
         **{name: f"/jobs/{job_id}" for name, job_id in jobs.items()},
         "plan": f"/plans/{plan.id}",
         "plan-waiting": f"/plans/{fake.add_job('plan-motion', queue_position=2).id}",
+        "plan-running": f"/plans/{planning.id}",
         "login": "/login?wrong=1",
         "no-page": "/nothing",
         "no-recording": "/recordings/nothing",
@@ -77,6 +84,7 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "view-recording": f"/view/?recording={walk.id}&job={estimate.id}",
         "view-plan": f"/view/?plan={plan.id}",
         "view-scenario": f"/view/?scenario={own.id}",
+        "view-planning": f"/view/?scenario={own.id}&planning={planning.id}",
         "view-robot": f"/view/?robot={ROBOT}",
     }
 

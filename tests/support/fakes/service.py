@@ -25,6 +25,7 @@ from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
 from stridelab.schemas.robots import Measure
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab.schemas.service import Health
+from stridelab.service.api.downloads import FILE_GONE
 from stridelab.service.jobs.verdict import verdict_of
 from support.fakes import courses, reachability, recorded_walk, results, robots
 from support.fakes.recorded_walk import (
@@ -235,8 +236,7 @@ class FakeService:
         form = await request.form()
         file = form["file"]
         assert not isinstance(file, str)
-        name = file.filename or ""
-        content = await file.read()
+        name, content = file.filename or "", await file.read()
         await form.close()
         if not content.startswith(b"\x02P"):
             reason = f"{name} is neither a C3D file nor a ZIP."
@@ -379,7 +379,7 @@ class FakeService:
 
     async def _artifact(self, request: Request) -> Response:
         if self.files_are_gone:
-            return _problem(404, "file-gone", "The stored file is gone.")
+            return _problem(404, "file-gone", FILE_GONE)
         _, compared = self.comparisons.get(request.path_params["id"], (False, None))
         files = self.plans.get(request.path_params["id"], compared)
         if files is not None:

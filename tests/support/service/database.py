@@ -24,6 +24,7 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.service.jobs.retention import remove_orphans
 from stridelab.service.postgres.embedded import EmbeddedPostgres
+from stridelab.service.samples.scenario_bodies import ONE_STEP
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import make_engine, parse_url
 from stridelab.service.storage.migrate import engine_of, migrate, upgrade_on
@@ -159,6 +160,31 @@ _RECORDINGS: Final = """
            CASE WHEN n <= %(of_oldest)s THEN 's1' WHEN n %% 3 > 0 THEN 's' || 2 + n %% (%(subjects)s - 1) END
       FROM generate_series(1, %(recordings)s) AS n
 """
+
+N_JOBS: Final = 10_000
+N_SCENARIOS: Final = 10_000
+_SCENARIOS: Final = """
+    INSERT INTO scenario (id, created_at, body)
+    SELECT 'c' || n, timestamptz '2026-01-01 00:00Z' + n * interval '1 minute', %(body)s
+      FROM generate_series(1, %(scenarios)s) AS n
+"""
+_JOBS: Final = """
+    INSERT INTO job (id, created_at, kind, state, attempt, input, input_hash, fraction, scenario_id, error)
+    SELECT 'j' || n, timestamptz '2026-01-01 00:00Z' + n * interval '1 minute',
+           (ARRAY['estimate-com', 'sweep', 'study-population', 'plan-motion'])[1 + n %% 4], 'failed', 1, '{}',
+           'h' || n, 1,
+           CASE WHEN n %% 4 = 3 THEN 'c' || n END,
+           '{"title": "Unprocessable", "status": 422, "code": "no-window", "detail": "No interval is measured."}'
+      FROM generate_series(1, %(jobs)s) AS n
+"""
+
+
+def store_many_jobs(url: str) -> None:
+    """Fill a database with scenarios and with jobs of four kinds in turn, the last kind about a scenario each."""
+    values = {"scenarios": N_SCENARIOS, "jobs": N_JOBS, "body": json.dumps(ONE_STEP)}
+    with psycopg.connect(url) as connection:
+        connection.execute(_SCENARIOS, values)
+        connection.execute(_JOBS, values)
 
 
 def store_many_recordings(url: str) -> None:

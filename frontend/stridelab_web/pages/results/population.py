@@ -50,6 +50,7 @@ async def new_study_page(request: Request) -> Response:
     """
     requested = request.query_params.getlist("recording")
     client = client_of(request)
+    studies = await client.jobs(kind=KIND)
     listed = await client.recordings(limit=OFFERED, cursor=request.query_params.get("cursor"))
     shown = {item.id: item for item in listed.items}
     for recording_id in dict.fromkeys(requested):
@@ -66,7 +67,8 @@ async def new_study_page(request: Request) -> Response:
         next=listed.next,
         people={item.id: _proposed_subject(item) for item in ordered},
         methods=METHODS,
-        jobs=(await client.jobs(kind=KIND)).items,
+        jobs=studies.items,
+        more_jobs=studies.next is not None,
     )
 
 

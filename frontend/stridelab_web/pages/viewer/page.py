@@ -2,6 +2,7 @@
 
 import gzip
 import itertools
+from dataclasses import replace
 from typing import Final
 
 from starlette.concurrency import run_in_threadpool
@@ -13,7 +14,7 @@ from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import Job
 from stridelab.schemas.recordings import Recording
 from stridelab.translations.catalogue import gettext, ngettext
-from stridelab_web.api_client import client_of, read_tracks
+from stridelab_web.api_client import JobFiles, client_of, read_tracks
 from stridelab_web.assets import gzip_response
 from stridelab_web.charts import intervals
 from stridelab_web.charts.intervals import Layer, Row
@@ -189,11 +190,13 @@ async def _load_frames(client: AsyncClient, document: Document) -> Frames:
         return await run_in_threadpool(frames_of, recording, tracks, {})
     result = await client.result(job_id)
     present = [item.name for item in result.artifacts]
-    shown = {name: await client.read_artifact(job_id, name) for name in shown_in_scene(present)}
+    files = JobFiles(client, job_id)
+    shown = {name: content for name in shown_in_scene(present) if (content := await files.read_file(name)) is not None}
     other_id = second_recording(present, result.summary, recording.id)
     second = None if other_id is None else await _second_walk(client, other_id)
     # A minute of markers takes longer than other requests may wait.
-    return await run_in_threadpool(frames_of, recording, tracks, shown, second)
+    frames = await run_in_threadpool(frames_of, recording, tracks, shown, second)
+    return replace(frames, gone=tuple(files.gone))
 
 
 async def _second_walk(client: AsyncClient, recording_id: str) -> tuple[Recording, bytes] | None:
@@ -231,10 +234,12 @@ async def _steps_s(client: AsyncClient, recording_id: str, job_id: str) -> list[
 
 
 async def _strikes_s(client: AsyncClient, recording_id: str, job_id: str) -> list[tuple[float, float]]:
-    """Steps from strike to strike; empty if the measures have no table of steps, as those of earlier versions."""
+    """Steps from strike to strike; empty without their table, as in earlier versions, or if its file is gone."""
     if STEP_TABLE not in [item.name for item in (await client.result(job_id)).artifacts]:
         return []
-    content = await client.read_artifact(job_id, STEP_TABLE)
+    content = await JobFiles(client, job_id).read_file(STEP_TABLE)
+    if content is None:
+        return []
     recordings, columns = read_texts(content).get("recording_id", []), read_columns(content)
     at_s = columns["strike_s"].tolist() if "strike_s" in columns else []
     strikes_s = sorted(strike_s for one, strike_s in zip(recordings, at_s, strict=False) if one == recording_id)

@@ -5,6 +5,7 @@ import { createElement } from "../shared/elements.js";
 import { translate } from "../shared/translate.js";
 
 // Line styles by name; colours are those of the style sheet.
+/** @type {Record<string, { color: string, width: number, dash?: string }>} */
 const STYLES = {
   main: { color: "blue", width: 2 },
   second: { color: "orange-mid", width: 1.4, dash: "dash" },
@@ -32,7 +33,8 @@ const STYLES = {
   dashed3: { color: "slate", width: 1.8, dash: "dash" },
   dashed4: { color: "purple", width: 1.8, dash: "dash" },
 };
-const lineStyle = (style) => ({ ...STYLES[style], color: colour(STYLES[style].color) });
+const lineStyle = (/** @type {string} */ style) => ({ ...STYLES[style], color: colour(STYLES[style].color) });
+/** @type {Record<string, string>} */
 const DASH_SAMPLES = { solid: "━━", dash: "╍╍", dot: "┈┈" };
 const LOG_TICKS = [-2, -1, 0, 1, 2].flatMap((power) => [1, 2, 5].map((digit) => digit * 10 ** power));
 // The figure scales with the font size. Strips of intervals (`.strip.timed`) have the same left and right margins, so that
@@ -46,18 +48,29 @@ const box = document.getElementById("plots");
 const cursor = document.getElementById("cursor");
 const readout = document.getElementById("readout");
 const unreadable = translate("The curves could not be read. Reload the page to try again.");
-const response = await fetchChecked(box.dataset.plots, {}, unreadable).catch((error) => {
-  box.textContent = /** @type {Error} */ (error).message;
-});
-if (response) draw(await response.json());
+try {
+  draw(await (await fetchChecked(box.dataset.plots, {}, unreadable)).json());
+} catch (error) {
+  showReason(/** @type {Error} */ (error).message);
+}
 
+// Says why there are no curves, in place of them and of what moves them.
+/** @param {string} text */
+function showReason(text) {
+  const note = createElement("p", { className: "note warn", role: "status" }, text);
+  box.closest("section").querySelector(".plots-bar").remove();
+  box.parentElement.replaceWith(note);
+}
+
+/** @param {PlotRow} row @param {PlotColumns} columns @returns {any[]} */
 function rowTraces(row, columns) {
   return row.traces.flatMap((trace) => {
     const y = columns[trace.key],
       sd = trace.sd && columns[trace.sd];
     const curve = { name: trace.name, y, line: lineStyle(trace.style), key: trace.key, group: trace.group };
     if (!sd) return [curve];
-    const bound = (sign) => y.map((v, k) => (v === null || sd[k] === null ? null : v + sign * 1.96 * sd[k]));
+    const bound = (/** @type {number} */ sign) =>
+      y.map((v, k) => (v === null || sd[k] === null ? null : v + sign * 1.96 * sd[k]));
     const line = { width: 0, color: colour("blue") };
     return [
       { y: bound(-1), line, hoverinfo: "skip" },
@@ -67,16 +80,18 @@ function rowTraces(row, columns) {
   });
 }
 
+/** @param {PlotDocument} data */
 function draw(data) {
   const { traces, layout } = buildFigure(data);
   box.style.height = `${layout.height}px`; // a figure that is resized takes the height of its element
   Plotly.newPlot(box, traces, layout, { displayModeBar: false, responsive: true, doubleClick: "reset" }).then(() =>
-    linkCursor(data.columns[data.x.key], data),
+    linkCursor(abscissa(data), data),
   );
   onColourScheme(() => recolour(data));
 }
 
 // Redraws the figure in the current colours, with its zoom, switches and cursor.
+/** @param {PlotDocument} data */
 function recolour(data) {
   const { traces, layout } = buildFigure(data),
     shown = box.layout;
@@ -87,13 +102,21 @@ function recolour(data) {
   Plotly.react(box, traces, layout);
 }
 
+// The values of the horizontal axis, which are complete.
+/** @param {PlotDocument} data */
+const abscissa = ({ columns, x }) => /** @type {number[]} */ (columns[x.key]);
+
+/** @param {PlotDocument} data */
 function buildFigure(data) {
   const { columns, rows, shades_s, x } = data;
-  const t = columns[x.key];
+  const t = abscissa(data);
   const height = TOP_PX + BOTTOM_PX + rows.length * ROW_PX;
   const inner = height - TOP_PX - BOTTOM_PX;
-  const traces = [],
-    annotations = [];
+  /** @type {any[]} */
+  const traces = [];
+  /** @type {object[]} */
+  const annotations = [];
+  /** @type {Record<string, any>} */
   const layout = {
     height,
     margin: { l: LEFT_PX, r: RIGHT_PX, t: TOP_PX, b: BOTTOM_PX },
@@ -175,15 +198,18 @@ function buildFigure(data) {
     }
     if (row.legend) annotations.push(...legend(row, top));
   });
-  return { traces, layout: { ...layout, annotations } };
+  layout.annotations = annotations;
+  return { traces, layout };
 }
 
 // The range of an axis; plotly takes that of a logarithmic one as exponents.
+/** @param {PlotAxis} x @param {number} from @param {number} to */
 function axisRange(x, from, to) {
   return x.log ? [Math.log10(from), Math.log10(to)] : [from, to];
 }
 
 // Adds a checkbox per group of curves, with a sample of its line.
+/** @param {PlotDocument["switches"]} switches @param {() => void} updateReadout */
 function addSwitches(switches, updateReadout) {
   const place = document.querySelector("[data-switches]");
   for (const { key, name, style, shown } of switches) {
@@ -200,6 +226,7 @@ function addSwitches(switches, updateReadout) {
 }
 
 // Names of the curves above the right end of a row, each with a sample of its line.
+/** @param {PlotRow} row @param {number} top */
 function legend(row, top) {
   let right = 0;
   return row.traces
@@ -224,6 +251,10 @@ function legend(row, top) {
     });
 }
 
+/**
+ * @param {number[]} t
+ * @param {{ columns: PlotColumns, readings: PlotReading[], shades_s: PlotDocument["shades_s"], switches: PlotDocument["switches"], x: PlotAxis }} options
+ */
 function linkCursor(t, { columns, readings, shades_s, switches, x }) {
   const line = `shapes[${shades_s.length}]`;
   cursor.max = String(t.length - 1);
@@ -234,13 +265,13 @@ function linkCursor(t, { columns, readings, shades_s, switches, x }) {
     const hiddenGroups = new Set(
       [...document.querySelectorAll("[data-group]:not(:checked)")].map((input) => input.dataset.group),
     );
-    const shown = readings.filter((reading) => !hiddenGroups.has(reading.group));
+    const shown = readings.filter((reading) => !hiddenGroups.has(reading.group ?? ""));
     readout.replaceChildren(
       readingNode(x.name, [t[k]], x.unit, x.digits),
       ...shown.map((reading) => channelReading(reading, columns, k)),
     );
   };
-  const show = (k) => {
+  const show = (/** @type {number} */ k) => {
     const time = t[k];
     cursor.value = String(k);
     cursor.setAttribute("aria-valuetext", `${time.toFixed(x.digits)} ${x.unit}`);
@@ -255,7 +286,8 @@ function linkCursor(t, { columns, readings, shades_s, switches, x }) {
   });
   cursor.addEventListener("input", () => show(Number(cursor.value)));
   box.on("plotly_click", (event) => show(event.points[0].pointIndex ?? event.points[0].pointNumber));
-  const zoom = ([from, to]) => Plotly.relayout(box, { "xaxis.range": axisRange(x, from, to) });
+  const zoom = (/** @type {[number, number]} */ [from, to]) =>
+    Plotly.relayout(box, { "xaxis.range": axisRange(x, from, to) });
   const toWindow = document.querySelector("[data-window]");
   if (toWindow && shades_s.length) toWindow.addEventListener("click", () => zoom(shades_s[0]));
   else toWindow?.remove();
@@ -273,12 +305,18 @@ function linkCursor(t, { columns, readings, shades_s, switches, x }) {
   box.dataset.ready = "true";
 }
 
+/** @param {string} name @param {(number | null | undefined)[]} values @param {string} unit @param {number} digits */
 function readingNode(name, values, unit, digits) {
   const texts = values.map((value) => value?.toFixed(digits).replace(/^-(0\.?0*)$/, "$1") ?? "–");
   const shown = texts.every((text) => text === "–") ? "–" : `${texts.join(", ")} ${unit}`;
   return createElement("span", {}, `${name} `, createElement("b", {}, shown));
 }
 
+/**
+ * @param {{ name: string, key: string, unit: string, digits: number, sd: string | null, more: string[] }} options
+ * @param {PlotColumns} columns
+ * @param {number} k
+ */
 function channelReading({ name, key, unit, digits, sd, more }, columns, k) {
   const shown = readingNode(
     name,
@@ -286,7 +324,7 @@ function channelReading({ name, key, unit, digits, sd, more }, columns, k) {
     unit,
     digits,
   );
-  const spread = sd && columns[sd]?.[k];
+  const spread = sd ? columns[sd]?.[k] : null;
   if (spread !== null && spread !== undefined) shown.append(` ± ${(1960 * spread).toFixed(1)} mm`);
   return shown;
 }

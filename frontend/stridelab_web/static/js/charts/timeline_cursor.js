@@ -3,6 +3,7 @@
 const TOLERANCE_S = 1e-6;
 const strips = [...document.querySelectorAll(".strip[data-duration]")].map(readStrip);
 
+/** @param {PageElement} root */
 function readStrip(root) {
   const duration_s = Number(root.dataset.duration),
     bars = [...root.querySelectorAll("svg:not(.axis)")];
@@ -16,6 +17,7 @@ function readStrip(root) {
 }
 
 // Positions and widths of the strip in seconds; the page has them in percent of its duration.
+/** @param {PageElement} root @param {number} duration_s */
 function readPositions(root, duration_s) {
   const positions = [];
   for (const node of root.querySelectorAll("rect:not(.track), line, text")) {
@@ -27,6 +29,7 @@ function readPositions(root, duration_s) {
   return positions;
 }
 
+/** @param {PageElement} svg */
 function addCursor(svg) {
   const mark = document.createElementNS(svg.namespaceURI, "line");
   mark.setAttribute("class", "now");
@@ -37,7 +40,7 @@ function addCursor(svg) {
 
 /** @param {{ span_s: number[], cursor_s: number | null, positions: any[], marks: Element[] }} strip */
 function draw({ span_s: [from_s, to_s], cursor_s, positions, marks }) {
-  const percent = (length_s) => `${(100 * length_s) / (to_s - from_s)}%`;
+  const percent = (/** @type {number} */ length_s) => `${(100 * length_s) / (to_s - from_s)}%`;
   for (const { node, name, value_s } of positions) {
     node.setAttribute(name, percent(name === "width" ? value_s : value_s - from_s));
     // A tick of the axis is drawn completely or not at all.
@@ -61,7 +64,7 @@ document.addEventListener("span", ({ detail }) => {
 
 for (const strip of strips) {
   strip.root.addEventListener("click", ({ target, clientX }) => {
-    const svg = target.closest("svg");
+    const svg = /** @type {Element} */ (target).closest("svg");
     if (!svg) return;
     const { left, width } = svg.getBoundingClientRect(),
       [from_s, to_s] = strip.span_s;

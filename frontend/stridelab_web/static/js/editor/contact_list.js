@@ -7,6 +7,10 @@ import { effectorLabel } from "./validation_text.js";
 export class ContactList {
   // `callbacks` are called with the number of the touch: onChoose(number), onKey(event, number), onInput(number, input),
   // onCommit(number, input), onLeave().
+  /**
+   * @param {PageElement} root
+   * @param {{ onChoose(number: number): void; onKey(event: KeyboardEvent, number: number): void; onInput(number: number, input: PageElement): void; onCommit(number: number, input: PageElement): void; onLeave(): void }} callbacks
+   */
   constructor(root, callbacks) {
     this.list = root.querySelector("[data-touches]");
     this.template = root.querySelector("template[data-row]");
@@ -16,6 +20,7 @@ export class ContactList {
   }
 
   // Whether each touch has a row with the same number and effector.
+  /** @param {Touch[]} touches */
   matches(touches) {
     return (
       this.byNumber.size === touches.length &&
@@ -24,18 +29,20 @@ export class ContactList {
   }
 
   // Replaces all rows.
+  /** @param {Touch[]} touches */
   rebuild(touches) {
     this.byNumber.clear();
     this.list.replaceChildren();
     for (const touch of touches) this.addRow(touch);
   }
 
+  /** @param {Touch} touch */
   addRow(touch) {
     const row = this.template.content.firstElementChild.cloneNode(true);
-    const find = (name) => row.querySelector(`[data-${name}]`);
+    const find = (/** @type {string} */ name) => row.querySelector(`[data-${name}]`);
     row.dataset.effector = touch.effector;
     find("dot").classList.add(touch.side);
-    find("number").textContent = touch.number;
+    find("number").textContent = String(touch.number);
     find("name").textContent = effectorLabel(touch.effector);
     find("yaw").hidden = !touch.surface;
     const button = row.querySelector("button");
@@ -60,6 +67,7 @@ export class ContactList {
   }
 
   // Expands one row and collapses the others; null collapses all.
+  /** @param {number | null} number */
   expandRow(number) {
     for (const [other, row] of this.byNumber) {
       row.querySelector("button").setAttribute("aria-expanded", String(other === number));
@@ -69,6 +77,7 @@ export class ContactList {
   }
 
   // Writes the position and times of a touch into its row; the input that is being typed in stays unchanged.
+  /** @param {Touch} touch @param {Scenario} scenario */
   updateRow(touch, scenario) {
     const row = this.byNumber.get(touch.number),
       [first, last] = touch.phases,
@@ -80,6 +89,7 @@ export class ContactList {
     row.querySelector("[data-when]").textContent =
       `${first === last ? `Phase ${first}` : `Phases ${first} to ${last}`}, ${when}`;
     row.querySelector("[data-place]").textContent = position.map((v) => v.toFixed(3)).join(", ");
+    /** @type {Record<string, number>} */
     const values = { x: position[0], y: position[1], z: position[2], yaw: yawDegrees(orientation_wxyz) };
     for (const input of row.querySelectorAll("input")) {
       const text = String(Number(values[input.name].toFixed(input.name === "yaw" ? 1 : 4)));
@@ -88,6 +98,7 @@ export class ContactList {
   }
 
   // Shows the margins of a touch, [name, sentence] pairs.
+  /** @param {number} number @param {string[][]} lines */
   showMargins(number, lines) {
     const list = this.byNumber.get(number).querySelector("[data-margins]");
     const texts = lines.flat();

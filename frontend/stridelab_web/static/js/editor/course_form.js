@@ -1,5 +1,6 @@
 // The page "New scenario": obstacles in a row, drawn while they change by typing or by handles; then contacts, and on request
 // the motion. Every change can be undone.
+import { untilAnswering } from "../shared/connection_notice.js";
 import { createElement, smallButton } from "../shared/elements.js";
 import { focusRow, replaceRows, setActive } from "../shared/focus.js";
 import { courseBody, dragElement, KINDS, moveItem, newElement } from "./course_fields.js";
@@ -8,11 +9,12 @@ import { bindCourseButton, planningUrl, startPlan } from "./planning_jobs.js";
 
 const DRAW_AFTER_MS = 100,
   PX_PER_M = 200; // of the drawing (charts/scenario_drawing.py)
+const UNAUTHENTICATED = 401;
 const OUT_OF_RANGE = "A number is missing or outside of its range.";
 const HEAD = ["name", "robot", "handrails", "width_m", "friction"];
 
 const form = /** @type {any} */ (document.querySelector("form[data-course]"));
-const part = (name) => form.querySelector(`[data-${name}]`);
+const part = (/** @type {string} */ name) => form.querySelector(`[data-${name}]`);
 const [list, pictures, status, undo, redo] = ["elements", "pictures", "course-said", "undo", "redo"].map(part);
 const readHead = () => Object.fromEntries(HEAD.map((name) => [name, form.elements[name].value]));
 const history = new CourseHistory("stridelab-course", { head: readHead(), elements: [newElement("stairs")] });
@@ -27,7 +29,7 @@ part("add").append(
     return button;
   }),
 );
-form.addEventListener("submit", (event) => event.preventDefault());
+form.addEventListener("submit", (/** @type {PointerEvent} */ event) => event.preventDefault());
 form.addEventListener("input", () => drawSoon());
 form.addEventListener("change", () => form.checkValidity() && record());
 undo.addEventListener("click", () => show(history.undo()));
@@ -53,11 +55,12 @@ show(history.present);
 function course() {
   if (!elements.length) throw new Error("Add an obstacle.");
   if (!form.reportValidity()) throw new Error(OUT_OF_RANGE);
-  const number = (name) => form.elements[name].valueAsNumber;
+  const number = (/** @type {string} */ name) => form.elements[name].valueAsNumber;
   const [name, robot, handrails] = ["name", "robot", "handrails"].map((field) => form.elements[field].value);
   return courseBody({ name, robot, handrails, friction: number("friction"), width_m: number("width_m") }, elements);
 }
 
+/** @param {import("./course_fields.js").CourseElement[]} next */
 function change(next) {
   elements = next;
   record();
@@ -75,6 +78,7 @@ function record() {
 }
 
 // Shows a state of the history.
+/** @param {typeof history.present} state */
 function show(state) {
   for (const name of HEAD) form.elements[name].value = state.head[name];
   elements = structuredClone(state.elements);
@@ -87,6 +91,7 @@ function showElements() {
   drawSoon();
 }
 
+/** @param {import("./course_fields.js").CourseElement} element @param {number} index */
 function elementRow(element, index) {
   const { title, fields } = KINDS[element.kind];
   const place = `${title}, obstacle ${index + 1}`;
@@ -105,7 +110,7 @@ function elementRow(element, index) {
       createElement("span", { className: "with-unit" }, input, ` ${unit}`),
     );
   });
-  const move = (by) => {
+  const move = (/** @type {number} */ by) => {
     const place = index + by;
     change(moveItem(elements, index, by));
     focusRow(list, Math.max(place, 0), inputs.length + (by < 0 ? 0 : 1)); // its own button, where it is now
@@ -129,24 +134,26 @@ function elementRow(element, index) {
 }
 
 // A drag of a handle in the side view. The drawing is exchanged meanwhile, so the document listens.
+/** @param {PointerEvent} event */
 function startDrag(event) {
-  const handle = event.target.closest("[data-handle]");
+  const handle = /** @type {any} */ (event.target).closest("[data-handle]");
   if (!handle || event.button !== 0) return;
   event.preventDefault();
   const index = Number(handle.dataset.handle),
     before = elements[index],
     { clientX, clientY } = event;
   const m_per_pixel = 1 / handle.getScreenCTM().a / PX_PER_M;
-  const onMove = (move) => {
+  const onMove = (/** @type {PointerEvent} */ move) => {
     const [ahead_m, up_m] = [move.clientX - clientX, clientY - move.clientY].map((px) => px * m_per_pixel);
     elements = elements.with(index, dragElement(before, ahead_m, up_m));
     showElements();
   };
-  const onEnd = (end) => {
+  const onEnd = (/** @type {Event} */ end) => {
     for (const [name, listener] of Object.entries(listeners)) document.removeEventListener(name, listener);
     if (end.type === "pointercancel") change(elements.with(index, before));
     else record();
   };
+  /** @type {Record<string, (event: any) => void>} */
   const listeners = { pointermove: onMove, pointerup: onEnd, pointercancel: onEnd };
   for (const [name, listener] of Object.entries(listeners)) document.addEventListener(name, listener);
 }
@@ -165,8 +172,13 @@ async function draw() {
   }
   const query = new URLSearchParams({ course: JSON.stringify(course()) });
   const response = await fetch(`/scenarios/new/pictures?${query}`).catch(() => null);
-  const text = response ? await response.text() : "The service does not answer. Is it still running?";
+  if (!response || response.status === UNAUTHENTICATED) {
+    await untilAnswering();
+    if (turn === drawn) draw();
+    return;
+  }
+  const text = await response.text();
   if (turn !== drawn) return;
-  status.textContent = response?.ok ? "" : text;
-  if (response?.ok) pictures.innerHTML = text;
+  status.textContent = response.ok ? "" : text;
+  if (response.ok) pictures.innerHTML = text;
 }

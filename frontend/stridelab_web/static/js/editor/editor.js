@@ -6,26 +6,25 @@ import { PhaseForm } from "./phase_form.js";
 import { SceneView } from "./scene_view.js";
 import { bindContactsButton, bindPlanButton } from "./planning_jobs.js";
 import { ContactList } from "./contact_list.js";
-import { ScenarioStore, moveContact, sameJson } from "./scenario_store.js";
+import { ScenarioStore, moveContact, sameJson, setPoseNumber } from "./scenario_store.js";
 import { contactOf } from "./phase_edits.js";
+import { writeToAddress } from "../shared/elements.js";
 import { setActive } from "../shared/focus.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
 import { PhaseTimeline } from "./phase_timeline.js";
-import { rotateAboutZ, yawDegrees } from "../viewer/quaternions.js";
 import { showFailure, hideOverlay } from "../viewer/loading_overlay.js";
 
-const POLL_MS = 100,
-  STORE_DELAY_MS = 500,
-  STEP_M = 0.01,
-  FINE_STEP_M = 0.001,
-  PRECONDITION_FAILED = 412;
+const [POLL_MS, STORE_DELAY_MS] = [100, 500];
+const [STEP_M, FINE_STEP_M] = [0.01, 0.001];
+const PRECONDITION_FAILED = 412;
 const CHANGED_ELSEWHERE = "Changed in another window; its current state is shown. Undo reverts that change, too.";
 const CONFLICT = "Not stored: it was changed in another window in the meantime. Its current state is shown.";
 // Directions (x, y) of the arrow keys, seen from behind the robot: x points forward, y to its left.
+/** @type {Record<string, number[]>} */
 const DIRECTIONS = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1] };
 
 const root = document.querySelector("[data-editor]");
-const part = (name) => root.querySelector(`[data-${name}]`);
+const part = (/** @type {string} */ name) => root.querySelector(`[data-${name}]`);
 const [status, undo, redo] = ["said", "undo", "redo"].map(part);
 const id = root.dataset.scenario,
   isReadOnly = root.dataset.own !== "true"; // the first edit is stored as a copy, which is opened
@@ -61,14 +60,15 @@ const preview = new LivePreview(root);
 
 // `draft` is the edited scenario that is shown and not stored yet; `pending` is the edit made by keys, which is stored after
 // a pause. `queue` resolves when all requests so far are done.
-let touches = [],
+let /** @type {Touch[]} */ touches = [],
   /** @type {number | null} */ chosenContact = null,
   /** @type {{ scenario: any, draggedContact?: number, isTyping?: boolean } | null} */ draft = null,
-  /** @type {{ key: string, edit: (body: any) => any, done: string, timer: number, sent?: boolean } | null} */ pending =
-    null,
+  /** @type {{ key: string, edit: ScenarioEdit, done: string, timer: number, sent?: boolean } | null} */ pending = null,
   /** @type {Promise<any>} */ queue = Promise.resolve();
 const currentScenario = () => draft?.scenario ?? store.scenario;
-const touchOf = (number) => touches.find((touch) => touch.number === number);
+const touchOf = (/** @type {number | null} */ number) => touches.find((touch) => touch.number === number);
+// The touch of a row of the list, which shows only touches that there are.
+const placedTouch = (/** @type {number} */ number) => /** @type {Touch} */ (touchOf(number));
 
 start().catch((error) => showFailure(part("stage"), error));
 /** @type {import("./plan_playback.js").PlanPlayback | undefined} */
@@ -105,8 +105,9 @@ async function start() {
 }
 
 // Shows why a part of the page could not be loaded or used.
+/** @param {Promise<unknown>} promise */
 function run(promise) {
-  promise.catch((error) => setStatus(error.message, true));
+  promise.catch((error) => setStatus(/** @type {Error} */ (error).message, true));
 }
 
 async function showTerrain() {
@@ -122,6 +123,7 @@ async function openJson() {
 }
 
 // Calls `use` with the playback of the plan, in the order of the calls.
+/** @param {(playback: import("./plan_playback.js").PlanPlayback) => unknown} use */
 function withPlayback(use) {
   run(
     import("./plan_playback.js").then(({ playbackInEditor }) => {
@@ -131,29 +133,24 @@ function withPlayback(use) {
   );
 }
 
-// Writes the expanded contact or the chosen phase into the address, so that a reload restores it.
-function rememberInUrl(name, value) {
-  const url = new URL(location.href);
-  if (value === null) url.searchParams.delete(name);
-  else url.searchParams.set(name, value);
-  history.replaceState(null, "", url);
-}
-
+/** @param {number} number */
 function toggleContact(number) {
   chooseContact(chosenContact === number ? null : number);
 }
 
+/** @param {number | null} number */
 function chooseContact(number, inUrl = true) {
   chosenContact = number;
   contactList.expandRow(number);
-  if (inUrl) rememberInUrl("contact", number);
+  if (inUrl) writeToAddress("contact", number);
   validation.setScene(sceneView.nodes, touches, chosenContact);
 }
 
+/** @param {number} k */
 function choosePhase(k) {
   if (validation.instant) playback?.stop();
   validation.choosePhase(k);
-  rememberInUrl("phase", k);
+  writeToAddress("phase", k);
 }
 
 // Shows the stored scenario or the draft, and requests its validation and its preview.
@@ -179,6 +176,7 @@ function render() {
 }
 
 // Shows the stored scenario with `edit` applied, without storing it.
+/** @param {ScenarioEdit} edit */
 function propose(edit, options = {}) {
   if (validation.instant) playback?.stop();
   draft = { scenario: edit(store.scenario), ...options };
@@ -212,11 +210,13 @@ function pollScene() {
   if (!dragged) return;
   const { touch, position_m, isReleased } = dragged;
   if (chosenContact !== touch.number) chooseContact(touch.number);
-  const move = (scenario) => moveContact(scenario, touch, position_m, contactOf(scenario, touch).orientation_wxyz);
+  const move = (/** @type {Scenario} */ scenario) =>
+    moveContact(scenario, touch, position_m, contactOf(scenario, touch).orientation_wxyz);
   if (isReleased) return commitEdit(move, "Stored.");
   propose(move, isReadOnly ? {} : { draggedContact: touch.number });
 }
 
+/** @param {{ isOwnChange: boolean }} options */
 async function onSceneChange({ isOwnChange }) {
   const changed = await store.read().catch(() => false);
   if (!isOwnChange && !changed) return; // stored by this page
@@ -244,11 +244,12 @@ async function refresh() {
     return refusal;
   } catch (error) {
     render();
-    return error.message;
+    return /** @type {Error} */ (error).message;
   }
 }
 
 // Applies `edit` to the stored scenario and stores the result; a refused edit is reverted. Returns the error, or null.
+/** @param {ScenarioEdit} edit @param {string} done */
 async function storeEdit(edit, done) {
   let failure = null;
   try {
@@ -265,10 +266,12 @@ async function storeEdit(edit, done) {
   return failure;
 }
 
+/** @param {any} failure @param {string} done */
 function reportResult(failure, done) {
   setStatus(failure ? (failure.status === PRECONDITION_FAILED ? CONFLICT : failure.message) : done, Boolean(failure));
 }
 
+/** @param {ScenarioEdit} edit @param {string} done */
 function commitEdit(edit, done) {
   if (draft) draft.isTyping = false;
   flushPending();
@@ -276,6 +279,7 @@ function commitEdit(edit, done) {
 }
 
 // Stores a whole scenario from the JSON dialog; a sample is stored as a copy.
+/** @param {Scenario} scenario */
 async function storeScenario(scenario) {
   await flushPending();
   queue = queue.then(() => storeEdit(() => scenario, "Stored."));
@@ -285,28 +289,21 @@ async function storeScenario(scenario) {
 }
 
 // The edit that moves a contact to the numbers of its row; null while the input is not a number.
+/** @param {number} number @param {PageElement} input */
 function editFromInput(number, input) {
-  const touch = touchOf(number);
-  const value = input.valueAsNumber;
+  const touch = placedTouch(number),
+    value = input.valueAsNumber;
   if (!Number.isFinite(value)) return null;
-  return (scenario) => {
-    const { position_m, orientation_wxyz } = contactOf(scenario, touch);
-    if (input.name === "yaw")
-      return moveContact(
-        scenario,
-        touch,
-        position_m,
-        rotateAboutZ(orientation_wxyz, ((value - yawDegrees(orientation_wxyz)) * Math.PI) / 180),
-      );
-    return moveContact(scenario, touch, position_m.with("xyz".indexOf(input.name), value), orientation_wxyz);
-  };
+  return (/** @type {Scenario} */ scenario) => setPoseNumber(scenario, touch, input.name, value);
 }
 
+/** @param {number} number @param {PageElement} input */
 function previewInput(number, input) {
   const edit = editFromInput(number, input);
   if (edit && sceneView.isReady) propose(edit, { isTyping: true });
 }
 
+/** @param {number} number @param {PageElement} input */
 function commitInput(number, input) {
   const edit = editFromInput(number, input);
   if (!edit) return discardDraft();
@@ -314,12 +311,13 @@ function commitInput(number, input) {
 }
 
 // Each press moves the mark; the new position is stored after a pause.
+/** @param {KeyboardEvent} event @param {number} number */
 function onContactKey(event, number) {
   const direction = DIRECTIONS[event.key];
   if (!direction || !sceneView.isReady || event.ctrlKey || event.metaKey || event.altKey) return;
   event.preventDefault();
   if (chosenContact !== number) chooseContact(number);
-  const touch = touchOf(number),
+  const touch = placedTouch(number),
     step_m = event.shiftKey ? FINE_STEP_M : STEP_M;
   const { position_m: from, orientation_wxyz } = contactOf(currentScenario(), touch);
   const position_m = [round(from[0] + step_m * direction[0]), round(from[1] + step_m * direction[1]), from[2]];
@@ -331,6 +329,7 @@ function onContactKey(event, number) {
 }
 
 // Shows an edit made by keys at once and stores it after a pause; edits with the same `key` are stored together.
+/** @param {string} key @param {ScenarioEdit} edit @param {string} done */
 function storeLater(key, edit, done) {
   if (pending && pending.key !== key) flushPending();
   clearTimeout(pending?.timer);
@@ -355,7 +354,7 @@ function flushPending() {
 }
 
 // Undoes or redoes one step.
-/** @param {"undo" | "redo"} direction */
+/** @param {"undo" | "redo"} direction @param {string} nothing @param {string} done */
 function stepHistory(direction, nothing, done) {
   queue = flushPending().then(async () => {
     let failure = null,
@@ -392,9 +391,10 @@ const shortcuts = new Shortcuts([
   ...CAMERA_KEYS,
 ]);
 
+/** @param {string} text @param {boolean} wrong */
 function setStatus(text, wrong) {
   status.textContent = text;
   status.classList.toggle("wrong", wrong);
 }
 
-const round = (v) => Math.round(v * 1e4) / 1e4;
+const round = (/** @type {number} */ v) => Math.round(v * 1e4) / 1e4;

@@ -3,6 +3,7 @@ import { createElement, smallButton } from "../shared/elements.js";
 
 export class JsonView {
   // `read()` returns the scenario, `store(scenario)` stores one or throws with the problem.
+  /** @param {PageElement} root @param {{ read: () => Scenario, store: (scenario: Scenario) => Promise<void> }} options */
   constructor(root, { read, store }) {
     const dialog = root.querySelector("[data-json]");
     this.dialog = dialog;
@@ -32,9 +33,9 @@ export class JsonView {
     try {
       scenario = JSON.parse(this.editor.value);
     } catch (error) {
-      const at = /position (\d+)/.exec(error.message);
+      const at = /position (\d+)/.exec(/** @type {Error} */ (error).message);
       const line = at ? lineAt(this.editor.value, Number(at[1])) : null;
-      return this.showResult("This is not JSON.", [{ where: "", message: error.message, line }]);
+      return this.showResult("This is not JSON.", [{ where: "", message: /** @type {Error} */ (error).message, line }]);
     }
     if (typeof scenario?.name !== "string") return this.showResult("This is not a scenario: it has no name.", []);
     this.showResult("…", []);
@@ -42,20 +43,24 @@ export class JsonView {
       await this.store(scenario);
       this.dialog.close();
     } catch (error) {
-      const { problem } = error;
+      const { problem } = /** @type {any} */ (error);
       this.showResult(
-        problem?.detail ?? error.message,
-        (problem?.errors ?? []).map((item) => ({ ...item, line: lineOfField(this.editor.value, item.where) })),
+        problem?.detail ?? /** @type {Error} */ (error).message,
+        (problem?.errors ?? []).map((/** @type {any} */ item) => ({
+          ...item,
+          line: lineOfField(this.editor.value, item.where),
+        })),
       );
     }
   }
 
+  /** @param {string} summary @param {(PlacedError & { line?: number | null })[]} errors */
   showResult(summary, errors) {
     this.status.textContent = summary;
     this.errorList.replaceChildren(
       ...errors.map(({ where, message, line }) => {
         const item = createElement("li");
-        if (line !== null) {
+        if (typeof line === "number") {
           const button = smallButton(`line ${line + 1}`);
           button.addEventListener("click", () => this.selectLine(line));
           item.append(button, " ");
@@ -68,6 +73,7 @@ export class JsonView {
   }
 
   // Selects a line and scrolls to it.
+  /** @param {number} line */
   selectLine(line) {
     const lines = this.editor.value.split("\n"),
       start = lines.slice(0, line).join("\n").length + (line > 0 ? 1 : 0);
@@ -78,20 +84,22 @@ export class JsonView {
 }
 
 // JSON with two spaces per level; lists of numbers are on one line.
-const formatJson = (scenario) =>
+const formatJson = (/** @type {Scenario} */ scenario) =>
   JSON.stringify(scenario, null, 2).replace(
     /\[\s+(-?[\d.e+-]+(?:,\s+-?[\d.e+-]+)*)\s+\]/g,
     (_, inner) => `[${inner.replace(/\s+/g, " ")}]`,
   );
 
 // The line of an offset, counted from 0.
-const lineAt = (text, offset) => text.slice(0, offset).split("\n").length - 1;
+const lineAt = (/** @type {string} */ text, /** @type {number} */ offset) =>
+  text.slice(0, offset).split("\n").length - 1;
 
 // The line, counted from 0, of a field that the service names, such as phases[2].contacts[left_foot].position_m[1], or of
 // its nearest parent that exists; null where no part of it does.
+/** @param {string} text @param {string} field */
 export function lineOfField(text, field) {
   const path = field.match(/[^.[\]]+/g) ?? [];
-  const offsets = new Map();
+  const offsets = /** @type {Map<string, number>} */ (new Map());
   let value;
   try {
     value = JSON.parse(text);
@@ -100,24 +108,27 @@ export function lineOfField(text, field) {
     return null;
   }
   let key = "",
-    offset = null;
+    offset = /** @type {number | null} */ (null);
   for (const part of path) {
+    /** @type {string | number} */
     const index = Array.isArray(value) ? itemIndex(value, part) : part;
     key += `/${index}`;
     if (!offsets.has(key)) break;
-    offset = offsets.get(key);
+    offset = offsets.get(key) ?? null;
     value = value?.[index];
   }
   return offset === null ? null : lineAt(text, offset);
 }
 
 // The index of a list item that is named by its number, its effector or its name.
+/** @param {any[]} list @param {string} part */
 function itemIndex(list, part) {
   if (/^\d+$/.test(part)) return Number(part);
   return list.findIndex((item) => item?.effector === part || item?.name === part);
 }
 
 // Fills `offsets` with the offset of each value of a valid JSON text, by its path.
+/** @param {string} text @param {Map<string, number>} offsets */
 function scanOffsets(text, offsets) {
   let index = 0;
   const skip = () => {
@@ -130,7 +141,7 @@ function scanOffsets(text, offsets) {
     index += 1;
     return JSON.parse(text.slice(start, index));
   };
-  const readValue = (path) => {
+  const readValue = (/** @type {string} */ path) => {
     skip();
     offsets.set(path, index);
     if (text[index] === '"') return void readString();
@@ -148,7 +159,7 @@ function scanOffsets(text, offsets) {
         index += 1;
         skip();
       }
-      let name = k;
+      let name = String(k);
       if (isObject) {
         name = readString();
         skip();

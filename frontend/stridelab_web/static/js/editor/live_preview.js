@@ -18,8 +18,9 @@ const PAUSE_MS = 20;
 const NO_SOLVER = "solver-unavailable";
 
 export class LivePreview {
+  /** @param {PageElement} root */
   constructor(root) {
-    const part = (name) => root.querySelector(`[data-${name}]`);
+    const part = (/** @type {string} */ name) => root.querySelector(`[data-${name}]`);
     this.root = root;
     this.box = part("live-box");
     this.checkbox = part("live-on");
@@ -51,6 +52,7 @@ export class LivePreview {
   }
 
   // Reads which solvers there are; without the C++ solver the preview is off.
+  /** @param {import("../viewer/viser_nodes.js").ViserNodes} nodes */
   async start(nodes) {
     this.nodes = nodes;
     this.setStatus("Starting the planner…");
@@ -60,7 +62,10 @@ export class LivePreview {
       await untilAnswering();
       solvers = await read();
     }
-    const native = solvers instanceof Error ? null : solvers.solvers.find((solver) => solver.name === "native");
+    const native =
+      solvers instanceof Error
+        ? null
+        : solvers.solvers.find((/** @type {{ name: string }} */ solver) => solver.name === "native");
     this.isAvailable = Boolean(native?.available);
     this.resolveStarted();
     for (const field of [this.checkbox, ...this.form.elements]) field.disabled = !this.isAvailable;
@@ -73,6 +78,7 @@ export class LivePreview {
     this.onToggle();
   }
 
+  /** @param {Scenario} scenario */
   update(scenario) {
     this.scenario = scenario;
     this.request();
@@ -118,7 +124,7 @@ export class LivePreview {
   /** @param {Api.PlanPreview | Error} result @param {object | null} push @param {number} took_ms */
   showResult(result, push, took_ms) {
     const preview = result instanceof Error ? null : result;
-    if (this.checkbox.checked && this.nodes.viser) drawPreview(this.nodes, preview, push);
+    if (this.checkbox.checked && this.nodes?.viser) drawPreview(this.nodes, preview, push);
     this.root.dataset.lived = String(Number(this.root.dataset.lived ?? 0) + 1); // what tests wait for
     if (result instanceof Error) {
       if (/** @type {any} */ (result).problem?.code === NO_SOLVER) this.isAvailable = false;
@@ -127,8 +133,8 @@ export class LivePreview {
       return;
     }
     const { motion, recovered } = result;
-    const describe = (solution) =>
-      `cost ${solution.objective.toFixed(2)}, ${counted(solution.iterations, "iteration")}, solved in ${(1e3 * solution.solve_time_s).toFixed(1)} ms`;
+    const describe = (/** @type {Api.PreviewMotion} */ solution) =>
+      `cost ${(solution.objective ?? NaN).toFixed(2)}, ${counted(solution.iterations, "iteration")}, solved in ${(1e3 * solution.solve_time_s).toFixed(1)} ms`;
     // Validation errors are shown below the scene already.
     if (result.errors.length) this.setStatus("No plan: the contacts are not valid.");
     else
@@ -142,14 +148,16 @@ export class LivePreview {
         : `It does not recover: ${recovered.status}`;
   }
 
+  /** @param {string} text */
   setStatus(text) {
     this.status.textContent = text;
   }
 }
 
 // The push of the form's fields, as the service takes it.
+/** @param {PageElement} form */
 function pushFromForm(form) {
-  const number = (name) => form.elements[name].valueAsNumber || 0;
+  const number = (/** @type {string} */ name) => form.elements[name].valueAsNumber || 0;
   const v = ["x", "y", "z"].map(number);
   const time_s = number("time");
   return form.elements.cause.value === "force"
@@ -158,6 +166,11 @@ function pushFromForm(form) {
 }
 
 // Draws the result of /plans/preview for a push, or null for none; hides everything without a result.
+/**
+ * @param {import("../viewer/viser_nodes.js").ViserNodes} nodes
+ * @param {Api.PlanPreview | null} preview
+ * @param {any} push
+ */
 function drawPreview(nodes, preview, push) {
   const planned = preview?.motion.converged ? preview.motion : null;
   const recovered = preview?.recovered?.converged ? preview.recovered : null;
@@ -168,12 +181,14 @@ function drawPreview(nodes, preview, push) {
   nodes.draw();
 }
 
+/** @param {import("../viewer/viser_nodes.js").ViserNodes} nodes @param {string} name @param {number[][] | null} points */
 function drawTube(nodes, name, points) {
   if (points) nodes.setVertices(name, points);
   nodes.setScale(name, points ? 1 : HIDDEN);
 }
 
 // An arrow from the position of the CoM along the push, with a length in proportion to its strength.
+/** @param {number[]} from @param {any} push */
 function pushArrow(from, push) {
   const [v, scale] = push.velocity_m_s
     ? [push.velocity_m_s, PUSH_M_PER_M_S]
@@ -184,6 +199,7 @@ function pushArrow(from, push) {
 }
 
 // The position of the CoM of a motion at a time.
+/** @param {{ time_s: number[], com_m: number[][] }} motion @param {number} t_s */
 export function comAt(motion, t_s) {
   const k = Math.max(
     motion.time_s.findIndex((t) => t >= t_s),
@@ -195,6 +211,7 @@ export function comAt(motion, t_s) {
 }
 
 // `n` points on a polyline, at equal steps of its parameter.
+/** @param {number[][]} points @param {number} n */
 function resample(points, n) {
   return Array.from({ length: n }, (_, i) => {
     const position = (i * (points.length - 1)) / (n - 1);
@@ -206,6 +223,7 @@ function resample(points, n) {
 }
 
 // The vertices of a thin tube along a path, ring by ring (viewer/meshes.py).
+/** @param {number[][]} path @param {number} radius */
 function tubeVertices(path, radius) {
   return path.flatMap((p, i) => {
     const [a, b] = [path[Math.max(i - 1, 0)], path[Math.min(i + 1, path.length - 1)]];
@@ -220,8 +238,13 @@ function tubeVertices(path, radius) {
   });
 }
 
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const cross = (/** @type {number[]} */ a, /** @type {number[]} */ b) => [
+  a[1] * b[2] - a[2] * b[1],
+  a[2] * b[0] - a[0] * b[2],
+  a[0] * b[1] - a[1] * b[0],
+];
 
+/** @param {number[]} v */
 function normalize(v) {
   const norm = Math.hypot(...v);
   return norm > 1e-9 ? v.map((x) => x / norm) : [1, 0, 0];

@@ -10,6 +10,7 @@ import {
   setContact,
 } from "./phase_edits.js";
 
+/** @type {Record<string, [(scenario: Scenario, k: number) => Scenario, string]>} */
 const ACTIONS = {
   split: [splitPhase, "split"],
   added: [duplicatePhase, "followed by a new one"],
@@ -18,11 +19,16 @@ const ACTIONS = {
 
 export class PhaseForm {
   // `onCommit(edit, message)` stores an edit, `onInput(edit)` shows one while it is typed, `onLeave()` discards that.
+  /**
+   * @param {PageElement} root
+   * @param {{ onCommit: (edit: ScenarioEdit, done: string) => void, onInput: (edit: ScenarioEdit) => void, onLeave: () => void }} options
+   */
   constructor(root, { onCommit, onInput, onLeave }) {
     const form = root.querySelector("[data-phase-form]");
     this.form = form;
     this.onCommit = onCommit;
     this.k = 0;
+    /** @type {any} */
     this.scenario = null;
     this.isTyping = false;
     this.duration = form.elements.duration;
@@ -46,6 +52,7 @@ export class PhaseForm {
       select.addEventListener("change", () => this.setEffector(select.dataset.effector, select.value));
   }
 
+  /** @param {Scenario} scenario @param {number} k */
   show(scenario, k) {
     Object.assign(this, { scenario, k: Math.min(k, scenario.phases.length - 1) });
     const phase = scenario.phases[this.k],
@@ -58,6 +65,7 @@ export class PhaseForm {
   }
 
   // The choices of an effector: no contact, the contact of an earlier or a later phase, or a contact of its own.
+  /** @param {PageElement} select */
   fillOptions(select) {
     const { here, before, after, chosen } = contactChoices(this.scenario, this.k, select.dataset.effector);
     const options = [["away", "does not touch"]];
@@ -79,12 +87,14 @@ export class PhaseForm {
     else this.show(this.scenario, k);
   }
 
+  /** @param {string} name */
   runAction(name) {
     const [edit, outcome] = ACTIONS[name],
       k = this.k;
     this.onCommit((scenario) => edit(scenario, k), `Phase ${k} ${outcome}.`);
   }
 
+  /** @param {string} effector @param {string} choice */
   setEffector(effector, choice, k = this.k) {
     this.onCommit(
       (scenario) => setContact(scenario, k, effector, this.contactFor(scenario, k, effector, choice)),
@@ -93,15 +103,19 @@ export class PhaseForm {
   }
 
   // Removes the contact of an effector in phase k, or adds the one of the nearest earlier or later phase.
+  /** @param {number} k @param {string} effector */
   toggle(k, effector) {
     const { here, before, after } = contactChoices(this.scenario, k, effector);
     const choice = here ? "away" : before ? "before" : after ? "after" : "own";
     this.setEffector(effector, choice, k);
   }
 
+  /** @param {Scenario} scenario @param {number} k @param {string} effector @param {string} choice */
   contactFor(scenario, k, effector, choice) {
     if (choice === "away") return null;
-    const { here, [choice]: nearest } = contactChoices(scenario, k, effector);
-    return choice === "own" ? (here ?? suggestContact(scenario, k, effector)) : nearest.contact;
+    const choices = contactChoices(scenario, k, effector);
+    const { here } = choices,
+      nearest = choices[/** @type {"before" | "after"} */ (choice)];
+    return choice === "own" ? (here ?? suggestContact(scenario, k, effector)) : (nearest?.contact ?? null);
   }
 }

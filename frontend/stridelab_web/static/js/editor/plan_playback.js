@@ -13,6 +13,13 @@ const QUICK_MS = 50; // two pictures that are drawn within this time are followe
 const PAUSE_MS = 1000; // at the end of the motion, before it is played again
 
 // The playback of the editor's plan in its scene; the page says what is shown, and the certificate as far as it is.
+/**
+ * @param {PageElement} root
+ * @param {import("./live_preview.js").LivePreview} preview
+ * @param {import("./scene_view.js").SceneView} sceneView
+ * @param {import("./validation_view.js").ValidationView} validation
+ * @param {(text: string) => void} report
+ */
 export function playbackInEditor(root, preview, sceneView, validation, report) {
   const certificate = root.querySelector("[data-plan-certificate]");
   return new PlanPlayback({
@@ -36,6 +43,9 @@ export class PlanPlayback {
   // `isAvailable()` resolves to whether the service can plan at once; `show(instant)` draws an instant ({ phase, com_m, poses,
   // ghost }, the last two null before they are there), with null the end of the playback; `drawn()` resolves once it is on
   // the screen; `report(text)` shows a sentence, `reportCertificate(text, passed)` one about the certificate.
+  /**
+   * @param {{ isAvailable: () => Promise<boolean>, show: (instant: PlanInstant | null) => void, drawn: () => Promise<unknown>, report: (text: string) => void, reportCertificate: (text: string, passed: boolean | null) => void }} options
+   */
   constructor({ isAvailable, show, drawn, report, reportCertificate }) {
     this.isAvailable = isAvailable;
     this.show = show;
@@ -53,6 +63,7 @@ export class PlanPlayback {
   }
 
   // Plays the scenario until `stop`; with reduced motion, it shows only the latest posture of the body.
+  /** @param {Scenario} scenario */
   async start(scenario) {
     this.stop();
     const turn = this.turn;
@@ -72,6 +83,7 @@ export class PlanPlayback {
   }
 
   // Shows the parts of a running job; `onEvent` is to be called at each of its events.
+  /** @param {string} jobId */
   follow(jobId) {
     const turn = this.turn;
     this.plan = new PartialPlan();
@@ -113,6 +125,7 @@ export class PlanPlayback {
     step();
   }
 
+  /** @param {number} now_ms */
   draw(now_ms) {
     const { plan, motion } = this;
     const ends_s = plan.phaseEnds_s.length ? plan.phaseEnds_s : this.ends_s,

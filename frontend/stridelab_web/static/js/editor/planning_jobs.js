@@ -1,23 +1,25 @@
 // Buttons that start a planning job, follow it and open its result: those of the editor and of new scenarios.
 import { call, followJob, jobHeadline, problemSentence, startJob } from "../shared/api.js";
-import { createElement } from "../shared/elements.js";
+import { createElement, writeToAddress } from "../shared/elements.js";
 import { setActive } from "../shared/focus.js";
 import { notifyOfEnd } from "../shared/job_notice.js";
 import { CONTACTS_SUFFIX, openAsNewScenario } from "./scenario_store.js";
 
 const FEET = ["left_foot", "right_foot"];
-const planViewerUrl = (jobId) => `/view/?plan=${encodeURIComponent(jobId)}&play=1`;
+const planViewerUrl = (/** @type {string} */ jobId) => `/view/?plan=${encodeURIComponent(jobId)}&play=1`;
 const PLANNING = "planning"; // the job that the editor follows, in its address
 // The editor of a scenario that shows its plan while it is computed, and then opens it.
-export const planningUrl = (scenarioId, jobId) =>
+export const planningUrl = (/** @type {string} */ scenarioId, /** @type {string} */ jobId) =>
   `/view/?scenario=${encodeURIComponent(scenarioId)}&${PLANNING}=${encodeURIComponent(jobId)}`;
 
 // Starts a plan with whole body and replay, the defaults of the service.
+/** @param {string} scenarioId */
 export function startPlan(scenarioId, options = {}) {
   return startJob("plan-motion", { scenario_id: scenarioId, whole_body: true, replay: true, ...options });
 }
 
 // The reason why a job did not succeed, with the last progress message of one that ran out of time.
+/** @param {any} job */
 function failureReason(job, lastMessage = "") {
   if (job.state === "cancelled") return "Cancelled.";
   const reason = job.error
@@ -27,35 +29,34 @@ function failureReason(job, lastMessage = "") {
 }
 
 // A link to the partial result of a failed job.
-const partialResultLink = (job) =>
+const partialResultLink = (/** @type {any} */ job) =>
   createElement("a", { href: `/plans/${encodeURIComponent(job.id)}` }, "See how far it comes.");
 
 // Plans the scenario and opens the plan; `onRun()` is called when a plan begins, `onJob(id)` when its job is known,
 // `onProgress()` at each of its events, and `onEnd()` when it has ended without success.
 // Returns a function that follows the job of the address, if there is one.
+/**
+ * @param {PageElement} root
+ * @param {string} scenarioId
+ * @param {{ before: () => unknown, onRun: () => void, onJob: (jobId: string) => void, onProgress: () => void, onEnd: () => void }} options
+ */
 export function bindPlanButton(root, scenarioId, { before, onRun, onJob, onProgress, onEnd }) {
-  const write = (jobId) => {
-    const url = new URL(location.href);
-    if (jobId) url.searchParams.set(PLANNING, jobId);
-    else url.searchParams.delete(PLANNING);
-    history.replaceState(null, "", url);
-  };
   const follow = bindJobButton(root, "plan", {
     start: async () => {
       onRun();
       const job = await startPlan(scenarioId);
-      write(job.id);
+      writeToAddress(PLANNING, job.id);
       return job;
     },
     before,
     onSuccess: (job) => {
-      write(null); // a step back in the history leads to the editor
+      writeToAddress(PLANNING, null); // a step back in the history leads to the editor
       location.assign(planViewerUrl(job.id));
     },
     onJob,
     onProgress,
     onEnd: () => {
-      write(null);
+      writeToAddress(PLANNING, null);
       onEnd();
     },
   });
@@ -68,6 +69,7 @@ export function bindPlanButton(root, scenarioId, { before, onRun, onJob, onProgr
 }
 
 // Plans contacts from the stance of the first phase to that of the last, and opens them as a new scenario.
+/** @param {PageElement} root @param {string} scenarioId @param {() => unknown} before */
 export function bindContactsButton(root, scenarioId, before) {
   let name = "";
   const start = async () => {
@@ -75,7 +77,7 @@ export function bindContactsButton(root, scenarioId, before) {
     name = stored.name;
     return startJob("plan-contacts", contactTask(stored));
   };
-  const onSuccess = async (job) => {
+  const onSuccess = async (/** @type {any} */ job) => {
     const result = await call("GET", `/jobs/${job.id}/result`);
     await openAsNewScenario({ ...result.summary.scenario, name }, CONTACTS_SUFFIX);
   };
@@ -83,20 +85,29 @@ export function bindContactsButton(root, scenarioId, before) {
 }
 
 // Composes the terrain of the course, plans contacts over it and stores them; `onStored(scenario)` leaves the page.
+/**
+ * @param {PageElement} root
+ * @param {string} name
+ * @param {() => object} course
+ * @param {(scenario: any) => unknown} onStored
+ */
 export function bindCourseButton(root, name, course, onStored) {
   const start = async () => startJob("plan-contacts", await call("POST", "/scenarios/compose", course()));
-  const onSuccess = async (job) => {
+  const onSuccess = async (/** @type {any} */ job) => {
     const result = await call("GET", `/jobs/${job.id}/result`);
     await onStored(await call("POST", "/scenarios", result.summary.scenario));
   };
   bindJobButton(root, name, { start, before: () => {}, onSuccess });
 }
 
+/** @param {{ name: string, robot: string, terrain: Surface[], friction: number, phases: Phase[] }} options */
 function contactTask({ name, robot, terrain, friction, phases }) {
   if (!phases.length) throw new Error("This scenario has no phases: there is no start and no goal.");
-  const stances = { start: phases[0], goal: phases.at(-1) };
+  const stances = { start: phases[0], goal: phases[phases.length - 1] };
   for (const [end, { contacts }] of Object.entries(stances)) {
-    const missing = FEET.filter((foot) => !contacts.some((contact) => contact.effector === foot));
+    const missing = FEET.filter(
+      (foot) => !contacts.some((/** @type {Contact} */ contact) => contact.effector === foot),
+    );
     const phase = end === "start" ? "first" : "last";
     if (missing.length)
       throw new Error(
@@ -110,12 +121,17 @@ function contactTask({ name, robot, terrain, friction, phases }) {
 // Binds `[data-NAME]` (button), `[data-NAME-cancel]` (button), `[data-NAME-live]` (shown while the job runs, with a
 // <progress> and `[data-NAME-message]`) and `[data-NAME-said]` (problems) inside `root`. `before` is awaited before `start`;
 // `onJob(id)` and `onProgress()` as for plans; `onSuccess(job)` leaves the page; `onEnd()` is called after any other end. Returns a function that follows a running job.
+/**
+ * @param {PageElement} root
+ * @param {string} name
+ * @param {{ start: () => any, before: () => unknown, onSuccess: (job: any) => unknown, onJob?: (jobId: string) => void, onProgress?: () => void, onEnd?: () => void }} options
+ */
 function bindJobButton(
   root,
   name,
   { start, before, onSuccess, onJob = (/** @type {string} */ _id) => {}, onProgress = () => {}, onEnd = () => {} },
 ) {
-  const part = (ending) => root.querySelector(`[data-${name}${ending}]`);
+  const part = (/** @type {string} */ ending) => root.querySelector(`[data-${name}${ending}]`);
   const [button, cancel, live, message, problem] = ["", "-cancel", "-live", "-message", "-said"].map(part);
   const bar = live.querySelector("progress");
   /** @type {any} */
@@ -128,6 +144,7 @@ function bindJobButton(
     }),
   );
 
+  /** @param {() => Promise<any>} begin */
   async function run(begin) {
     setActive(button, false);
     problem.textContent = "";
@@ -148,7 +165,7 @@ function bindJobButton(
       problem.textContent = failureReason(finished, lastMessage);
       if (finished.has_result) problem.append(" ", partialResultLink(finished));
     } catch (error) {
-      problem.textContent = error.message;
+      problem.textContent = /** @type {Error} */ (error).message;
     }
     if (live.contains(document.activeElement)) button.focus();
     live.hidden = true;
@@ -165,10 +182,11 @@ function bindJobButton(
     });
   });
 
+  /** @param {Job} current */
   function show(current) {
     bar.value = current.progress.fraction;
     message.textContent = jobHeadline(current) || current.state;
   }
 
-  return (jobId) => run(() => call("GET", `/jobs/${jobId}`));
+  return (/** @type {string} */ jobId) => run(() => call("GET", `/jobs/${jobId}`));
 }

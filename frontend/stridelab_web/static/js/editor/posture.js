@@ -11,13 +11,17 @@ const ORIGIN = [0, 0, 0],
 
 export class RobotPosture {
   constructor() {
+    /** @type {string | null} */
     this.robot = null;
+    /** @type {string[]} */
     this.links = [];
+    /** @type {number[][] | null} */
     this.poses = null;
     this.copies = new MeshCopies([]);
   }
 
   // Reads the names of the links, once per robot.
+  /** @param {string} robot */
   async loadLinks(robot) {
     if (robot === this.robot) return;
     Object.assign(this, { robot, links: [], poses: null });
@@ -28,24 +32,28 @@ export class RobotPosture {
   }
 
   // Sets the poses of all links in the world, [px, py, pz, qw, qx, qy, qz] each; null keeps the present ones.
+  /** @param {number[][]} poses */
   setPoses(poses) {
     this.poses = poses ?? this.poses;
   }
 
+  /** @param {import("../viewer/viser_nodes.js").ViserNodes} nodes */
   show(nodes) {
     this.place(nodes, ROBOT, this.poses);
   }
 
   // Shows a second, pale robot in other poses; null hides it.
+  /** @param {import("../viewer/viser_nodes.js").ViserNodes} nodes @param {number[][] | null} poses */
   showGhost(nodes, poses) {
-    const isShown = poses !== null && poses.length === this.links.length;
-    if (isShown) {
+    const isShown = poses?.length === this.links.length;
+    if (poses && isShown) {
       this.copies.update(nodes.viser.nodeRefFromName);
       this.place(nodes, GHOST, poses);
     }
     nodes.setVisible(GHOST, isShown);
   }
 
+  /** @param {import("../viewer/viser_nodes.js").ViserNodes} nodes @param {string} group @param {number[][] | null} poses */
   place(nodes, group, poses) {
     if (!poses || poses.length !== this.links.length) return;
     nodes.setPose(group, ORIGIN, IDENTITY);

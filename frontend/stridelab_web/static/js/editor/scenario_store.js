@@ -1,6 +1,8 @@
 // The scenario in the service: reads and stores it with undo and redo, which survive a reload, and stores copies of it.
 import { call, isUnanswered } from "../shared/api.js";
 import { untilAnswering } from "../shared/connection_notice.js";
+import { rotateAboutZ, yawDegrees } from "../viewer/quaternions.js";
+import { contactOf } from "./phase_edits.js";
 
 const FIELDS = ["name", "description", "robot", "friction", "start_com_height_m", "terrain", "phases"];
 const MAX_NAME_LENGTH = 120;
@@ -9,6 +11,7 @@ const COPY_SUFFIX = " (copy)";
 export const DURATIONS_SUFFIX = ": durations chosen"; // and of one with the durations of a plan
 const MAX_STEPS = 40;
 const WAITS = "Not stored yet: it will be once the service answers.";
+const WAITS_FOR_LOGIN = "Not stored yet: it will be once you have logged in again.";
 
 /** @type {(a: unknown, b: unknown) => boolean} */
 export const sameJson = (a, b) => JSON.stringify(a) === JSON.stringify(b);
@@ -27,6 +30,16 @@ export function moveContact(scenario, touch, position_m, orientation_wxyz) {
     k < first || k > last ? phase : { ...phase, contacts: phase.contacts.map(replace) },
   );
   return { ...scenario, phases };
+}
+
+// Moves a touch to one number of its pose: `x`, `y` or `z` in metres, or `yaw` in degrees.
+/** @param {Scenario} scenario @param {Touch} touch @param {string} name @param {number} value */
+export function setPoseNumber(scenario, touch, name, value) {
+  const { position_m, orientation_wxyz } = contactOf(scenario, touch);
+  if (name !== "yaw")
+    return moveContact(scenario, touch, position_m.with("xyz".indexOf(name), value), orientation_wxyz);
+  const turn_rad = ((value - yawDegrees(orientation_wxyz)) * Math.PI) / 180;
+  return moveContact(scenario, touch, position_m, rotateAboutZ(orientation_wxyz, turn_rad));
 }
 
 // Stores a scenario under its name with a suffix as a new one, and opens that in the editor.
@@ -66,7 +79,7 @@ export class ScenarioStore {
     return before !== null && !sameJson(before, scenario);
   }
 
-  // Where the service does not answer, waits for it, calls `onWait(sentence)`, and stores then.
+  // Where the service does not answer or the login has ended, calls `onWait(sentence)`, waits, and stores then.
   /** @param {Scenario} scenario @param {(sentence: string) => void} [onWait] @returns {Promise<void>} */
   async store(scenario, onWait = () => {}) {
     const before = this.scenario;
@@ -75,7 +88,7 @@ export class ScenarioStore {
       await this.replaceStored(scenario);
     } catch (error) {
       if (!isUnanswered(error)) throw error;
-      onWait(WAITS);
+      onWait(error.status ? WAITS_FOR_LOGIN : WAITS);
       await untilAnswering();
       if (await this.isStored(scenario)) this.scenario = scenario;
       else return this.store(scenario, onWait);

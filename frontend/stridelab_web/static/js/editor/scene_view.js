@@ -17,6 +17,7 @@ const HELD = "/held"; // the place of a dragged contact of a read-only scenario,
 const HELD_ENDED = `${HELD}/ended`;
 
 export class SceneView {
+  /** @param {PageElement} stage */
   constructor(stage) {
     this.frame = stage.querySelector("iframe");
     this.scene = stage.dataset.scene;
@@ -41,11 +42,17 @@ export class SceneView {
     return this.request("touches.json");
   }
 
+  /** @param {string} name @param {RequestInit} [options] */
   async request(name, options) {
     return (await fetchChecked(`${this.scene}/${name}`, options)).json();
   }
 
   // Waits for the scene and enables `shortcuts` in it.
+  /**
+   * @param {Touch[]} touches
+   * @param {Scenario} scenario
+   * @param {import("../shared/shortcuts.js").Shortcuts} shortcuts
+   */
   async start(touches, scenario, shortcuts) {
     this.shortcuts = shortcuts;
     this.environment = environmentKey(scenario);
@@ -55,6 +62,7 @@ export class SceneView {
   }
 
   // Waits for the nodes of these touches; another terrain or robot reloads the scene.
+  /** @param {Touch[]} touches @param {Scenario} scenario */
   async update(touches, scenario) {
     const environment = environmentKey(scenario),
       reload = environment !== this.environment;
@@ -75,13 +83,13 @@ export class SceneView {
 
   listenForPresses() {
     const inside = this.frame.contentWindow;
-    const press = (on) => () => {
+    const press = (/** @type {boolean} */ on) => () => {
       if (this.isPressed && !on) this.released_ms = performance.now();
       this.isPressed = on;
     };
     inside.addEventListener("pointerdown", press(true), true);
     for (const name of ["pointerup", "pointercancel"]) inside.addEventListener(name, press(false), true);
-    this.shortcuts.listenInFrame(this.frame);
+    this.shortcuts?.listenInFrame(this.frame);
   }
 
   // Whether something was stored or refused since the last call, else null; `isOwnChange` if by a drag in this page.
@@ -97,6 +105,7 @@ export class SceneView {
   }
 
   // The touch whose mark is dragged away from its position in `scenario`, and the new position; null without a drag.
+  /** @param {Touch[]} touches @param {Scenario} scenario */
   draggedContact(touches, scenario) {
     if (!this.isPressed && performance.now() - this.released_ms > RELEASE_MS) return null;
     for (const touch of touches) {
@@ -112,6 +121,7 @@ export class SceneView {
 
   // The same of a read-only scenario, in which the viewer moves no mark, because others see the same scene; `isReleased` is
   // true once at the end of the drag, which the page has to store.
+  /** @param {Touch[]} touches @param {Scenario} scenario */
   heldContact(touches, scenario) {
     const touch = touches.find(({ number }) => this.nodes.positionOf(`${HELD}/${number}`));
     const ended_m = touch ? this.nodes.positionOf(HELD_ENDED) : null,
@@ -127,4 +137,4 @@ export class SceneView {
   }
 }
 
-const environmentKey = (scenario) => JSON.stringify([scenario.terrain, scenario.robot]);
+const environmentKey = (/** @type {Scenario} */ scenario) => JSON.stringify([scenario.terrain, scenario.robot]);

@@ -13,13 +13,14 @@ const ACTIVE_OPACITY = { area: 0.75, edge: 1 },
   INACTIVE_OPACITY = { area: 0.15, edge: 0.4 };
 
 // Draws the support of a phase (`phaseStates` in validation_text.js); what the phase lacks is hidden.
+/** @param {import("../viewer/viser_nodes.js").ViserNodes} nodes @param {PhaseState} phase */
 export function drawSupport(nodes, phase) {
   const floor_m = Math.min(...phase.contacts.map((contact) => contact.position_m[2])) + CLEARANCE_M;
   const corners = limitCorners(phase.region_m);
   const isDrawn = corners.length >= 3 && Number.isFinite(floor_m);
   if (isDrawn) {
     const outer = offsetOutwards(corners);
-    const flat = (points) => points.map(([x, y]) => [x, y, floor_m]);
+    const flat = (/** @type {number[][]} */ points) => points.map(([x, y]) => [x, y, floor_m]);
     nodes.setVertices(REGION, flat(padCorners(corners)));
     nodes.setVertices(EDGE, [...flat(padCorners(outer)), ...flat(padCorners(corners))]);
   }
@@ -36,6 +37,13 @@ export function drawSupport(nodes, phase) {
 }
 
 // Highlights the marks of phase `k`, colours those whose numbers are in `invalid`, and widens the edge of the chosen one.
+/**
+ * @param {import("../viewer/viser_nodes.js").ViserNodes} nodes
+ * @param {Touch[]} touches
+ * @param {number} k
+ * @param {number | null} chosen
+ * @param {Set<number>} invalid
+ */
 export function drawContactMarks(nodes, touches, k, chosen, invalid) {
   for (const touch of touches) {
     const isInvalid = invalid.has(touch.number);
@@ -47,6 +55,7 @@ export function drawContactMarks(nodes, touches, k, chosen, invalid) {
 }
 
 // At most CORNERS corners of a polygon, counterclockwise.
+/** @param {number[][]} corners */
 function limitCorners(corners) {
   const n = Math.min(corners.length, CORNERS);
   const selected = Array.from({ length: n }, (_, i) => corners[Math.floor((i * corners.length) / n)]);
@@ -57,9 +66,11 @@ function limitCorners(corners) {
   return area < 0 ? selected.reverse() : selected;
 }
 
-const padCorners = (corners) => Array.from({ length: CORNERS }, (_, i) => corners[Math.min(i, corners.length - 1)]);
+const padCorners = (/** @type {number[][]} */ corners) =>
+  Array.from({ length: CORNERS }, (_, i) => corners[Math.min(i, corners.length - 1)]);
 
 // The corners of a counterclockwise polygon whose edges are moved outwards by the width of the line.
+/** @param {number[][]} corners */
 function offsetOutwards(corners) {
   const n = corners.length;
   const normals = corners.map(([x, y], i) => {

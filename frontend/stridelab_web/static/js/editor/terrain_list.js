@@ -12,16 +12,19 @@ import {
 
 export class TerrainList {
   // `onCommit(edit, message)` stores an edit.
+  /** @param {PageElement} root @param {{ onCommit: (edit: ScenarioEdit, done: string) => void }} options */
   constructor(root, { onCommit }) {
     this.list = root.querySelector("[data-surfaces]");
     this.head = root.querySelector("[data-scenario-fields]");
     this.onCommit = onCommit;
     this.expanded = -1;
     this.shown = "";
+    /** @type {any} */
+    this.scenario = null; // a Scenario, once it is shown
     for (const field of this.head.elements) field.disabled = false;
     for (const button of root.querySelectorAll("[data-add-surface]")) {
       button.disabled = false;
-      const kind = button.dataset.addSurface;
+      const kind = /** @type {"box" | "rail" | "wall"} */ (button.dataset.addSurface);
       button.addEventListener("click", () => {
         this.expanded = this.scenario.terrain.length;
         onCommit((scenario) => addSurface(scenario, kind), `Added a ${kind}.`);
@@ -29,13 +32,14 @@ export class TerrainList {
     }
     this.head.addEventListener("submit", (event) => event.preventDefault());
     this.head.addEventListener("change", () => {
-      if (!this.head.reportValidity()) return;
+      if (!(/** @type {any} */ (this.head).reportValidity())) return;
       const name = this.head.elements.name.value.trim(),
         friction = this.head.elements.friction.valueAsNumber;
       onCommit((scenario) => ({ ...scenario, name, friction }), "Stored.");
     });
   }
 
+  /** @param {Scenario} scenario */
   show(scenario) {
     this.scenario = scenario;
     const key = JSON.stringify([scenario.terrain, scenario.name, scenario.friction, this.expanded]);
@@ -49,6 +53,7 @@ export class TerrainList {
     );
   }
 
+  /** @param {Surface} surface @param {number} k */
   createRow(surface, k) {
     const isOpen = k === this.expanded;
     const button = createElement("button", { type: "button", className: "touch" }, surface.name);
@@ -66,7 +71,8 @@ export class TerrainList {
       input.addEventListener("change", () => {
         const typed = input.valueAsNumber;
         if (!Number.isFinite(typed)) return;
-        const edit = (scenario) => replaceSurface(scenario, k, setSurfaceNumber(scenario.terrain[k], name, typed));
+        const edit = (/** @type {Scenario} */ scenario) =>
+          replaceSurface(scenario, k, setSurfaceNumber(scenario.terrain[k], name, typed));
         this.onCommit(edit, `${surface.name} stored.`);
       });
       return createElement("label", {}, `${label} `, input, ` ${unit}`);

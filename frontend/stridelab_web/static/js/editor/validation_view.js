@@ -20,6 +20,10 @@ const BODY_S = 0.03; // the chosen phase is checked first; others, and long sear
 class ValidationQueue {
   // Calls `onResult(check, scenario)` with each result, or `onFailure(sentence)`. `query()` is the query of the address:
   // with `body_checked`, whole-body postures are computed, which takes longer.
+  /**
+   * @param {(check: ScenarioCheck, scenario: Scenario) => void} onResult
+   * @param {(sentence: string) => void} onFailure
+   */
   constructor(onResult, onFailure, query = () => "") {
     this.onResult = onResult;
     this.onFailure = onFailure;
@@ -28,6 +32,7 @@ class ValidationQueue {
     this.isBusy = false;
   }
 
+  /** @param {Scenario} scenario */
   request(scenario) {
     this.queued = scenario;
     if (!this.isBusy) this.run();
@@ -53,26 +58,43 @@ class ValidationQueue {
 
 export class ValidationView {
   // `onPhase(k)` is called with the chosen phase.
+  /**
+   * @param {PageElement} root
+   * @param {import("./contact_list.js").ContactList} contactList
+   * @param {import("./phase_timeline.js").PhaseTimeline} timeline
+   * @param {(k: number) => void} onPhase
+   */
   constructor(root, contactList, timeline, onPhase) {
-    const part = (name) => root.querySelector(`[data-${name}]`);
+    const part = (/** @type {string} */ name) => root.querySelector(`[data-${name}]`);
     this.root = root;
     this.contactList = contactList;
     this.timeline = timeline;
     this.onPhase = onPhase;
     this.verdict = part("verdict");
     this.phaseText = part("phase-said");
+    /** @type {any} */
     this.result = null;
+    /** @type {PhaseState[]} */
     this.phases = [];
+    /** @type {number | null} */
     this.phase = null;
+    /** @type {PlanInstant | null} */
     this.instant = null; // of a playback, which shows its CoM and its poses in place of those of the phase
+    /** @type {any} */
     this.nodes = null;
+    /** @type {Touch[]} */
     this.touches = [];
+    /** @type {number | null} */
     this.chosen = null;
+    /** @type {ScenarioCheck | null} */
     this.reach = null;
+    /** @type {any} */
     this.wholeBody = null;
+    /** @type {Scenario | null} */
     this.wholeBodyScenario = null;
     this.bodyFailure = "";
-    this.scenario = null;
+    /** @type {any} */
+    this.scenario = null; // a Scenario, once one is validated
     this.posture = new RobotPosture();
     this.reachQueue = new ValidationQueue(
       (result, scenario) => this.onReachResult(result, scenario),
@@ -88,6 +110,11 @@ export class ValidationView {
   }
 
   // The nodes and touches of the scene, and the number of the chosen touch, or null.
+  /**
+   * @param {import("../viewer/viser_nodes.js").ViserNodes} nodes
+   * @param {Touch[]} touches
+   * @param {number | null} chosen
+   */
   setScene(nodes, touches, chosen) {
     const changed = chosen !== this.chosen;
     Object.assign(this, { nodes, touches, chosen });
@@ -98,6 +125,7 @@ export class ValidationView {
     this.show();
   }
 
+  /** @param {Scenario} scenario */
   validate(scenario) {
     this.scenario = scenario;
     this.posture.loadLinks(scenario.robot).then(() => this.drawPosture());
@@ -105,21 +133,28 @@ export class ValidationView {
     this.bodyQueue.request(scenario);
   }
 
+  /** @param {any} result @param {Scenario} scenario */
   onReachResult(result, scenario) {
     this.reach = result;
     this.update(scenario);
   }
 
+  /** @param {any} result @param {Scenario} scenario */
   onBodyResult(result, scenario) {
     Object.assign(this, { wholeBody: result, wholeBodyScenario: scenario, bodyFailure: "" });
-    if (!this.instant?.poses) this.posture.setPoses(result.phases.find((one) => one.link_poses)?.link_poses);
+    if (!this.instant?.poses)
+      this.posture.setPoses(result.phases.find((/** @type {any} */ one) => one.link_poses)?.link_poses);
     if (this.reach) this.update(this.scenario);
     this.drawPosture();
     this.root.dataset.bodied = String(Number(this.root.dataset.bodied ?? 0) + 1); // what tests wait for
-    if (result.warnings.some(({ code }) => code === BODY_UNFINISHED) && scenario === this.scenario)
+    if (
+      result.warnings.some((/** @type {Api.Remark} */ { code }) => code === BODY_UNFINISHED) &&
+      scenario === this.scenario
+    )
       this.bodyQueue.request(scenario);
   }
 
+  /** @param {string} sentence */
   onBodyFailure(sentence) {
     this.wholeBody = null;
     this.bodyFailure = sentence;
@@ -128,25 +163,31 @@ export class ValidationView {
 
   // During a drag the whole-body result is about an earlier position: an invalid one is shown until the next result, a valid
   // one is not.
+  /** @param {Scenario} scenario */
   update(scenario) {
+    const { reach } = this;
+    if (!reach) return;
     const isCurrent =
-      this.wholeBodyScenario === this.scenario || this.wholeBody?.phases.some((one) => one.body === "unreachable");
+      this.wholeBodyScenario === this.scenario ||
+      this.wholeBody?.phases.some((/** @type {any} */ one) => one.body === "unreachable");
     const whole = isCurrent && this.wholeBody?.phases.length === scenario.phases.length ? this.wholeBody : null;
-    const { errors, kind, text } = summarizeValidation(this.reach, whole, this.bodyFailure);
-    if (this.reach.support.length !== scenario.phases.length) return; // a result for another scenario
-    this.result = { ...this.reach, errors };
+    const { errors, kind, text } = summarizeValidation(reach, whole, this.bodyFailure);
+    if (reach.support.length !== scenario.phases.length) return; // a result for another scenario
+    this.result = { ...reach, errors };
     this.phases = phaseStates(this.result, scenario);
-    if (!(this.phase < this.phases.length)) this.phase = null;
+    if (!((this.phase ?? NaN) < this.phases.length)) this.phase = null;
     this.phase ??= this.worstPhaseOf(this.chosen);
     this.showVerdict(text, kind);
     this.show();
   }
 
+  /** @param {string} text @param {string} kind */
   showVerdict(text, kind) {
     this.root.dataset.judged = kind;
     if (this.verdict.textContent !== text) this.verdict.textContent = text;
   }
 
+  /** @param {number} k */
   choosePhase(k) {
     this.phase = k;
     this.show();
@@ -155,6 +196,7 @@ export class ValidationView {
 
   // Shows an instant of a motion ({ phase, com_m, poses, ghost }; PlanPlayback); without poses, the posture of the phase. Null
   // ends it.
+  /** @param {PlanInstant | null} instant */
   showInstant(instant) {
     const wasMoving = Boolean(this.instant?.poses),
       isNew = instant !== null && instant.phase !== this.phase;
@@ -183,6 +225,7 @@ export class ValidationView {
   }
 
   // The phase of a touch with the smallest margin; of all phases without a touch.
+  /** @param {number | null} number */
   worstPhaseOf(number) {
     const touch = this.touches.find((one) => one.number === number);
     const [first, last] = touch ? touch.phases : [0, this.phases.length - 1];
@@ -191,11 +234,12 @@ export class ValidationView {
   }
 
   show() {
-    const phase = this.phases[this.phase];
+    const k = this.phase ?? -1,
+      phase = this.phases[k];
     if (!phase) return;
-    this.timeline.showValidation(this.phases, this.phase);
-    this.onPhase(this.phase);
-    const sentence = phaseSentence(phase, this.phase);
+    this.timeline.showValidation(this.phases, k);
+    this.onPhase(k);
+    const sentence = phaseSentence(phase, k);
     if (this.phaseText.textContent !== sentence) this.phaseText.textContent = sentence;
     const touch = this.touches.find((one) => one.number === this.chosen);
     if (touch) this.contactList.showMargins(touch.number, contactMargins(this.result, touch));
@@ -203,7 +247,7 @@ export class ValidationView {
     this.posture.show(this.nodes);
     const com_m = this.instant?.com_m;
     drawSupport(this.nodes, com_m ? { ...phase, com_m } : phase);
-    drawContactMarks(this.nodes, this.touches, this.phase, this.chosen, this.invalidTouches());
+    drawContactMarks(this.nodes, this.touches, k, this.chosen, this.invalidTouches());
     this.nodes.draw();
   }
 

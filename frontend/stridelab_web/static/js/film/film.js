@@ -28,6 +28,7 @@ export function frameTimes(from_s, to_s, rate_hz, speed) {
 }
 
 // The codec of this browser for a film of this size, or null.
+/** @param {number} width @param {number} height */
 export async function videoCodec(width, height) {
   if (typeof VideoEncoder === "undefined") return null;
   for (const codec of CODECS) {
@@ -39,6 +40,11 @@ export async function videoCodec(width, height) {
 
 // Draws the scene at times and resolves to a Blob. `source`: viser(), seek(t_s) draws an instant, settled() whether it is
 // drawn. `progress(k, n)` is called before every frame and returns false to stop; then the result is null.
+/**
+ * @param {FilmSource} source
+ * @param {{ format: "webm" | "gif", scale: number, rate_hz: number, times_s: number[] }} options
+ * @param {(k: number, n: number) => boolean} progress
+ */
 export async function makeFilm(source, { format, scale, rate_hz, times_s }, progress) {
   const [width, height] = pictureSize(source.viser(), scale).map((length) => 2 * Math.round(length / 2));
   const encoder =
@@ -50,7 +56,7 @@ export async function makeFilm(source, { format, scale, rate_hz, times_s }, prog
   const context = /** @type {CanvasRenderingContext2D} */ (
     canvas.getContext("2d", { willReadFrequently: format === "gif" })
   );
-  const draw = async (k) => {
+  const draw = async (/** @type {number} */ k) => {
     source.seek(times_s[k]);
     await settle(source);
     drawPicture(source.viser(), context, width, height, false);
@@ -62,13 +68,14 @@ export async function makeFilm(source, { format, scale, rate_hz, times_s }, prog
       await draw(k);
       await encoder.add(canvas, context, k);
     }
-    return new Blob(await encoder.finish(), { type: FORMATS[format].mediaType });
+    return new Blob(/** @type {BlobPart[]} */ (await encoder.finish()), { type: FORMATS[format].mediaType });
   } finally {
     encoder.close();
   }
 }
 
 // Resolves once viser has placed what was moved.
+/** @param {FilmSource} source */
 async function settle(source) {
   const until_ms = performance.now() + DRAW_TIMEOUT_MS;
   do {
@@ -79,10 +86,12 @@ async function settle(source) {
   } while (!source.settled());
 }
 
+/** @param {number} width @param {number} height @param {number} rate_hz @param {number} n */
 async function webmEncoder(width, height, rate_hz, n) {
   const codec = await videoCodec(width, height);
   if (!codec)
     throw new Error(translate("This browser cannot encode a WebM film of this size. Choose GIF or a smaller size."));
+  /** @type {{ data: Uint8Array<ArrayBuffer>, t_ms: number, isKey: boolean }[]} */
   const chunks = [];
   /** @type {Error | null} */
   let failure = null;
@@ -100,7 +109,11 @@ async function webmEncoder(width, height, rate_hz, n) {
   encoder.configure({ codec: codec.name, width, height, bitrate, framerate: rate_hz });
   return {
     prepare: async () => {},
-    add: async (canvas, _context, k) => {
+    add: async (
+      /** @type {HTMLCanvasElement} */ canvas,
+      /** @type {CanvasRenderingContext2D} */ _context,
+      /** @type {number} */ k,
+    ) => {
       const frame = new VideoFrame(canvas, { timestamp: Math.round((1e6 * k) / rate_hz) });
       encoder.encode(frame, { keyFrame: k % Math.round(KEY_EVERY_S * rate_hz) === 0 });
       frame.close();
@@ -117,16 +130,18 @@ async function webmEncoder(width, height, rate_hz, n) {
   };
 }
 
+/** @param {number} width @param {number} height @param {number} rate_hz @param {number} n */
 function gifEncoder(width, height, rate_hz, n) {
   if (width * height * n > MAX_GIF_PIXELS)
     throw new Error(
       translate("This GIF would be too large. Choose a smaller size, fewer frames or a shorter range, or WebM."),
     );
+  /** @type {GifWriter} */
   let writer;
-  const pixels = (context) => context.getImageData(0, 0, width, height).data;
+  const pixels = (/** @type {CanvasRenderingContext2D} */ context) => context.getImageData(0, 0, width, height).data;
   return {
     // Some frames are drawn twice: the palette must be known before the first one is written.
-    prepare: async (draw, context) => {
+    prepare: async (/** @type {any} */ draw, /** @type {CanvasRenderingContext2D} */ context) => {
       const samples = [];
       for (let i = 0; i < Math.min(PALETTE_FRAMES, n); i += 1) {
         await draw(Math.round((i * (n - 1)) / Math.max(Math.min(PALETTE_FRAMES, n) - 1, 1)));
@@ -134,7 +149,8 @@ function gifEncoder(width, height, rate_hz, n) {
       }
       writer = new GifWriter(width, height, choosePalette(samples), Math.round(100 / rate_hz));
     },
-    add: async (_canvas, context) => writer.addFrame(pixels(context)),
+    add: async (/** @type {HTMLCanvasElement} */ _canvas, /** @type {CanvasRenderingContext2D} */ context) =>
+      writer.addFrame(pixels(context)),
     finish: async () => writer.finish(),
     close: () => {},
   };

@@ -9,10 +9,11 @@ const SCALES = [0.5, 1, 1.5, 2];
 
 export class FilmDialog {
   // `source` as of `makeFilm`, with name(), range_s() (the played range), speed(), and restore() after the film.
+  /** @param {PageElement} dialog @param {FilmSource} source */
   constructor(dialog, source) {
     this.dialog = dialog;
     this.source = source;
-    const part = (name) => dialog.querySelector(`[data-${name}]`);
+    const part = (/** @type {string} */ name) => dialog.querySelector(`[data-${name}]`);
     this.form = dialog.querySelector("form");
     this.bar = part("film-progress");
     this.status = part("said");
@@ -80,7 +81,7 @@ export class FilmDialog {
     this.bar.hidden = false;
     try {
       const wanted = {
-        format: format.value,
+        format: /** @type {"webm" | "gif"} */ (format.value),
         scale: Number(size.value),
         rate_hz: Number(rate.value),
         times_s: this.times_s(),
@@ -90,7 +91,7 @@ export class FilmDialog {
       saveBlob(blob, `${this.source.name()}.${format.value}`);
       this.dialog.close();
     } catch (error) {
-      this.status.textContent = error.message;
+      this.status.textContent = /** @type {Error} */ (error).message;
     } finally {
       this.isFilming = false;
       setActive(this.saveButton, true);
@@ -99,8 +100,9 @@ export class FilmDialog {
     }
   }
 
+  /** @param {number} k @param {number} n */
   showProgress(k, n) {
-    this.bar.value = k / n;
+    this.bar.value = String(k / n);
     this.status.textContent = translate("Frame %(frame)s of %(number)s. Close stops the film.", {
       frame: k + 1,
       number: n,

@@ -20,6 +20,7 @@ const continueButton = form.querySelector("[data-go]");
 /** @type {any} */
 let uploaded = null;
 
+/** @param {FormData} data */
 function upload(data) {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
@@ -40,6 +41,7 @@ function upload(data) {
   });
 }
 
+/** @param {string} id */
 async function readByJob(id) {
   const status = form.querySelector("[data-said]");
   const job = await followJob(id, ({ progress }) => {
@@ -75,7 +77,9 @@ onSubmit(form, async (data) => {
   }
   if (!uploaded.refused.length) return startStudy();
   refused.append(
-    ...uploaded.refused.map(({ filename, message }) => createElement("li", {}, `${filename}: ${message}`)),
+    ...uploaded.refused.map((/** @type {{ filename: string, message: string }} */ { filename, message }) =>
+      createElement("li", {}, `${filename}: ${message}`),
+    ),
   );
   continueButton.hidden = uploaded.studied.length === 0;
   return translate("%(count)s uploaded, %(refused)s refused.", {

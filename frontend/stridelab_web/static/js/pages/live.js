@@ -2,7 +2,7 @@
 // a stream it looks for one every second.
 import { call } from "../shared/api.js";
 import { onColourScheme } from "../shared/colours.js";
-import { checkConnection, isAnswering, onRestored } from "../shared/connection_notice.js";
+import { checkConnection, isAnswering, isLoggedOut, onRestored } from "../shared/connection_notice.js";
 import { createElement } from "../shared/elements.js";
 import { drawBase, drawBody } from "./live_drawing.js";
 import { describeMargin, describeMissing, standing } from "./live_text.js";
@@ -27,12 +27,14 @@ let watched = "";
 let latest = null;
 let asked = false;
 let written = 0;
+let lookTimer = 0;
 const silence = new Silence(QUIET_MS, () => socket && checkConnection());
 
-const show = (name, text) => {
+const show = (/** @type {string} */ name, /** @type {string} */ text) => {
   document.querySelector(`[data-fact="${name}"]`).textContent = text;
 };
 
+/** @param {any} answer */
 function writeNumbers(answer) {
   show("height", answer.height_m === null ? "–" : `${(100 * answer.height_m).toFixed(1)} cm`);
   show("speed", answer.speed_m_s === null ? "–" : `${answer.speed_m_s.toFixed(2)} m/s`);
@@ -42,6 +44,7 @@ function writeNumbers(answer) {
   document.querySelector("[data-missing]").textContent = describeMissing(answer);
 }
 
+/** @param {any} answer */
 function writeMargins(answer) {
   for (const axis of /** @type {("ap" | "ml")[]} */ (["ml", "ap"])) {
     const part = document.querySelector(`[data-margin="${axis}"]`);
@@ -75,6 +78,7 @@ function redraw() {
   requestAnimationFrame(draw);
 }
 
+/** @param {Api.LiveStreams["items"][number]} item */
 function watch(item) {
   watched = item.stream_id;
   const scheme = location.protocol === "https:" ? "wss" : "ws";
@@ -100,10 +104,19 @@ function watch(item) {
     watched = "";
     if (event.code !== 1000) await checkConnection();
     if (event.code === 1000) said.textContent = translate("The stream has ended. Its last frame is shown.");
-    else if (!seen && event.code === 1006 && isAnswering())
+    else if (!seen && event.code === 1006 && isConnected())
       said.textContent = translate("The service refuses to show the stream: that needs a token of scope submit.");
-    setTimeout(look, POLL_MS);
+    lookLater();
   });
+}
+
+// Whether what goes wrong is not said by the notice of the page.
+const isConnected = () => isAnswering() && !isLoggedOut();
+
+// After the end of the login each look would be refused, until the reader has logged in again.
+function lookLater() {
+  clearTimeout(lookTimer);
+  if (!isLoggedOut()) lookTimer = setTimeout(look, POLL_MS);
 }
 
 async function look() {
@@ -113,27 +126,31 @@ async function look() {
   try {
     items = (await call("GET", "/stream/markers")).items;
   } catch (error) {
-    if (isAnswering()) said.textContent = error.message; // else the notice of the page says it
+    await checkConnection();
+    if (isConnected()) said.textContent = /** @type {Error} */ (error).message;
   }
   list(items);
   how.open = how.open && !items.length;
   if (items.length) watch(items[0]);
   else {
-    if (!latest && isAnswering()) said.textContent = translate("No stream is open.");
-    setTimeout(look, POLL_MS);
+    if (!latest && isConnected()) said.textContent = translate("No stream is open.");
+    lookLater();
   }
 }
 
+/** @param {Api.LiveStreams["items"]} items */
 function list(items) {
   choice.hidden = items.length < 2;
-  const name = (item) => item.title || item.stream_id;
+  const name = (/** @type {Api.LiveStreams["items"][number]} */ item) => item.title || item.stream_id;
   streams.replaceChildren(...items.map((item) => createElement("option", { value: item.stream_id }, name(item))));
   streams.value = watched || (items[0]?.stream_id ?? "");
 }
 
 streams.addEventListener("focus", async () => list((await call("GET", "/stream/markers")).items));
 streams.addEventListener("change", async () => {
-  const item = (await call("GET", "/stream/markers")).items.find((one) => one.stream_id === streams.value);
+  const item = (await call("GET", "/stream/markers")).items.find(
+    (/** @type {any} */ one) => one.stream_id === streams.value,
+  );
   if (!item) return;
   const before = socket;
   watch(item);
@@ -144,9 +161,9 @@ new ResizeObserver(redraw).observe(body);
 onColourScheme(redraw);
 onRestored(() => {
   const silent = socket;
-  if (!silent) return;
   socket = null;
-  silent.close();
+  silent?.close();
+  clearTimeout(lookTimer);
   look();
 });
 look();

@@ -17,7 +17,7 @@ const colorScale = () => [0, 0.15, 0.4, 0.7, 1].map((share, k) => [share, colour
 const box = document.getElementById("maps");
 const choice = document.querySelector("[data-effector-of-maps]");
 const status = document.querySelector("[data-maps-said]");
-const extent = (values) => values.at(-1) - values[0];
+const extent = (/** @type {number[]} */ values) => values[values.length - 1] - values[0];
 /** @type {any} */
 let shown = null,
   requestCount = 0;
@@ -29,6 +29,7 @@ await showEffector(choice.value);
 for (const option of choice.options)
   if (option.value !== shown?.effector) readDensity(option.value).then(writeVolumes, () => {});
 
+/** @param {string} effector */
 async function readDensity(effector) {
   const url = new URL(box.dataset.maps, location.href);
   url.searchParams.set("effector", effector);
@@ -38,6 +39,7 @@ async function readDensity(effector) {
   return density;
 }
 
+/** @param {string} effector */
 async function showEffector(effector) {
   const request = ++requestCount;
   status.textContent = "Reading…";
@@ -50,10 +52,11 @@ async function showEffector(effector) {
     status.textContent = "";
     box.dataset.ready = effector;
   } catch (error) {
-    status.textContent = error.message;
+    status.textContent = /** @type {Error} */ (error).message;
   }
 }
 
+/** @param {{ effector: string, volumes_m3: Record<string, number> }} options */
 function writeVolumes({ effector, volumes_m3 }) {
   const row = document.querySelector(`tr[data-effector="${CSS.escape(effector)}"]`);
   for (const cell of row.querySelectorAll("[data-volume]"))
@@ -61,6 +64,7 @@ function writeVolumes({ effector, volumes_m3 }) {
 }
 
 // The domains of the axes make a metre equally long in all maps.
+/** @param {{ components: number, frame: string, maps: DensityMap[] }} options */
 function draw({ components, frame, maps }) {
   const width = box.clientWidth;
   const across = maps.reduce((sum, map) => sum + extent(map.right_m), 0),
@@ -74,9 +78,12 @@ function draw({ components, frame, maps }) {
   const zmax = Math.max(
     ...maps.flatMap((map) => [map.kernel_per_m2, map.mixture_per_m2]).map((rows) => Math.max(...rows.flat())),
   );
-  const traces = [],
-    annotations = [],
-    colorscale = colorScale();
+  /** @type {object[]} */
+  const traces = [];
+  /** @type {object[]} */
+  const annotations = [];
+  const colorscale = colorScale();
+  /** @type {Record<string, any>} */
   const layout = {
     width,
     height,

@@ -8,13 +8,14 @@ const root = document.querySelector("[data-recording]");
 // Removes the notice's query from the address, so that a reload does not repeat the notice.
 if (document.querySelector("[data-known]")) history.replaceState(null, "", location.pathname);
 const id = root.dataset.recording;
-const find = (selector) => root.querySelector(selector);
+const find = (/** @type {string} */ selector) => root.querySelector(selector);
 // The value of a field as the page was loaded, without what the browser restored.
-const initialValue = (field) =>
+const initialValue = (/** @type {PageElement} */ field) =>
   field.defaultValue ?? [...field.options].find((option) => option.defaultSelected)?.value ?? "";
-const parseNumber = (text) => (text === "" || text == null ? null : Number(text));
+const parseNumber = (/** @type {string} */ text) => (text === "" || text == null ? null : Number(text));
 
 // Saves a change and reloads the page: windows and warnings may depend on it.
+/** @param {object} patch */
 async function save(patch) {
   await call("PATCH", `/recordings/${id}`, patch);
   location.reload();
@@ -43,6 +44,7 @@ onSubmit(find("[data-static]"), (data) => save({ static_recording_id: data.get("
 
 if (find("[data-plates]")) {
   onSubmit(find("[data-plates]"), () => {
+    /** @type {Record<string, object>} */
     const plates = {};
     for (const row of root.querySelectorAll("[data-plate]")) {
       const offset_mm = [...row.querySelectorAll("[name=moment_offset_mm]")].map((field) => parseNumber(field.value));
@@ -59,9 +61,9 @@ if (find("[data-plates]")) {
 
 setUpMarkerNames(root, id, save);
 
-const estimate = find("[data-estimate]");
+const estimate = /** @type {any} */ (find("[data-estimate]")); // a form, whose fields are its properties
 // Hides and disables the fields that a method does not use.
-const enableFields = (selector, used) => {
+const enableFields = (/** @type {string} */ selector, /** @type {boolean} */ used) => {
   for (const label of estimate.querySelectorAll(selector)) {
     label.hidden = !used;
     for (const field of label.querySelectorAll("input, select")) field.disabled = !used;
@@ -70,12 +72,12 @@ const enableFields = (selector, used) => {
 // Disables the buttons of jobs that would fail, with the reason, by method; "" is the best available method.
 const refusals = JSON.parse(estimate.dataset.refused),
   refusalText = find("[data-why]");
-const setRefusal = (button, method) => {
+const setRefusal = (/** @type {PageElement} */ button, /** @type {string} */ method) => {
   button.disabled = method in refusals;
   if (button.disabled) button.setAttribute("aria-describedby", refusalText.id);
   else button.removeAttribute("aria-describedby");
 };
-const showRefusals = (method) => {
+const showRefusals = (/** @type {string} */ method) => {
   setRefusal(estimate.querySelector("button.primary"), method);
   setRefusal(find("[data-wheel]"), method);
   setRefusal(find("[data-compare]"), "");
@@ -95,12 +97,12 @@ const updateForm = () => {
 };
 estimate.addEventListener("change", updateForm);
 updateForm();
-const smootherOptions = (data) => {
+const smootherOptions = (/** @type {FormData} */ data) => {
   const plate_force_n = parseNumber(data.get("plate_force_n")),
     segment_momentum = data.get("momentum") === "segments";
   return plate_force_n === null && !segment_momentum ? null : { priors: { plate_force_n }, segment_momentum };
 };
-const jobInput = (data) => ({
+const jobInput = (/** @type {FormData} */ data) => ({
   recording_id: id,
   method: data.get("method") || null,
   latency: data.get("latency") === "number" ? Number(data.get("latency_ms")) / 1000 : data.get("latency"),
@@ -112,7 +114,11 @@ const jobInput = (data) => ({
   smoother: smootherOptions(data),
 });
 onSubmit(estimate, (data) => openNewJob("estimate-com", jobInput(data)));
-const startOnClick = (selector, kind, adapt) => {
+const startOnClick = (
+  /** @type {string} */ selector,
+  /** @type {string} */ kind,
+  /** @type {(input: any, button: PageElement) => object} */ adapt,
+) => {
   for (const button of root.querySelectorAll(selector))
     button.addEventListener("click", async () => {
       const status = button.parentElement.querySelector("[data-said]");
@@ -120,7 +126,7 @@ const startOnClick = (selector, kind, adapt) => {
       try {
         status.textContent = await openNewJob(kind, adapt(jobInput(new FormData(estimate)), button));
       } catch (error) {
-        status.textContent = error.message;
+        status.textContent = /** @type {Error} */ (error).message;
       } finally {
         setActive(button, true);
         showRefusals(estimate.method.value);
@@ -130,7 +136,7 @@ const startOnClick = (selector, kind, adapt) => {
 startOnClick("[data-compare]", "compare-estimators", (input) => ({ ...input, method: null }));
 startOnClick("[data-wheel]", "fit-cycloid", (input) => input);
 startOnClick("[data-measures]", "gait-measures", ({ method }) => ({ recording_ids: [id], method }));
-const inPageLanguage = (input) => ({ ...input, language: pageLanguage() });
+const inPageLanguage = (/** @type {object} */ input) => ({ ...input, language: pageLanguage() });
 startOnClick("[data-gait]", "gait-report", (_input, button) =>
   inPageLanguage({ recording_ids: button.dataset.gait.split(" ") }),
 );
@@ -141,6 +147,7 @@ startOnClick("[data-session-measures]", "gait-measures", sessionWalks);
 startOnClick("[data-session-report]", "gait-report", () => inPageLanguage(sessionWalks()));
 
 onSubmit(find("[data-gait-report]"), (data) => {
+  /** @type {any} */
   const input = { recording_ids: (data.get("recordings") || id).split(" ") };
   if (input.recording_ids.length === 1) input.method = estimate.method.value || null;
   if (data.get("title").trim()) input.title = data.get("title").trim();

@@ -7,17 +7,20 @@ const form = document.querySelector("[data-reproduce]");
 const status = form.querySelector("[data-said]");
 
 // The server refuses draws and seeds for items that do not use them.
+/** @param {any} item */
 function itemInput(item) {
   const { seeds, seed } = form.elements;
   const draws = form.dataset.draws.split(" ").includes(item);
   const samples = draws || form.dataset.samples.split(" ").includes(item);
-  const number = (field, used) => (used && field.value ? Number(field.value) : null);
+  const number = (/** @type {PageElement} */ field, /** @type {boolean} */ used) =>
+    used && field.value ? Number(field.value) : null;
   return { item, seeds: number(seeds, draws), seed: number(seed, samples) };
 }
 
 onSubmit(form, (data) => openNewJob("reproduce", itemInput(data.get("item"))));
 
 // Starts items one after the other; if the queue is full, those started so far continue.
+/** @param {PageElement} button @param {string[]} items */
 async function startItems(button, items) {
   setActive(button, false);
   let started = 0;
@@ -30,7 +33,9 @@ async function startItems(button, items) {
     location.reload();
   } catch (error) {
     status.textContent =
-      items.length > 1 ? `${started} of ${items.length} were started. ${error.message}` : error.message;
+      items.length > 1
+        ? `${started} of ${items.length} were started. ${/** @type {Error} */ (error).message}`
+        : /** @type {Error} */ (error).message;
     setActive(button, true);
   }
 }

@@ -4,8 +4,9 @@ import { planningUrl, startPlan } from "../editor/planning_jobs.js";
 import { translate } from "../shared/translate.js";
 
 // The disturbances of the replay that a form states, or null.
+/** @param {FormData} fields */
 function replayOptions(fields) {
-  const number = (name) => Number(fields.get(name) || 0);
+  const number = (/** @type {string} */ name) => Number(fields.get(name) || 0);
   const options = {};
   if (fields.get("push_time_s")) {
     const impulse_ns = ["x", "y", "z"].map((axis) => number(`push_${axis}_ns`));
@@ -42,6 +43,7 @@ for (const form of document.querySelectorAll("form[data-plan]")) {
 
 for (const form of document.querySelectorAll("form[data-sweep]")) {
   onSubmit(form, (fields) => {
+    /** @type {Record<string, number[]>} */
     const vary = {};
     for (const k of ["1", "2"]) {
       if (fields.get(`field${k}`))
@@ -68,11 +70,12 @@ importForm?.elements.file.addEventListener("change", async () => {
   try {
     location.assign(`/scenarios/${(await call("POST", "/scenarios", await readScenario(file))).id}`);
   } catch (error) {
-    status.textContent = `${file.name}: ${error.message}`;
+    status.textContent = `${file.name}: ${/** @type {Error} */ (error).message}`;
   }
   importForm.reset();
 });
 
+/** @param {File} file */
 async function readScenario(file) {
   let body;
   try {
@@ -100,6 +103,6 @@ deleteButton?.addEventListener("click", async () => {
     await call("DELETE", `/scenarios/${deleteButton.dataset.delete}`);
     location.assign("/scenarios");
   } catch (error) {
-    status.textContent = error.message;
+    status.textContent = /** @type {Error} */ (error).message;
   }
 });

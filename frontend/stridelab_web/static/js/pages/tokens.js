@@ -5,16 +5,19 @@ import { replaceRows } from "../shared/focus.js";
 import { localTime } from "../shared/local_times.js";
 
 const card = document.querySelector("[data-tokens]"),
-  find = (selector) => card.querySelector(selector);
+  find = (/** @type {string} */ selector) => card.querySelector(selector);
+/** @typedef {{ id: string, name: string, scope: string, created_at: string, expires_at: string | null, revoked_at: string | null }} Token */
 const state = find("[data-state]"),
   rows = find("tbody");
 
+/** @param {Token} token */
 function expiryText(token) {
   if (token.revoked_at) return `revoked ${localTime(token.revoked_at)}`;
   if (!token.expires_at) return "it is revoked";
   return `${localTime(token.expires_at)}${new Date(token.expires_at) < new Date() ? " (over)" : ""}`;
 }
 
+/** @param {Token} token */
 function createRow(token) {
   const texts = [token.scope, localTime(token.created_at), expiryText(token), ""];
   const cells = texts.map((text) => createElement("td", {}, text));
@@ -29,6 +32,7 @@ function createRow(token) {
 }
 
 // The first click asks for confirmation: the token stops working at once.
+/** @param {PageElement} button @param {Token} token */
 async function revoke(button, token) {
   if (!button.dataset.asked) {
     button.dataset.asked = "yes";
@@ -40,10 +44,11 @@ async function revoke(button, token) {
     await call("DELETE", `/tokens/${token.id}`);
     await refresh();
   } catch (error) {
-    setStatus(error.message);
+    setStatus(/** @type {Error} */ (error).message);
   }
 }
 
+/** @param {string} text */
 function setStatus(text) {
   state.textContent = text;
   state.hidden = !text;
@@ -56,7 +61,7 @@ async function refresh() {
     find("[data-admin]").hidden = false;
     setStatus(items.length ? "" : "No tokens yet: all users would share the admin’s.");
   } catch (error) {
-    setStatus(error.message);
+    setStatus(/** @type {Error} */ (error).message);
   }
 }
 
@@ -75,4 +80,4 @@ call("GET", "/caller")
   .then(({ scope }) =>
     scope === "admin" ? refresh() : setStatus("Your token does not manage others; an admin’s does."),
   )
-  .catch((error) => setStatus(error.message));
+  .catch((error) => setStatus(/** @type {Error} */ (error).message));

@@ -16,6 +16,9 @@ const STORAGE_KEY = "stridelab-refused-uploads"; // of this tab, survives a relo
 const zone = document.querySelector("[data-upload]");
 const picker = zone.querySelector("input[type=file]");
 const list = zone.querySelector("[data-uploads]");
+/** @typedef {{ row: PageElement, state: PageElement, bar: HTMLProgressElement, stop: PageElement }} UploadRow */
+/** @typedef {{ file: File, row: UploadRow, single: boolean, reuse: boolean, request?: XMLHttpRequest }} Upload */
+/** @type {Upload[]} */
 const waiting = [];
 let running = 0;
 
@@ -40,6 +43,7 @@ zone.addEventListener("drop", (event) => {
   addFiles(event.dataTransfer?.files ?? []);
 });
 
+/** @param {ArrayLike<File> & Iterable<File>} files */
 function addFiles(files) {
   const single = files.length === 1 && waiting.length + running === 0;
   for (const file of files) {
@@ -48,11 +52,13 @@ function addFiles(files) {
   startNext();
 }
 
+/** @param {Upload} upload */
 function enqueue(upload) {
   upload.row.stop.addEventListener("click", () => cancel(upload));
   waiting.push(upload);
 }
 
+/** @param {string} filename */
 function createRow(filename) {
   const state = createElement("span", { className: "hint" }, translate("waiting")),
     stop = smallButton(translate("Cancel"), translate("Cancel the upload of %(file)s", { file: filename })),
@@ -68,6 +74,7 @@ function createRow(filename) {
 }
 
 // Cancels an upload that is waiting or in progress; once it is complete, the service processes it.
+/** @param {Upload} upload */
 function cancel(upload) {
   const { row } = upload,
     index = waiting.indexOf(upload);
@@ -82,13 +89,14 @@ function cancel(upload) {
 function startNext() {
   while (running < MAX_PARALLEL && waiting.length) {
     running += 1;
-    sendFile(waiting.shift()).finally(() => {
+    sendFile(/** @type {Upload} */ (waiting.shift())).finally(() => {
       running -= 1;
       startNext();
     });
   }
 }
 
+/** @param {Upload} upload */
 function sendFile(upload) {
   const { file, row, reuse } = upload;
   return /** @type {Promise<void>} */ (
@@ -125,6 +133,7 @@ function sendFile(upload) {
   );
 }
 
+/** @param {{ row: UploadRow, single: boolean }} options @param {any} recording */
 function onStored({ row, single }, recording) {
   row.bar.value = 1;
   const remarks = recording.warnings.length;
@@ -139,6 +148,7 @@ function onStored({ row, single }, recording) {
 }
 
 // The same bytes were uploaded before: offers that recording, or a second one on request.
+/** @param {Upload} upload @param {any} recording */
 function onKnownFile(upload, recording) {
   const { row, file, single } = upload;
   if (single) return void location.assign(`/recordings/${recording.id}?known`);
@@ -157,11 +167,13 @@ function onKnownFile(upload, recording) {
   );
 }
 
+/** @param {any} recording @param {string} text */
 function linkTo(recording, text) {
   return createElement("a", { href: `/recordings/${recording.id}` }, text);
 }
 
 // A file that may be accepted later is offered again; the refusal of any other stays on the page until it is dismissed.
+/** @param {Upload} upload @param {number} status @param {any} response */
 function onFailed(upload, status, response) {
   const { row, file } = upload,
     text = problemSentence(status, response);
@@ -178,6 +190,7 @@ function onFailed(upload, status, response) {
 }
 
 // Sends a file in a new row, whose button has the focus.
+/** @param {Upload} upload */
 function sendAgain(upload) {
   upload.row.row.remove();
   const again = { ...upload, row: createRow(upload.file.name) };
@@ -186,11 +199,13 @@ function sendAgain(upload) {
   startNext();
 }
 
+/** @param {{ stop: PageElement }} options */
 function removeStop({ stop }) {
   if (stop === document.activeElement) picker.focus();
   stop.remove();
 }
 
+/** @param {UploadRow} row @param {string} name @param {string} text */
 function showRefusal(row, name, text) {
   removeStop(row);
   row.bar.hidden = true;
@@ -198,7 +213,9 @@ function showRefusal(row, name, text) {
   const dismiss = smallButton(translate("Dismiss"), translate("Dismiss the refusal of %(file)s", { file: name }));
   dismiss.addEventListener("click", () => {
     const remaining = readRefusals(),
-      index = remaining.findIndex((one) => one.name === name && one.text === text);
+      index = remaining.findIndex(
+        (/** @type {{ name: string, text: string }} */ one) => one.name === name && one.text === text,
+      );
     if (index >= 0) remaining.splice(index, 1);
     storeRefusals(remaining);
     removeRow(row.row, picker);
@@ -215,6 +232,7 @@ function readRefusals() {
   }
 }
 
+/** @param {{ name: string, text: string }[]} list */
 function storeRefusals(list) {
   try {
     sessionStorage.setItem(STORAGE_KEY, JSON.stringify(list));

@@ -5,6 +5,7 @@ import { Silence } from "./silence.js";
 import { translate, translateServed } from "./translate.js";
 
 const LATE_MS = 5000; // an answer that takes longer may not come
+const UNAUTHENTICATED = 401;
 
 class ApiError extends Error {
   /** @param {number} status @param {ApiProblem | null} problem @param {string | null} retryAfter */
@@ -15,13 +16,14 @@ class ApiError extends Error {
   }
 }
 
-// Whether `call` failed because the service did not answer, of which the page's notice says enough.
-/** @param {any} error */
-export const isUnanswered = (error) => error instanceof ApiError && error.status === 0;
+// Whether `call` failed because the service did not answer or the login has ended, of which the page's notice says enough.
+/** @param {unknown} error @returns {error is ApiError} */
+export const isUnanswered = (error) =>
+  error instanceof ApiError && (error.status === 0 || error.status === UNAUTHENTICATED);
 
 /** @param {number} status @param {ApiProblem | null} problem @param {string | null} retryAfter */
 export function problemSentence(status, problem, retryAfter = null) {
-  if (status === 401) return translate("Your login has ended."); // the service's sentence is for programs
+  if (status === UNAUTHENTICATED) return translate("Not done: log in again, then repeat it."); // the notice says why
   if (!problem)
     return status === 0
       ? translate("The service does not answer. Is it still running?")
@@ -84,7 +86,7 @@ export async function call(method, path, body, headers = {}) {
   } finally {
     clearTimeout(late);
   }
-  if (response.status === 401) checkConnection();
+  if (response.status === UNAUTHENTICATED) checkConnection();
   let value = null;
   try {
     value = text ? JSON.parse(text) : null;
@@ -100,8 +102,10 @@ export async function call(method, path, body, headers = {}) {
 export async function fetchChecked(url, options, otherwise = translate("The scene could not be read.")) {
   const response = await fetch(url, options).catch(() => null);
   if (response?.ok) return response;
-  if (!response || response.status === 401) checkConnection();
-  if (!response) throw new Error(problemSentence(0, null));
+  if (!response || response.status === UNAUTHENTICATED) {
+    checkConnection();
+    throw new Error(problemSentence(response?.status ?? 0, null));
+  }
   const text = await response.text().catch(() => "");
   if (response.headers.get("Content-Type")?.startsWith("text/html")) {
     const page = new DOMParser().parseFromString(text, "text/html");

@@ -9,7 +9,7 @@ const RETRY_MS = 3000,
 const TEXTS = {
   lost: translate("The service does not answer. The page keeps what it shows and retries every few seconds."),
   login: translate(
-    "Your login has ended. The page keeps what it shows: log in again in a new tab, then repeat what you did here.",
+    "Your login has ended. The page keeps what it shows and goes on once you have logged in again in a new tab.",
   ),
   restored: translate("The service answers again."),
   known: translate("You are logged in again."),
@@ -30,7 +30,7 @@ export async function checkConnection() {
   if (!timer) await retry();
 }
 
-// Resolves once the service answers, for requests that failed because it did not.
+// Resolves once the service answers and knows the caller, for requests that failed because it did not.
 export async function untilAnswering() {
   await checkConnection();
   if (state === "up") return new Promise((done) => setTimeout(done, RETRY_MS)); // that request only was lost

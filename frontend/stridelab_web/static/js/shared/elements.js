@@ -18,3 +18,12 @@ export function saveBlob(blob, name) {
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
+
+// Writes a value into the address, so that a reload restores it; null removes it.
+/** @param {string} name @param {string | number | null} value */
+export function writeToAddress(name, value) {
+  const url = new URL(location.href);
+  if (value === null) url.searchParams.delete(name);
+  else url.searchParams.set(name, String(value));
+  history.replaceState(null, "", url);
+}

@@ -18,6 +18,7 @@ const TEXT_FIELDS =
   "input:not([type]), input:is([type=text], [type=search], [type=number], [type=email], [type=url], [type=tel], [type=password], [type=date], [type=time], [type=datetime-local], [type=month], [type=week]), textarea";
 const SLIDER_KEYS = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "Home", "End"];
 const SELECT_KEYS = [...SLIDER_KEYS, "PageUp", "PageDown", "Enter", "Escape"];
+/** @type {Record<string, string>} */
 const KEY_NAMES = {
   " ": translate("Space"),
   ArrowLeft: "←",
@@ -35,11 +36,13 @@ export const CAMERA_KEYS = [
 ];
 
 // Whether `target` is a text field.
+/** @param {PageElement} target */
 function isTextField(target) {
   return Boolean(target?.isContentEditable || target?.matches?.(TEXT_FIELDS));
 }
 
 // Whether a control handles `key` itself.
+/** @param {PageElement} target @param {string} key @param {boolean} focusedByPointer */
 function handlesKey(target, key, focusedByPointer) {
   if (!target?.matches) return false;
   if (isTextField(target) || isOpenSelect(target)) return true;
@@ -50,6 +53,7 @@ function handlesKey(target, key, focusedByPointer) {
 }
 
 // Whether a select is open; browsers without this selector send the keys to the open list only.
+/** @param {PageElement} target */
 function isOpenSelect(target) {
   return CSS.supports("selector(:open)") && target.matches("select:open");
 }
@@ -58,10 +62,12 @@ export class Shortcuts {
   // Each row has `keys` as in KeyboardEvent.key and a `text`; `run` if it is handled here; `ctrl` with Ctrl or Cmd; `page` if
   // not inside the scene; `shown` to be listed instead of the keys; `when()` returns whether it applies to this page.
   // `ready()` returns whether the page handles shortcuts yet.
+  /** @param {Shortcut[]} rows */
   constructor(rows, ready = () => true) {
     this.rows = rows;
     this.isReady = ready;
     this.focusedByPointer = false;
+    /** @type {HTMLDialogElement | null} */
     this.dialog = null;
     this.rows.push({ keys: ["?"], text: translate("This list"), run: () => this.showHelp(), always: true });
     document.addEventListener("keydown", (event) => this.onKey(event, false));
@@ -85,25 +91,32 @@ export class Shortcuts {
 
   // Also handles keys inside the scene's frame, before viser does, and marks the stage while Tab has moved the focus there:
   // no selector matches a frame whose document has the focus.
+  /** @param {PageElement} frame */
   listenInFrame(frame) {
     const inside = frame.contentWindow,
-      mark = (isFocused) => frame.parentElement.toggleAttribute("data-focused", isFocused);
+      mark = (/** @type {boolean} */ isFocused) => frame.parentElement.toggleAttribute("data-focused", isFocused);
     inside.addEventListener("keydown", (event) => this.onKey(event, true), true);
     inside.addEventListener("pointerdown", () => mark(false), true);
     addEventListener("blur", () => mark(document.activeElement === frame && !this.focusedByPointer));
     addEventListener("focus", () => mark(false));
   }
 
+  /** @param {KeyboardEvent} event @param {boolean} inScene */
   onKey(event, inScene) {
     const row = this.shortcutFor(event, inScene);
     if (!row || event.defaultPrevented || document.querySelector("dialog[open]")) return;
-    if (handlesKey(event.target, event.key, this.focusedByPointer) || !(row.always || this.isReady())) return;
+    if (
+      handlesKey(/** @type {PageElement} */ (event.target), event.key, this.focusedByPointer) ||
+      !(row.always || this.isReady())
+    )
+      return;
     event.preventDefault();
     if (inScene) event.stopImmediatePropagation();
-    row.run(event);
+    row.run?.(event);
   }
 
   // The shortcut of a key; with Alt or AltGr only for brackets and other signs, which some keyboards need them for.
+  /** @param {KeyboardEvent} event @param {boolean} inScene */
   shortcutFor(event, inScene) {
     const altGraph = event.getModifierState("AltGraph"),
       ctrl = (event.ctrlKey || event.metaKey) && !altGraph;
@@ -137,7 +150,7 @@ export class Shortcuts {
         keys.append(createElement("kbd", {}, `${row.ctrl ? "Ctrl+" : ""}${key}`), " ");
       list.append(keys, createElement("dd", {}, row.text));
     }
-    close.addEventListener("click", () => this.dialog.close());
+    close.addEventListener("click", () => this.dialog?.close());
     const note = translate(
       "They work outside of text fields. Space presses a button or a checkbox that was reached by Tab; after a click it is the shortcut.",
     );

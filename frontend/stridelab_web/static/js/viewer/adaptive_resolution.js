@@ -13,6 +13,7 @@ const SLOW_MS = 50,
   IDLE_MS = 400;
 
 // The pixel ratios for a screen with `ratio` device pixels per CSS pixel, the finest first.
+/** @param {number} ratio */
 export function pixelRatios(ratio) {
   const lowest = Math.min(ratio, MIN_RATIO);
   return [...new Set(STEPS.map((step) => Math.max(ratio * step, lowest)))];
@@ -20,8 +21,9 @@ export function pixelRatios(ratio) {
 
 // The index of the next ratio after frames that took `taken_ms` each at ratio `k`. The time is taken as proportional to the
 // number of pixels: slow frames get the finest ratio that is not slow, fast ones the next finer one if it stays fast.
+/** @param {number[]} ratios @param {number} k @param {number} taken_ms */
 export function nextLevel(ratios, k, taken_ms) {
-  const expected_ms = (level) => taken_ms * (ratios[level] / ratios[k]) ** 2;
+  const expected_ms = (/** @type {number} */ level) => taken_ms * (ratios[level] / ratios[k]) ** 2;
   if (taken_ms > SLOW_MS) {
     const coarser = ratios.findIndex((_, level) => level > k && expected_ms(level) <= SLOW_MS);
     return coarser < 0 ? ratios.length - 1 : coarser;
@@ -31,6 +33,7 @@ export function nextLevel(ratios, k, taken_ms) {
 
 export class AdaptiveResolution {
   // `isPlaying()` returns whether the page draws continuously.
+  /** @param {import("./viser_nodes.js").ViserNodes} nodes */
   constructor(nodes, isPlaying = () => false) {
     this.nodes = nodes;
     this.isPlaying = isPlaying;
@@ -40,6 +43,7 @@ export class AdaptiveResolution {
     this.last_ms = -Infinity;
     this.moved_ms = -Infinity;
     this.typical_ms = 0;
+    /** @type {number[]} */
     this.taken_ms = [];
     this.wasBusy = false;
     this.idleTimer = 0;
@@ -48,7 +52,7 @@ export class AdaptiveResolution {
     this.settings = nodes.context.useDevSettings;
     // Subscribes to frames as a component of the scene does.
     store.getState().internal.subscribe({ current: () => this.onFrame(performance.now()) }, 0, store);
-    const onMove = (event) => {
+    const onMove = (/** @type {PointerEvent | WheelEvent} */ event) => {
       if (event.buttons || event.type === "wheel") this.moved_ms = performance.now();
     };
     for (const target of [inside, window])
@@ -77,6 +81,7 @@ export class AdaptiveResolution {
     return Math.max(IDLE_MS, 2 * this.typical_ms);
   }
 
+  /** @param {number} now_ms */
   onFrame(now_ms) {
     const gap_ms = now_ms - this.last_ms,
       { isBusy, wasBusy } = this;
@@ -103,6 +108,7 @@ export class AdaptiveResolution {
     }, this.patience_ms);
   }
 
+  /** @param {number} level */
   setLevel(level) {
     this.settings.set({ fixedDpr: this.ratios[level] });
   }

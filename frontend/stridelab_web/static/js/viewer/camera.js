@@ -1,6 +1,7 @@
 // Moves the camera of the scene: views from the side, the front and above, and following the motion, by the camera
 // controls of viser's client.
 
+/** @type {Record<string, number[]>} */
 const VIEW_DIRECTIONS = { side: [0, -1, 0.18], front: [1, -0.12, 0.2], above: [-0.02, 0, 1] }; // x is ahead, y is left
 const PADDING_M = 0.6,
   MARGIN = 1.08,
@@ -9,6 +10,7 @@ const PADDING_M = 0.6,
   DESIGN_ASPECT = 1.25;
 
 export class Camera {
+  /** @param {MovingScene} scene */
   constructor(scene) {
     this.scene = scene;
     this.isFollowing = false;
@@ -20,6 +22,7 @@ export class Camera {
   }
 
   // Looks from one of VIEW_DIRECTIONS at the whole path.
+  /** @param {string} from */
   lookFrom(from) {
     const points = this.path(),
       { camera, cameraControl } = this.viser;
@@ -48,6 +51,7 @@ export class Camera {
     return [from.x, from.y, from.z, to.x, to.y, to.z];
   }
 
+  /** @param {number[]} values */
   moveTo([x, y, z, u, v, w]) {
     this.viser.cameraControl.setLookAt(x, y, z, u, v, w, false);
     this.viser.requestRender();
@@ -55,6 +59,7 @@ export class Camera {
 
   // In a scene that is higher than wide, where the whole path would be small, moves near to the positions of a frame in the
   // direction of view. Returns whether it moved.
+  /** @param {number} frame */
   moveNear(frame) {
     const { camera, cameraControl } = this.viser,
       positions = this.positionsAt(frame);
@@ -71,12 +76,14 @@ export class Camera {
     return true;
   }
 
+  /** @param {boolean} on @param {number} frame */
   follow(on, frame) {
     this.isFollowing = on;
     this.lastCentre = on ? this.centreAt(frame) : null;
   }
 
   // While following, shifts the camera by the motion since the last frame.
+  /** @param {number} frame */
   onFrame(frame) {
     const now = this.isFollowing ? this.centreAt(frame) : null;
     if (!now || !this.lastCentre) {
@@ -97,8 +104,9 @@ export class Camera {
   }
 
   // Horizontal unit vectors along the path and to its left; the x axis for a path without travel.
+  /** @param {number[][]} points */
   headingAxes(points) {
-    const d = [0, 1].map((i) => points.at(-1)[i] - points[0][i]),
+    const d = [0, 1].map((i) => points[points.length - 1][i] - points[0][i]),
       length = Math.hypot(...d);
     const [x, y] = length > MIN_TRAVEL_M ? d.map((v) => v / length) : [1, 0];
     return [
@@ -112,12 +120,13 @@ export class Camera {
     const n = this.scene.layout.n_frames,
       stride = Math.max(Math.floor(n / 60), 1);
     const positions = Array.from({ length: Math.ceil(n / stride) }, (_, k) => this.centreAt(k * stride)).filter(
-      Boolean,
+      (centre) => centre !== null,
     );
     return positions.length ? positions : [[0, 0, 1]];
   }
 
   // The centre of mass at a frame, else the mean of the positions; null without any.
+  /** @param {number} frame */
   centreAt(frame) {
     const { layout, values } = this.scene,
       row = Math.round(frame) * layout.width,
@@ -131,6 +140,7 @@ export class Camera {
   }
 
   // Positions of the points and bodies that exist at a frame.
+  /** @param {number} frame */
   positionsAt(frame) {
     const { layout, values } = this.scene,
       row = Math.round(frame) * layout.width;
@@ -142,6 +152,7 @@ export class Camera {
 
 // Moves the camera back until the width of the scene is visible: its initial view is made for DESIGN_ASPECT
 // (viewer/scene_parts.py, NARROW).
+/** @param {{ camera: SceneCamera, cameraControl: CameraControls }} options */
 export function fitWidth({ camera, cameraControl }) {
   if (camera.aspect < DESIGN_ASPECT)
     cameraControl.dollyTo((cameraControl.distance * DESIGN_ASPECT) / camera.aspect, false);

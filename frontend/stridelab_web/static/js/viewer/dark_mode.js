@@ -16,6 +16,7 @@ export function terrainLightness(l) {
 
 export class DarkMode {
   // `names` are the nodes to lighten: lines and points; bodies keep their colours.
+  /** @param {import("../viewer/viser_nodes.js").ViserNodes} nodes @param {string[]} [names] */
   constructor(nodes, names = []) {
     this.nodes = nodes;
     this.names = names;
@@ -42,6 +43,7 @@ export class DarkMode {
     this.nodes.redraw();
   }
 
+  /** @param {Material} material */
   tintGrid(material) {
     for (const [name, colour] of Object.entries(GRID))
       if (material?.uniforms?.[name]) this.tint(material.uniforms[name].value, (_, color) => color.setStyle(colour));
@@ -55,6 +57,7 @@ export class DarkMode {
   }
 
   // Restores the original colour, and changes it in dark mode.
+  /** @param {Color} color @param {(hsl: { h: number, s: number, l: number }, color: Color) => unknown} change */
   tint(color, change) {
     if (!color) return;
     if (!this.originalColors.has(color)) this.originalColors.set(color, color.clone());

@@ -39,3 +39,28 @@ export function cubicHermiteWeights(time_s, low, fraction) {
   addSpeed(low + 1, -h * fraction * fraction * remaining);
   return weights;
 }
+
+// The frame nearest to a time, by bisection: frames need not be equally spaced.
+/** @param {number[]} time_s @param {number} t_s */
+export function nearestFrame(time_s, t_s) {
+  if (!(t_s > 0)) return 0;
+  let low = 0,
+    high = time_s.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (time_s[middle] <= t_s) low = middle;
+    else high = middle;
+  }
+  return t_s - time_s[low] <= time_s[high] - t_s ? low : high;
+}
+
+// The frame at a time as a real number: a film has instants between two frames.
+/** @param {number[]} time_s @param {number} t_s */
+export function framePosition(time_s, t_s) {
+  const after = Math.max(
+    time_s.findIndex((each) => each >= t_s - 1e-9),
+    0,
+  );
+  if (after === 0) return t_s > time_s[0] ? time_s.length - 1 : 0;
+  return after - (time_s[after] - t_s) / (time_s[after] - time_s[after - 1]);
+}

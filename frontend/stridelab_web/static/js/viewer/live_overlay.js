@@ -60,6 +60,11 @@ export function ribbonAlong(path, width, z) {
 
 export class LiveOverlay {
   // `send(impulse_ns, linkIndex)` is called at the end of a drag; `shown()` returns what is to be drawn.
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {import("./camera.js").Camera} camera
+   * @param {{ send: (impulse_ns: number[], link: number) => void, shown: () => { forces: boolean, balance: boolean, horizon: boolean }, mass: () => number, soles: () => Record<string, number[]> }} options
+   */
   constructor(canvas, camera, { send, shown, mass, soles }) {
     this.canvas = canvas;
     this.camera = camera;
@@ -77,6 +82,7 @@ export class LiveOverlay {
     canvas.addEventListener("pointercancel", () => this.cancel());
   }
 
+  /** @param {boolean} active */
   setActive(active) {
     this.canvas.toggleAttribute("data-active", active);
     this.cancel();
@@ -104,6 +110,7 @@ export class LiveOverlay {
     return [q.x, q.y, q.z];
   }
 
+  /** @param {PointerEvent} event */
   grab(event) {
     if (!this.frame || event.button !== 0) return;
     let nearest = { link: -1, gap: GRAB_PX, at: [0, 0, 0] };
@@ -117,10 +124,12 @@ export class LiveOverlay {
     this.drag = { link: nearest.link, depth: nearest.at[2], to: [event.offsetX, event.offsetY] };
   }
 
+  /** @param {PointerEvent} event */
   pull(event) {
     if (this.drag) this.drag.to = [event.offsetX, event.offsetY];
   }
 
+  /** @param {PointerEvent} event */
   release(event) {
     if (!this.drag) return;
     this.pull(event);
@@ -144,7 +153,7 @@ export class LiveOverlay {
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
     if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
-    const pen = canvas.getContext("2d");
+    const pen = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
     if (!frame) return;
@@ -157,6 +166,7 @@ export class LiveOverlay {
     this.drawPush(pen);
   }
 
+  /** @param {CanvasRenderingContext2D} pen */
   drawHorizon(pen) {
     const { horizon_m, footholds, ground_m } = this.frame;
     if (horizon_m.length > 1) this.polygon(pen, ribbonAlong(horizon_m, RIBBON_M, ground_m), colour("blue"), 0.35);
@@ -167,11 +177,12 @@ export class LiveOverlay {
   }
 
   // A filled polygon; nothing if a corner is behind the camera.
+  /** @param {CanvasRenderingContext2D} pen @param {number[][]} corners @param {string} fill @param {number} opacity */
   polygon(pen, corners, fill, opacity) {
     const places = corners.map((corner) => this.project(corner));
     if (places.some((place) => !place)) return;
     pen.beginPath();
-    for (const [x, y] of places) pen.lineTo(x, y);
+    for (const place of places) if (place) pen.lineTo(place[0], place[1]);
     pen.closePath();
     pen.globalAlpha = opacity;
     pen.fillStyle = fill;
@@ -182,6 +193,7 @@ export class LiveOverlay {
     pen.stroke();
   }
 
+  /** @param {CanvasRenderingContext2D} pen */
   drawBalance(pen) {
     const { com_m, capture_m, foothold_m, ground_m } = this.frame;
     const com = this.project(com_m),
@@ -198,6 +210,7 @@ export class LiveOverlay {
     }
   }
 
+  /** @param {CanvasRenderingContext2D} pen */
   drawPush(pen) {
     const { push, links } = this.frame;
     if (push && push.link !== null && push.since_s < PUSH_S)
@@ -217,6 +230,14 @@ export class LiveOverlay {
   }
 
   // An arrow from `at` along `force`; with `into` it ends there, as a push does.
+  /**
+   * @param {CanvasRenderingContext2D} pen
+   * @param {number[]} at
+   * @param {number[]} force
+   * @param {number} scale
+   * @param {string} edge
+   * @param {boolean} into
+   */
   arrow(pen, at, force, scale, edge, into) {
     const far = at.map((value, k) => value + (into ? -1 : 1) * scale * force[k]);
     const a = this.project(into ? far : at),
@@ -224,6 +245,13 @@ export class LiveOverlay {
     if (a && b) this.line(pen, a, b, edge, into ? 5 : 3);
   }
 
+  /**
+   * @param {CanvasRenderingContext2D} pen
+   * @param {number[]} from
+   * @param {number[]} to
+   * @param {string} edge
+   * @param {number} width
+   */
   line(pen, from, to, edge, width) {
     const [ax, ay] = from,
       [bx, by] = to;
@@ -241,6 +269,7 @@ export class LiveOverlay {
     pen.stroke();
   }
 
+  /** @param {CanvasRenderingContext2D} pen @param {number[]} at @param {number} radius @param {string} fill */
   dot(pen, at, radius, fill) {
     const [x, y] = at;
     pen.beginPath();
@@ -249,6 +278,7 @@ export class LiveOverlay {
     pen.fill();
   }
 
+  /** @param {CanvasRenderingContext2D} pen @param {number[]} at @param {string} edge */
   cross(pen, at, edge) {
     const [x, y] = at;
     pen.strokeStyle = edge;

@@ -9,7 +9,7 @@ import { HIDDEN, ViserNodes } from "./viser_nodes.js";
 import { counted } from "../shared/plurals.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
 import { fetchChecked } from "../shared/api.js";
-import { checkConnection, isAnswering, onRestored } from "../shared/connection_notice.js";
+import { checkConnection, isAnswering, isLoggedOut, onRestored } from "../shared/connection_notice.js";
 import { createElement } from "../shared/elements.js";
 import { Silence } from "../shared/silence.js";
 
@@ -20,9 +20,9 @@ const RECONNECT_MS = 2000,
   SLOW_PACE = 0.95,
   UNUSED_NODES = ["/reach/", "/support/", "/live/"]; // of the pages that plan and show densities
 const root = document.querySelector("[data-live-robot]");
-const part = (name) => root.querySelector(`[data-${name}]`);
-const field = (name) => root.querySelector(`[name=${name}]`);
-const fact = (name, text) => {
+const part = (/** @type {string} */ name) => root.querySelector(`[data-${name}]`);
+const field = (/** @type {string} */ name) => root.querySelector(`[name=${name}]`);
+const fact = (/** @type {string} */ name, /** @type {string} */ text) => {
   root.querySelector(`[data-fact="${name}"]`).textContent = text;
 };
 const stage = part("stage"),
@@ -30,6 +30,7 @@ const stage = part("stage"),
 const nodes = new ViserNodes(iframe, ["/robot"]);
 const orders = [...root.querySelectorAll("[data-order]")];
 const sliders = [...root.querySelectorAll("[data-setting]")];
+/** @type {Record<string, (v: number) => string>} */
 const UNITS = {
   friction: (v) => v.toFixed(2),
   payload_kg: (v) => `${v.toFixed(0)} kg`,
@@ -53,10 +54,21 @@ let pushNumber = 0;
 let isReady = false;
 let wasDrawn = false;
 let isInterrupted = false;
+let isOver = false;
+let reconnectTimer = 0;
 
-const live = { nodes, layout: { n_frames: 1, width: 3, points: [["/com/live", 0]], bodies: [] }, values: REST };
+const live = {
+  nodes,
+  layout: {
+    n_frames: 1,
+    width: 3,
+    points: /** @type {MovingScene["layout"]["points"]} */ ([["/com/live", 0]]),
+    bodies: [],
+  },
+  values: REST,
+};
 const camera = new Camera(live);
-const overlay = new LiveOverlay(part("marks"), camera, {
+const overlay = new LiveOverlay(/** @type {any} */ (part("marks")), camera, {
   send: (impulse_ns, link) => push(impulse_ns, robot.links[link]),
   shown: () => ({
     forces: field("forces").checked,
@@ -71,7 +83,12 @@ const silence = new Silence(QUIET_MS, async () => {
   await checkConnection();
   if (!isAnswering()) setActing(false);
 });
-onRestored(() => socket && replaceSocket(socket));
+onRestored(() => {
+  if (isOver) return;
+  clearTimeout(reconnectTimer);
+  if (socket) replaceSocket(socket);
+  else connect();
+});
 connect();
 openScene().catch((error) => showFailure(stage, error));
 
@@ -97,30 +114,41 @@ function connect() {
     socket = null;
     setActing(false);
     if (event.code === 1000 || event.code === 4404) {
+      isOver = true;
       silence.stop();
       const link = createElement("a", { href: "/live/robots" }, "Start a new one");
       part("said").replaceChildren("This robot is no longer live. ", link, ".");
-    } else if (event.code === 4429) say("Too many others watch this robot, or too much was sent.");
-    else {
+    } else if (event.code === 4429) {
+      isOver = true;
+      say("Too many others watch this robot, or too much was sent.");
+    } else {
       isInterrupted = true;
-      setTimeout(connect, RECONNECT_MS);
-      // The notice on the page is enough while the whole service does not answer.
-      checkConnection().then(() => isInterrupted && say(isAnswering() ? "The connection is lost; trying again …" : ""));
+      checkConnection().then(awaitConnection);
     }
   });
 }
 
+// The notice on the page is enough while the whole service does not answer, and after the end of the login, which each
+// attempt would be refused for.
+function awaitConnection() {
+  if (!isInterrupted || socket) return;
+  say(isAnswering() && !isLoggedOut() ? "The connection is lost; trying again …" : "");
+  if (!isLoggedOut()) reconnectTimer = setTimeout(connect, RECONNECT_MS);
+}
+
 // What a silent network has carried late is dropped.
+/** @param {WebSocket} silent */
 function replaceSocket(silent) {
   socket = null;
   silent.close();
   connect();
 }
 
-const say = (text) => {
+const say = (/** @type {string} */ text) => {
   part("said").textContent = text;
 };
 
+/** @param {any} message */
 function receive(message) {
   silence.interrupt();
   if (message.type === "frame") latest = message;
@@ -130,6 +158,7 @@ function receive(message) {
   else if (message.problem) say(message.problem.detail);
 }
 
+/** @param {any} message */
 function showState(message) {
   const before = state;
   state = message;
@@ -137,7 +166,9 @@ function showState(message) {
     robot = message.robot;
     showStrength();
     part("steering").hidden = !robot.may_steer;
-    field("link").append(...robot.links.map((name) => createElement("option", { value: name }, name)));
+    field("link").append(
+      ...robot.links.map((/** @type {string} */ name) => createElement("option", { value: name }, name)),
+    );
   }
   if (before?.phase === "fallen" && message.phase !== "fallen") part("fall").hidden = true;
   setActing(message.may_push && robot !== null);
@@ -157,6 +188,7 @@ function showState(message) {
   for (const slider of sliders) showSetting(slider, message.settings[slider.dataset.setting]);
 }
 
+/** @param {PageElement} slider @param {number | null} value */
 function showSetting(slider, value) {
   const name = slider.dataset.setting;
   if (value !== null) slider.value = String(value);
@@ -164,11 +196,13 @@ function showSetting(slider, value) {
     value === null ? "as planned" : UNITS[name](Number(slider.value));
 }
 
+/** @param {boolean} may */
 function setActing(may) {
   for (const group of root.querySelectorAll("[data-acting]")) group.disabled = !may;
   for (const button of orders) button.disabled = !may;
 }
 
+/** @param {{ summary: string, reasons: string[] }} fall */
 function showFall(fall) {
   part("fall").hidden = false;
   part("fall-summary").textContent = fall.summary;
@@ -182,6 +216,7 @@ function drawAlways() {
   requestAnimationFrame(drawAlways);
 }
 
+/** @param {LiveFrame} frame */
 function drawFrame(frame) {
   nodes.refreshClient();
   for (const name of Object.keys(nodes.viser.nodeRefFromName))
@@ -214,11 +249,13 @@ function drawFrame(frame) {
   if (frame.push) root.dataset.pushed = String(frame.push.number);
 }
 
+/** @param {LiveFrame} frame */
 function recoveryText(frame) {
   if (frame.is_planning) return "stands and plans its way on";
   return frame.not_resumed ? `stands, its plan does not go on (${frame.not_resumed})` : "steps to stay upright";
 }
 
+/** @param {[number, number, number]} values */
 function velocityText([ahead, left, turn]) {
   const aside = Math.abs(left) < 0.005 ? "" : `, ${Math.abs(left).toFixed(2)} m/s ${left > 0 ? "left" : "right"}`;
   const turning =
@@ -226,15 +263,18 @@ function velocityText([ahead, left, turn]) {
   return `${ahead.toFixed(2)} m/s ahead${aside}${turning}`;
 }
 
+/** @param {object} command */
 function send(command) {
   if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(command));
 }
 
+/** @param {number[]} impulse_ns @param {string | null} link */
 function push(impulse_ns, link) {
   pushNumber += 1;
   send({ type: "push", impulse_ns, link: link || null, number: pushNumber });
 }
 
+/** @param {string} direction */
 function pushTowards(direction) {
   if (!latest || part("acting").disabled) return;
   const speed = Number(field("speed").value),
@@ -270,10 +310,10 @@ field("follow").addEventListener("change", () => {
 const keysSteer = () => Boolean(robot?.may_steer) && field("keys").checked;
 new Steering(part("stick"), { send, isOn: keysSteer, isSideways: () => field("sideways").checked });
 
-const pushByKey = (direction) => {
+const pushByKey = (/** @type {string} */ direction) => {
   if (!keysSteer()) pushTowards(direction);
 };
-const press = (order) => {
+const press = (/** @type {string} */ order) => {
   const button = root.querySelector(`[data-order="${order}"]`);
   if (button && !button.disabled) button.click();
 };

@@ -3,6 +3,7 @@ const REPEAT_MS = 200; // the robot stops a second after the last command
 
 export const LIMITS = { ahead_m_s: 0.4, left_m_s: 0.2, turn_rad_s: 0.5 };
 
+/** @type {Record<string, number[]>} */
 const DIRECTIONS = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [-1, 0], ArrowRight: [1, 0] };
 
 /** The command of a stick at `x` to the right and `y` ahead, both within the unit circle.
@@ -31,6 +32,10 @@ export function placeOfKeys(keys) {
 
 export class Steering {
   // `send(command)` is called while the robot is steered and once when it is let go; `isOn()` whether keys steer.
+  /**
+   * @param {PageElement} stick
+   * @param {{ send: (command: object) => void, isOn: () => boolean, isSideways: () => boolean }} options
+   */
   constructor(stick, { send, isOn, isSideways }) {
     this.stick = stick;
     this.knob = stick.querySelector("[data-knob]");
@@ -50,16 +55,19 @@ export class Steering {
     window.addEventListener("blur", () => this.letGo());
   }
 
+  /** @param {PointerEvent} event */
   grab(event) {
     if (this.stick.closest("fieldset").disabled) return;
     this.stick.setPointerCapture(event.pointerId);
     this.follow(event);
   }
 
+  /** @param {PointerEvent} event */
   pull(event) {
     if (this.stick.hasPointerCapture(event.pointerId)) this.follow(event);
   }
 
+  /** @param {PointerEvent} event */
   follow(event) {
     const { left, top, width, height } = this.stick.getBoundingClientRect();
     const x = (2 * (event.clientX - left)) / width - 1,
@@ -68,11 +76,12 @@ export class Steering {
     this.move(x * scale, y * scale);
   }
 
+  /** @param {KeyboardEvent} event */
   press(event) {
     if (
       !(event.key in DIRECTIONS) ||
       !this.isOn() ||
-      event.target.matches?.("input:not([type=checkbox]), select, textarea")
+      /** @type {Element} */ (event.target).matches?.("input:not([type=checkbox]), select, textarea")
     )
       return;
     if (document.querySelector("dialog[open]") || this.stick.closest("fieldset").disabled) return;
@@ -82,6 +91,7 @@ export class Steering {
     this.move(...placeOfKeys(this.keys));
   }
 
+  /** @param {KeyboardEvent} event */
   release(event) {
     if (this.keys.delete(event.key)) this.move(...placeOfKeys(this.keys));
   }
@@ -91,6 +101,7 @@ export class Steering {
     this.move(0, 0);
   }
 
+  /** @param {number} x @param {number} y */
   move(x, y) {
     const wasHeld = this.place.some(Boolean);
     this.place = [x, y];

@@ -2,6 +2,8 @@
 //
 // Under it the scene is hidden (`data-held`, app.css), so that viser's client draws no frames of an incomplete scene.
 
+import { translate } from "../shared/translate.js";
+
 // Removes the overlay once the scene is drawn.
 /** @param {PageElement} stage @param {{ rendered(): Promise<unknown> }} nodes */
 export async function hideOverlay(stage, nodes) {
@@ -16,4 +18,18 @@ export function showFailure(stage, error) {
   veil.hidden = false;
   veil.textContent = error.message;
   stage.querySelector("iframe").remove(); // viser would retry without end
+}
+
+// Says which files of the result are no longer stored, so that what they contain is missing in the scene.
+/** @param {PageElement} player @param {string[]} names */
+export function showGoneFiles(player, names) {
+  const note = player.querySelector("[data-gone]");
+  const values = { names: names.join(", ") };
+  note.hidden = names.length === 0;
+  note.textContent = note.hidden
+    ? ""
+    : translate(
+        "Not shown, because its file is gone: %(names)s. Restore a backup, or compute the result again.",
+        values,
+      );
 }

@@ -2,10 +2,14 @@
 
 import { translate } from "../shared/translate.js";
 
+/** @type {("from" | "to")[]} */
+const ENDS = ["from", "to"];
+/** @type {Record<string, number>} */
 const KEY_STEPS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -10, PageUp: 10 };
 
 export class LoopRange {
   // Calls `onChange()` for a new range; frames count from 0.
+  /** @param {PageElement} row @param {() => void} onChange */
   constructor(row, onChange) {
     this.row = row;
     this.onChange = onChange;
@@ -14,9 +18,9 @@ export class LoopRange {
     this.from = 0;
     this.to = 0;
     this.fill = row.querySelector("[data-within]");
-    this.handles = ["from", "to"].map((end) => row.querySelector(`[data-end=${end}]`));
-    for (const handle of this.handles) {
-      const { end } = handle.dataset;
+    this.handles = ENDS.map((end) => row.querySelector(`[data-end=${end}]`));
+    for (const [k, handle] of this.handles.entries()) {
+      const end = ENDS[k];
       handle.addEventListener("pointerdown", (event) => {
         if (event.button !== 0) return;
         event.preventDefault();
@@ -32,10 +36,11 @@ export class LoopRange {
   }
 
   // Sets the times of the frames, and the range in seconds; NaN for its default ends.
+  /** @param {number[]} time_s @param {number} from_s @param {number} to_s */
   setFrames(time_s, from_s, to_s) {
     this.time_s = time_s;
     const last = time_s.length - 1;
-    const frame = (t_s, fallback) =>
+    const frame = (/** @type {number} */ t_s, /** @type {number} */ fallback) =>
       Number.isFinite(t_s)
         ? Math.max(
             time_s.findLastIndex((each) => each <= t_s + 1e-6),
@@ -57,6 +62,7 @@ export class LoopRange {
   }
 
   // The frame to play next: wraps from the end of the range to its start.
+  /** @param {number} frame */
   wrapFrame(frame) {
     return frame > this.to
       ? this.from + ((frame - this.from) % (this.to - this.from))
@@ -65,6 +71,7 @@ export class LoopRange {
         : frame;
   }
 
+  /** @param {"from" | "to"} end @param {number} frame */
   moveEnd(end, frame) {
     const last = this.time_s.length - 1;
     if (end === "from") this.from = Math.min(Math.max(frame, 0), this.to - 1);
@@ -74,6 +81,7 @@ export class LoopRange {
   }
 
   // Starts or ends the range at a frame; an end on the wrong side of it moves to the end of the timeline.
+  /** @param {"from" | "to"} end @param {number} frame */
   setEnd(end, frame) {
     const last = this.time_s.length - 1;
     if (end === "from" && frame >= this.to) this.to = last;
@@ -87,6 +95,7 @@ export class LoopRange {
     this.onChange();
   }
 
+  /** @param {PointerEvent} event */
   frameAt(event) {
     const box = this.row.getBoundingClientRect(),
       t_s = ((event.clientX - box.left) / box.width) * this.end_s;
@@ -94,11 +103,12 @@ export class LoopRange {
     return after < 0 ? this.time_s.length - 1 : after;
   }
 
+  /** @param {KeyboardEvent} event @param {"from" | "to"} end */
   onKey(event, end) {
     const last = this.time_s.length - 1;
-    const to =
-      { Home: 0, End: last }[event.key] ??
-      (KEY_STEPS[event.key] === undefined ? undefined : this[end] + KEY_STEPS[event.key]);
+    /** @type {Record<string, number>} */
+    const ends = { Home: 0, End: last };
+    const to = ends[event.key] ?? (KEY_STEPS[event.key] === undefined ? undefined : this[end] + KEY_STEPS[event.key]);
     if (to === undefined || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     event.stopPropagation();
@@ -107,10 +117,8 @@ export class LoopRange {
 
   draw() {
     const [a, b] = [this.from, this.to].map((frame) => (100 * this.time_s[frame]) / this.end_s);
-    for (const [handle, frame] of [
-      [this.handles[0], this.from],
-      [this.handles[1], this.to],
-    ]) {
+    for (const [k, handle] of this.handles.entries()) {
+      const frame = this[ENDS[k]];
       handle.style.left = `${(100 * this.time_s[frame]) / this.end_s}%`;
       handle.setAttribute("aria-valuenow", String(frame));
       handle.setAttribute(

@@ -6,10 +6,11 @@ import { translate } from "../shared/translate.js";
 
 export class PictureDialog {
   // `source.viser()` returns viser's client, `source.name()` the file name.
+  /** @param {PageElement} dialog @param {{ viser(): ViserClient, name(): string }} source */
   constructor(dialog, source) {
     this.dialog = dialog;
     this.source = source;
-    const part = (name) => dialog.querySelector(`[data-${name}]`);
+    const part = (/** @type {string} */ name) => dialog.querySelector(`[data-${name}]`);
     this.size = part("size");
     this.transparent = part("clear");
     this.saveButton = part("save");
@@ -49,7 +50,7 @@ export class PictureDialog {
       saveBlob(blob, `${this.source.name()}.png`);
       this.dialog.close();
     } catch (error) {
-      this.status.textContent = error.message;
+      this.status.textContent = /** @type {Error} */ (error).message;
     } finally {
       setActive(this.saveButton, true);
     }

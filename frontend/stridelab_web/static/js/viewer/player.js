@@ -10,7 +10,8 @@ import { DarkMode } from "./dark_mode.js";
 import { Scene } from "./scene.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
 import { fetchChecked } from "../shared/api.js";
-import { showFailure, hideOverlay } from "./loading_overlay.js";
+import { framePosition, nearestFrame } from "./interpolation.js";
+import { showFailure, hideOverlay, showGoneFiles } from "./loading_overlay.js";
 import { translate } from "../shared/translate.js";
 
 const URL_INTERVAL_MS = 250,
@@ -39,9 +40,9 @@ let camera;
 let hoverNames = /** @type {HoverNames | undefined} */ (undefined);
 /** @type {DarkMode} */
 let darkMode;
-let time_s = [],
-  phases_s = [],
-  starts_s = [],
+let /** @type {number[]} */ time_s = [],
+  /** @type {number[]} */ phases_s = [],
+  /** @type {number[]} */ starts_s = [],
   position = 0,
   playing = false,
   filming = false,
@@ -60,7 +61,7 @@ async function start() {
   ]);
   time_s = layout.time_s;
   phases_s = layout.phase_starts_s;
-  starts_s = phases_s.length ? phases_s : steps_s.map(([start_s]) => start_s);
+  starts_s = phases_s.length ? phases_s : steps_s.map((/** @type {[number]} */ [start_s]) => start_s);
   scene = new Scene(iframe, layout, values);
   camera = new Camera(scene);
   // Hides the checkboxes of layers without nodes.
@@ -80,14 +81,16 @@ async function start() {
   shortcuts.listenInFrame(iframe);
   applyLayers();
   const query = new URLSearchParams(location.search);
-  range.setFrames(time_s, ...["from", "to"].map((name) => (query.has(name) ? Number(query.get(name)) : NaN)));
-  seek(frameAt(Number(query.get("t") ?? player.dataset.start)), false);
+  const [from_s, to_s] = ["from", "to"].map((name) => (query.has(name) ? Number(query.get(name)) : NaN));
+  range.setFrames(time_s, from_s, to_s);
+  seek(nearestFrame(time_s, Number(query.get("t") ?? player.dataset.start)), false);
   const isRestored = address.restoreCamera(camera);
   if (isRestored ? address.isFollowing : camera.moveNear(position)) {
     followBox.checked = true;
     camera.follow(true, position);
   }
   await hideOverlay(stage, scene.nodes);
+  showGoneFiles(player, layout.gone);
   player.dataset.ready = "true";
   if (query.has("play")) play(true);
   setInterval(() => {
@@ -98,29 +101,7 @@ async function start() {
   }, STALE_CHECK_MS);
 }
 
-// The frame nearest to a time, by bisection: frames need not be equally spaced.
-function frameAt(t_s) {
-  if (!(t_s > 0)) return 0;
-  let low = 0,
-    high = time_s.length - 1;
-  while (high - low > 1) {
-    const middle = (low + high) >> 1;
-    if (time_s[middle] <= t_s) low = middle;
-    else high = middle;
-  }
-  return t_s - time_s[low] <= time_s[high] - t_s ? low : high;
-}
-
-// The frame at a time as a real number: a film has instants between two frames.
-function framePosition(t_s) {
-  const after = Math.max(
-    time_s.findIndex((each) => each >= t_s - 1e-9),
-    0,
-  );
-  if (after === 0) return t_s > time_s[0] ? time_s.length - 1 : 0;
-  return after - (time_s[after] - t_s) / (time_s[after] - time_s[after - 1]);
-}
-
+/** @param {number} target */
 function seek(target, inUrl = true) {
   position = Math.min(Math.max(target, 0), time_s.length - 1);
   const index = Math.round(position);
@@ -139,28 +120,34 @@ function seek(target, inUrl = true) {
 }
 
 // The phase at a time, counted from 0; a boundary belongs to the phase that starts there. Recordings have no phases.
+/** @param {number} t_s */
 function phaseAt(t_s) {
   return phases_s.findLastIndex((start_s) => start_s <= t_s + 1e-6);
 }
 
 // The phase of a plan, or the step of a walk and its elapsed part, if its steps are detected.
+/** @param {number} t_s */
 function phaseLabel(t_s) {
   if (phases_s.length) return translate("phase %(phase)s", { phase: phaseAt(t_s) });
-  const k = steps_s.findIndex(([start_s, end_s]) => start_s <= t_s + 1e-6 && t_s < end_s);
+  const k = steps_s.findIndex(
+    (/** @type {[number, number]} */ [start_s, end_s]) => start_s <= t_s + 1e-6 && t_s < end_s,
+  );
   if (k < 0) return "";
   const [start_s, end_s] = steps_s[k];
   const percent = Math.round((100 * (t_s - start_s)) / (end_s - start_s));
   return translate("step %(step)s of %(number)s, %(percent)s %", { step: k + 1, number: steps_s.length, percent });
 }
 
+/** @param {number} step */
 function seekPhase(step) {
   const now = starts_s.findLastIndex((start_s) => start_s <= time_s[Math.round(position)] + 1e-6);
   const target = starts_s[now + step];
   if (playing) play(false);
-  if (target !== undefined) seek(frameAt(target));
+  if (target !== undefined) seek(nearestFrame(time_s, target));
   else seek(step < 0 ? 0 : time_s.length - 1);
 }
 
+/** @param {number} index */
 function writeTimeToUrl(index, atOnce = false) {
   const write = () => {
     urlWritten_ms = performance.now();
@@ -175,6 +162,7 @@ function writeTimeToUrl(index, atOnce = false) {
   else urlTimer = setTimeout(write, wait);
 }
 
+/** @param {boolean} on */
 function play(on) {
   playing = on;
   if (on && (position >= range.to || position < range.from)) seek(range.from);
@@ -187,9 +175,10 @@ function play(on) {
   if (on) requestAnimationFrame(tick);
 }
 
+/** @param {number} now_ms */
 function tick(now_ms) {
   if (!playing) return;
-  const rate_hz = (time_s.length - 1) / (time_s.at(-1) - time_s[0]);
+  const rate_hz = (time_s.length - 1) / (range.end_s - time_s[0]);
   const next = position + (Math.max(0, now_ms - last_ms) / 1000) * Number(speed.value) * rate_hz;
   last_ms = now_ms;
   if (next > range.to && !loop.checked) {
@@ -214,7 +203,7 @@ const actions = {
 // Plays the gait cycle at the present time, two steps, again and again at a quarter of the speed.
 function playCycle() {
   const t_s = time_s[Math.round(position)] + 1e-6,
-    now = steps_s.findLastIndex(([start_s]) => start_s <= t_s);
+    now = steps_s.findLastIndex((/** @type {[number]} */ [start_s]) => start_s <= t_s);
   const first = Math.max(Math.min(now, steps_s.length - 2), 0);
   range.setFrames(time_s, steps_s[first][0], steps_s[Math.min(first + 1, steps_s.length - 1)][1]);
   range.onChange();
@@ -223,6 +212,7 @@ function playCycle() {
   seek(range.from);
   play(true);
 }
+/** @param {number} frames */
 function step(frames) {
   if (playing) play(false);
   seek(Math.round(position) + frames);
@@ -241,7 +231,7 @@ for (const strip of player.querySelectorAll("[data-seek]")) {
     const mark = /** @type {PageElement} */ (event.target).dataset.at; // the time of a check's worst sample
     if (mark !== undefined) return void pauseAndSeek(Number(mark));
     const box = strip.getBoundingClientRect();
-    seek(frameAt(((event.clientX - box.left) / box.width) * time_s.at(-1)));
+    seek(nearestFrame(time_s, ((event.clientX - box.left) / box.width) * time_s[time_s.length - 1]));
   });
 }
 
@@ -254,15 +244,16 @@ const moments = player.querySelector("[data-moments]");
 moments?.addEventListener("change", () => {
   if (moments.value && time_s.length) pauseAndSeek(Number(moments.value));
 });
+/** @param {number} t_s */
 function pauseAndSeek(t_s) {
   if (playing) play(false);
-  seek(frameAt(t_s));
+  seek(nearestFrame(time_s, t_s));
 }
 
 // Writes the looped range into the address, so that a reload or a link restores it.
 function writeRangeToUrl() {
   const url = new URL(location.href);
-  for (const end of ["from", "to"]) {
+  for (const end of /** @type {("from" | "to")[]} */ (["from", "to"])) {
     if (range.isWhole) url.searchParams.delete(end);
     else url.searchParams.set(end, time_s[range[end]].toFixed(3));
   }
@@ -270,6 +261,7 @@ function writeRangeToUrl() {
 }
 
 view.addEventListener("change", () => lookFrom(view.value));
+/** @param {string} from */
 function lookFrom(from) {
   view.value = from;
   if (scene?.nodes.viser) camera.lookFrom(from);
@@ -287,9 +279,9 @@ const filmSource = {
   name: () => player.dataset.name,
   range_s: () => [time_s[range.from], time_s[range.to]],
   speed: () => Number(speed.value),
-  seek: (t_s) => {
+  seek: (/** @type {number} */ t_s) => {
     filming = true;
-    position = framePosition(t_s);
+    position = framePosition(time_s, t_s);
     scene.show(position);
     camera.onFrame(position);
   },

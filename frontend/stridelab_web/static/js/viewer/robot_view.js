@@ -11,7 +11,7 @@ const STALE_CHECK_MS = 400,
   PARTS = ["cloud", "mode", ...LEVELS],
   LITRES = 1000;
 const root = document.querySelector("[data-robot-view]");
-const part = (name) => root.querySelector(`[data-${name}]`);
+const part = (/** @type {string} */ name) => root.querySelector(`[data-${name}]`);
 const iframe = part("stage").querySelector("iframe");
 const scene = part("stage").dataset.scene,
   robot = root.dataset.robot;
@@ -67,7 +67,7 @@ function fillEffectors() {
   if (before in reach[measure.value]) effector.value = before;
 }
 
-const isOn = (name) => boxes.some((box) => box.dataset.part === name && box.checked);
+const isOn = (/** @type {string} */ name) => boxes.some((box) => box.dataset.part === name && box.checked);
 
 function render() {
   const chosen = effector ? `/reach/${measure.value}/${effector.value}` : "";
@@ -122,6 +122,7 @@ measure?.addEventListener("change", () => {
 effector?.addEventListener("change", () => nodes.viser && render());
 for (const box of boxes) box.addEventListener("change", () => nodes.viser && render());
 
+/** @param {PageElement} select */
 function selectNext(select) {
   if (!select) return;
   select.selectedIndex = (select.selectedIndex + 1) % select.options.length;

@@ -6,10 +6,11 @@ import { MeshCopies } from "./mesh_copies.js";
 import { HIDDEN, ViserNodes } from "./viser_nodes.js";
 import { rotationFromZ } from "./quaternions.js";
 
-const arrowNodes = (layout) => layout.arrows.flatMap((arrow) => arrow.slice(0, 2));
+const arrowNodes = (/** @type {FrameLayout} */ layout) => layout.arrows.flatMap((arrow) => [arrow[0], arrow[1]]);
 const COM_NODES = ["/com/plan", "/com/plan/light"]; // the two halves of the CoM ball (viewer/plan_scene.py)
 
 export class Scene {
+  /** @param {PageElement} frame @param {FrameLayout} layout @param {ArrayLike<number>} values */
   constructor(frame, layout, values) {
     this.layout = layout;
     this.values = values;
@@ -51,11 +52,13 @@ export class Scene {
     return names.filter((name) => !COM_NODES.includes(name) && !name.startsWith("/cones/"));
   }
 
+  /** @param {string[]} prefixes */
   hideGroups(prefixes) {
     this.nodes.hidden = new Set(prefixes);
   }
 
   // Draws frame `at`, a real number: between two frames, positions and orientations are interpolated.
+  /** @param {number} at */
   show(at) {
     this.nodes.refreshClient();
     this.merged.update(this.nodes.viser.nodeRefFromName);
@@ -78,17 +81,20 @@ export class Scene {
   }
 
   // The two frames around `at`, and the fraction of the interval between them.
+  /** @param {number} at */
   bracket(at) {
     const last = this.layout.n_frames - 1;
     const low = Math.min(Math.max(Math.floor(at), 0), last);
     return [low, Math.min(low + 1, last), at - low];
   }
 
+  /** @param {number} at */
   timeAt(at) {
     const [low, high, fraction] = this.bracket(at);
     return (1 - fraction) * this.layout.time_s[low] + fraction * this.layout.time_s[high];
   }
 
+  /** @param {number} at */
   interpolate(at) {
     const { width, bodies, time_s } = this.layout;
     const [low, high, fraction] = this.bracket(at);
@@ -102,6 +108,7 @@ export class Scene {
   }
 
   // Beside a frame without the body, the linear interpolation stays.
+  /** @param {number} from @param {number} low @param {number[]} weights */
   interpolatePose(from, low, weights) {
     const { width } = this.layout;
     for (let k = from; k < from + 7; k += 1) {
@@ -113,12 +120,14 @@ export class Scene {
   }
 
   // The unit quaternion of the body at column k; its sign does not change between frames.
+  /** @param {number} k */
   quaternionAt(k) {
     const wxyz = [0, 1, 2, 3].map((i) => this.row[k + 3 + i]),
       norm = Math.hypot(...wxyz);
     return wxyz.map((v) => v / norm);
   }
 
+  /** @param {string} name @param {number} k @param {number[] | null} wxyz @param {number} length */
   placeNode(name, k, wxyz, length) {
     const [x, y, z] = [this.row[k], this.row[k + 1], this.row[k + 2]];
     const visible = Number.isFinite(x + y + z);
@@ -128,6 +137,7 @@ export class Scene {
   }
 
   // A unit ball scaled to semi-axes along x, y and z, times the magnification.
+  /** @param {string} name @param {number} k @param {number} axes */
   drawEllipsoid(name, k, axes) {
     this.placeNode(name, k, null, 1);
     const axes_m = [this.row[axes], this.row[axes + 1], this.row[axes + 2]];
@@ -139,11 +149,13 @@ export class Scene {
   }
 
   // A node of unit size with a pose, scaled by the number in column `size`.
+  /** @param {string} name @param {number} k @param {number} size */
   drawHoop(name, k, size) {
     this.placeNode(name, k, this.quaternionAt(k), 1);
     if (Number.isFinite(this.row[k] + this.row[size])) this.nodes.setScale(name, this.row[size]);
   }
 
+  /** @param {string} name @param {number} a @param {number} b */
   drawStick(name, a, b) {
     const d = [0, 1, 2].map((i) => this.row[b + i] - this.row[a + i]);
     const length = Math.hypot(...d);
@@ -152,6 +164,7 @@ export class Scene {
   }
 
   // A force shorter than the head of its arrow is drawn as a smaller head.
+  /** @param {string} shaft @param {string} head @param {number} k */
   drawArrow(shaft, head, k) {
     const { arrow_m_per_n, head_m } = this.layout;
     const force = [this.row[k + 3], this.row[k + 4], this.row[k + 5]];

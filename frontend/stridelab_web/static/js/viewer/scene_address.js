@@ -51,6 +51,7 @@ export const sameCamera = (a, b) =>
 // Restores the layers and the camera of the address, and writes them while they change.
 export class SceneAddress {
   // `player` contains the check boxes of the layers and `[data-follow]`.
+  /** @param {PageElement} player */
   constructor(player) {
     this.boxes = [...player.querySelectorAll("[data-show]")];
     this.followBox = player.querySelector("[data-follow]");
@@ -61,6 +62,7 @@ export class SceneAddress {
   }
 
   // Moves the camera to the place of the address; false without one. Later changes of the camera are written.
+  /** @param {import("./camera.js").Camera} camera */
   restoreCamera(camera) {
     this.camera = camera;
     const query = new URLSearchParams(location.search),
@@ -77,7 +79,7 @@ export class SceneAddress {
   // Called from time to time.
   update() {
     const place = this.camera?.place();
-    if (!place || sameCamera(place, this.written)) return;
+    if (!place || sameCamera(place, this.written ?? null)) return;
     this.written = place;
     this.edit((query) => writeCamera(query, place));
   }
@@ -95,6 +97,7 @@ export class SceneAddress {
     this.edit((query) => (this.followBox.checked ? query.set(FOLLOW, "1") : query.delete(FOLLOW)));
   }
 
+  /** @param {(query: URLSearchParams) => void} change */
   edit(change) {
     const url = new URL(location.href);
     change(url.searchParams);

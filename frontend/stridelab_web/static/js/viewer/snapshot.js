@@ -6,12 +6,13 @@
 export const MAX_SCALE = 4; // times the size on the page
 
 // Width and height in pixels of a picture `scale` times as large as the scene on the page.
+/** @param {ViserClient} viser @param {number} scale */
 export function pictureSize(viser, scale) {
   return [viser.canvas.clientWidth, viser.canvas.clientHeight].map((length) => Math.round(scale * length));
 }
 
 // Resolves to the PNG; fails if the browser cannot make a picture of that size.
-/** @param {ViserClient} viser */
+/** @param {ViserClient} viser @param {number} scale @param {boolean} transparent */
 export async function snapshot(viser, scale, transparent) {
   const [width, height] = pictureSize(viser, scale),
     target = document.createElement("canvas");
@@ -24,7 +25,13 @@ export async function snapshot(viser, scale, transparent) {
 }
 
 // Draws the scene into a canvas of any size, over the background of the page or, if `transparent`, over nothing.
-/** @param {ViserClient} viser @param {CanvasRenderingContext2D} context */
+/**
+ * @param {ViserClient} viser
+ * @param {CanvasRenderingContext2D} context
+ * @param {number} width
+ * @param {number} height
+ * @param {boolean} transparent
+ */
 export function drawPicture(viser, context, width, height, transparent) {
   context.clearRect(0, 0, width, height);
   if (!transparent) {
@@ -34,6 +41,7 @@ export function drawPicture(viser, context, width, height, transparent) {
   drawTiles(viser, context, width, height);
 }
 
+/** @param {ViserClient} viser @param {CanvasRenderingContext2D} context @param {number} width @param {number} height */
 function drawTiles(viser, context, width, height) {
   const { gl } = viser.root.getState(),
     { canvas } = viser,
@@ -49,10 +57,11 @@ function drawTiles(viser, context, width, height) {
 }
 
 // The colour behind the canvas, which is transparent.
+/** @param {HTMLCanvasElement} canvas */
 function pageBackground(canvas) {
   const { defaultView } = canvas.ownerDocument;
-  for (let node = canvas; node; node = node.parentElement) {
-    const { backgroundColor } = defaultView.getComputedStyle(node);
+  for (let node = /** @type {Element | null} */ (canvas); node; node = node.parentElement) {
+    const { backgroundColor } = /** @type {Window} */ (defaultView).getComputedStyle(node);
     if (backgroundColor !== "rgba(0, 0, 0, 0)") return backgroundColor;
   }
   return "#fff";

@@ -23,6 +23,7 @@ export function findContext(frame) {
 }
 
 export class ViserNodes {
+  /** @param {PageElement} frame @param {string[]} names */
   constructor(frame, names) {
     this.frame = frame;
     this.names = names;
@@ -158,10 +159,12 @@ export class ViserNodes {
     return this.names.every((name) => this.viser.nodePoseData[name]?.poseUpdateState !== "needsUpdate");
   }
 
+  /** @param {string} name */
   positionOf(name) {
     return this.viser?.nodePoseData[name]?.position ?? null;
   }
 
+  /** @param {string} name @param {number[]} position @param {number[] | null} [wxyz] */
   setPose(name, position, wxyz) {
     const pose = this.viser.nodePoseData[name];
     if (!pose) return;
@@ -171,6 +174,7 @@ export class ViserNodes {
   }
 
   // Draws a node in front of everything and of nodes with a smaller `order`; with 0, at its depth again.
+  /** @param {string} name @param {number} order */
   drawInFront(name, order) {
     this.viser.nodeRefFromName[name]?.traverse((part) => {
       if (!part.material) return;
@@ -184,6 +188,7 @@ export class ViserNodes {
 
   // Shows or hides a node and its descendants, by layers: viser sets `visible` in each frame. Descendants with a scale of
   // their own are then shown or hidden again by the next `setScale`.
+  /** @param {string} name @param {boolean} visible */
   setVisible(name, visible) {
     const node = this.viser.nodeRefFromName[name];
     node?.traverse((part) => {
@@ -193,6 +198,7 @@ export class ViserNodes {
   }
 
   // Draws a transparent node after those with a smaller `order`, without hiding what is inside or behind it.
+  /** @param {string} name @param {number} order */
   drawTransparent(name, order) {
     this.viser.nodeRefFromName[name]?.traverse((part) => {
       if (!part.material) return;
@@ -202,11 +208,13 @@ export class ViserNodes {
   }
 
   // The meshes of a node, without those of its descendants.
+  /** @param {string} name */
   meshes(name) {
     return this.viser.nodeRefFromName[name]?.children.filter((part) => part.isMesh) ?? [];
   }
 
   // Moves the vertices of a node's mesh; `points` are as many.
+  /** @param {string} name @param {number[][]} points */
   setVertices(name, points) {
     for (const { geometry } of this.meshes(name)) {
       const { position } = geometry.attributes;
@@ -217,6 +225,7 @@ export class ViserNodes {
   }
 
   // Colours a node's mesh; null restores its own colour.
+  /** @param {string} name @param {number[] | null} rgb @param {number} opacity */
   setColor(name, rgb, opacity) {
     for (const { material } of this.meshes(name)) {
       if (!this.originalColors.has(material)) this.originalColors.set(material, material.color.clone());
@@ -228,10 +237,12 @@ export class ViserNodes {
   }
 
   // Whether a node is in a hidden group.
+  /** @param {string} name */
   isHidden(name) {
     return [...this.hidden].some((group) => name.startsWith(group));
   }
 
+  /** @param {string} name @param {number} x */
   setScale(name, x, y = x, z = y) {
     const object = this.viser.nodeRefFromName[name];
     if (!object) return;
