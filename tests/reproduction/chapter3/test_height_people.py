@@ -1,5 +1,6 @@
 """The hierarchical model of R and r: exponents that made the data are estimated, laboratories and people are units."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -7,6 +8,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.errors import NotEstimable, NotFound, UnreadableFile
@@ -77,6 +79,23 @@ def test_too_few_adults_are_refused(tmp_path: Path) -> None:
     with pytest.raises(NotFound) as missing:
         height_people.run(tmp_path, lambda _share, _text: None)
     assert missing.value.code == "recordings-missing"
+
+
+@pytest.mark.parametrize(("farther_out", "verdict"), [(58, "undecided"), (84, "met"), (30, "not_met")])
+def test_the_draws_leave_the_probability_of_a_coefficient_open(farther_out: int, verdict: str) -> None:
+    """Of 2000, on whichever side the printed coefficient is rare; by the binomial distribution."""
+    fitted = fit_hierarchy(simulated_walks(1.0, 0.2, 0), "R")
+    for side in (1.0, -1.0):
+        predicted = np.full(2000, 0.67 - 0.01 * side)
+        predicted[:farther_out] = 0.67 + 0.01 * side
+        hierarchy = replace(fitted, predicted_r=predicted)
+        assert hierarchy.two_sided_probability == pytest.approx(2.0 * farther_out / 2000)
+        low, high = (p / 2.0 for p in hierarchy.probability_interval)
+        assert stats.binom.sf(farther_out - 1, 2000, low) == pytest.approx(0.025)
+        assert stats.binom.cdf(farther_out, 2000, high) == pytest.approx(0.025)
+        _, claim = height_people._claims(hierarchy, [], 0)
+        assert (claim.verdict, claim.interval) == (verdict, hierarchy.probability_interval)
+        assert claim.note.endswith("Its interval is that of 2000 draws.")
 
 
 def test_what_verdicts_on_invented_people_stand_on_is_as_recorded() -> None:
