@@ -100,7 +100,7 @@ def test_a_foot_of_which_one_marker_is_hidden_while_it_is_flat_is_refused() -> N
     def hidden(samples: slice) -> WalkMotion:
         outline = walk.feet["left"].outline_m.copy()
         outline[samples, 3] = np.nan
-        return replace(walk, feet=walk.feet | {"left": replace(walk.feet["left"], outline_m=outline)})
+        return replace(walk, feet={**walk.feet, "left": replace(walk.feet["left"], outline_m=outline)})
 
     with pytest.raises(NotEstimable, match="hidden while it is flat"):
         recorded_motions._sole(hidden(slice(1200, 1700)), 1.0, 2.0, "left", ())
