@@ -47,6 +47,11 @@ def test_an_ellipse_is_outlined_counter_clockwise(sense: float) -> None:
     assert len(outline) == 180, "a corner every two degrees"
 
 
+def test_a_cone_that_the_plane_misses_has_no_outline() -> None:
+    cone = Mock(spec=LorentzCone, section_ellipsoid=lambda _: None)
+    assert fig_4_7._lorentz_section(cone, np.eye(6, 3)).shape == (0, 2)
+
+
 def test_a_sole_on_the_floor_accelerates_as_far_as_its_edge(sets) -> None:
     """Two feet far apart below a low CoM are limited by friction: |c''| <= mu g; the section's corners show it."""
     circular = fig_4_7.cone_sections(sets["2 contacts"])["circular"]
