@@ -46,9 +46,7 @@ def test_four_stances_have_the_second_sole_where_their_names_say(robot: str, asi
     seconds = {"flat": (0.0, 0.0), "stair of 0.10 m": (0.30, 0.10), "stair of 0.15 m": (0.30, 0.15),
                "half stride": (0.45, 0.0)}  # fmt: skip
     stances = four_stances(robot)
-    assert {name: stance["left_foot"].position_m.tolist() for name, stance in stances.items()} == dict.fromkeys(
-        seconds, [0.0, aside_m, 0.0]
-    )
+    assert all(stance["left_foot"].position_m.tolist() == [0.0, aside_m, 0.0] for stance in stances.values())
     assert {name: stance["right_foot"].position_m.tolist() for name, stance in stances.items()} == {
         name: [ahead_m, -aside_m, up_m] for name, (ahead_m, up_m) in seconds.items()
     }
