@@ -26,11 +26,18 @@ from stridelab.reproduction.report.svg_plots import PALETTE, Bars, Curve, Panel,
 from stridelab.reproduction.studies.estimator_study import simulate_trial
 from stridelab.schemas.reproduction import ITEMS_WITH_DRAWS, ITEMS_WITH_SAMPLE, Evidence, Outcome, ReproductionItem
 from stridelab.schemas.reproduction import Verdict as ContractVerdict
-from support.recorded_claims import assert_as_recorded, assert_steps_as_recorded, assert_tables_as_recorded
+from support.recorded_claims import (
+    assert_as_recorded,
+    assert_note_as_in_book,
+    assert_steps_as_recorded,
+    assert_tables_as_recorded,
+)
 from support.recorded_steps import Steps, recorded_steps
 from support.reproduction_fixtures import RisingProgress
 
 SVG = "{http://www.w3.org/2000/svg}"
+SMALLER = ("fig-4.5",)
+"""Items of whose postures the tests draw fewer than the book."""
 
 
 class Found(dict[str, Reproduction]):
@@ -127,7 +134,12 @@ def test_every_item_has_claims_tables_and_a_drawing(found: Mapping[str, Reproduc
 
 @pytest.mark.parametrize("name", ITEMS)
 def test_what_verdicts_stand_on_is_as_recorded(found: Found, name: str) -> None:
-    """Numbers, bounds, cases and comparators of one draw; those of table 4.1 are times, which no record holds."""
+    """Numbers, bounds, cases and comparators of one draw; those of table 4.1 are times, which no record holds.
+
+    The sizes of samples, rays and robots that a note states are those of the book.
+    """
+    if ITEMS[name].draws != "many" and name not in SMALLER:
+        assert_note_as_in_book(name, found[name].note)
     assert_as_recorded(name, found[name].claims)
     assert_tables_as_recorded(name, found[name].tables)
     assert_steps_as_recorded(name, found.steps[name])
@@ -291,6 +303,8 @@ def test_the_verdict_is_that_of_the_worst_claim() -> None:
     assert kinds.target("k", 0.003, "m", at_most=0.004).thesis == "aim ≤ 4 mm"
     assert kinds.target("k", 1.0, "1", at_least=0.95).thesis == "aim ≥ 0.95"
     assert kinds.target("k", 0.95, "1", at_least=0.92, at_most=0.99).thesis == "aim 0.92 to 0.99"
+    texts = {999.4: "999", 1000.0: "1000", 1234.6: "1235", 999_999.0: "999999", 1.1e6: "1.1e+06", 0.01234: "0.0123"}
+    assert {value: kinds.format_three_digits(value) for value in texts} == texts
     at = kinds.at_most(1.0, "words", otherwise="thesis_in_error")
     assert (at.verdict(1.0), at.verdict(1.1)) == ("met", "thesis_in_error")
 

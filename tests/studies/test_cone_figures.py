@@ -1,16 +1,20 @@
 """Figures 4.6 and 4.7, and what is measured on random contact sets."""
 
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from stridelab.contacts.wrench_cones.contact_points import PointContacts
 from stridelab.contacts.wrench_cones.ellipsoids import Ellipsoid
 from stridelab.contacts.wrench_cones.support_region import area_m2
+from stridelab.contacts.wrench_cones.thesis_lorentz_cone import outer_cone
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone, LorentzCone
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.reproduction.chapter4 import fig_4_6, fig_4_7
 from stridelab.reproduction.registry import ITEMS, reproduce_item
+from stridelab.reproduction.studies import cone_validation
 from stridelab.reproduction.studies.cone_validation import ConeCheck, Timed, check_cones, check_summary, thesis_cone
 from stridelab.reproduction.studies.random_contact_sets import stair_sets
 from support.recorded_claims import assert_as_recorded
@@ -40,6 +44,12 @@ def test_an_ellipse_is_outlined_counter_clockwise(sense: float) -> None:
     outline = fig_4_7._lorentz_section(cone, np.eye(6, 3))
     assert area_m2(outline) == pytest.approx(6.0 * np.pi, rel=1e-3)
     assert outline.mean(axis=0) == pytest.approx([1.0, 2.0])
+    assert len(outline) == 180, "a corner every two degrees"
+
+
+def test_a_cone_that_the_plane_misses_has_no_outline() -> None:
+    cone = Mock(spec=LorentzCone, section_ellipsoid=lambda _: None)
+    assert fig_4_7._lorentz_section(cone, np.eye(6, 3)).shape == (0, 2)
 
 
 def test_a_sole_on_the_floor_accelerates_as_far_as_its_edge(sets) -> None:
@@ -156,3 +166,72 @@ def test_claims_on_sections_take_the_worst_set() -> None:
     alone = fig_4_7.figure_claims(dict.fromkeys(("two", "three"), outlines(sides | {"alpha 0.3": 0.0})))
     assert {claim.key: claim.ours for claim in alone}["largest_area"] == pytest.approx(9.0 / 1e-9)
     assert_as_recorded("figure 4.7 of invented sections", claims.values())
+
+
+def test_a_summary_counts_violations_and_what_leaves_the_cone() -> None:
+    """Five invented sets, of one of which the thesis' cone is undefined; three have three bodies."""
+    checks = [
+        ConeCheck(3, 6, 20, -1e-3, 1e-3, 1e-9, 0.5, 0.1, 0.19, 0.010),
+        ConeCheck(3, 6, 20, 2e-3, -1.2e-9, 3e-9, 0.3, 0.1, 0.25, 0.040),
+        ConeCheck(2, 6, 20, -2e-3, -0.9e-9, 2e-9, 0.2, 0.1, 0.31, 0.900),
+        ConeCheck(3, 6, 20, 0.0, 2e-3, 1e-9, 0.9, 0.1, 0.45, 0.020),
+        ConeCheck(4, 6, 20, -1e-3, 1e-3, 1e-9, 0.1, np.nan, np.nan, 0.001),
+    ]
+    assert check_summary(checks) == pytest.approx({
+        "sets": 5, "facets_violated": 1, "largest_violation": 2e-3, "points_outside": 1, "least_margin": -1.2e-9,
+        "largest_change": 3e-9, "median_kept": 0.3, "median_kept_over_thesis": 4.0, "thesis_undefined": 1,
+        "share_where_0.2_leaves": 0.25, "share_where_0.3_leaves": 0.5, "least_alpha_max": 0.19,
+        "median_alpha_max": 0.28, "median_time_3_bodies_ms": 20.0,
+    }, rel=1e-9, abs=0.0)  # fmt: skip
+
+
+def test_the_time_of_a_cone_is_that_of_a_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    ticks = iter([3.0, 3.5])
+    monkeypatch.setattr(cone_validation, "time", SimpleNamespace(process_time=lambda: next(ticks)))
+    cone = Mock(spec=LorentzCone)
+    assert cone_validation.timed_cone(lambda: cone) == (cone, Timed(0.5))
+
+
+def test_a_gauge_is_compared_about_another_point_in_millimetres(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An invented gauge that is a component of the wrench, all moved by (3, -40, 7) m: m + p x f, in N mm."""
+    frames: list[tuple[list[float], float]] = []
+
+    def in_frame(point_m: np.ndarray, scale: float) -> str:
+        frames.append((point_m.tolist(), scale))
+        return "there"
+
+    def cone_of(component: int) -> SimpleNamespace:
+        cone = Mock(spec=LorentzCone, gauge=lambda wrenches: wrenches[:, component])
+        return SimpleNamespace(from_contacts=lambda _: SimpleNamespace(largest_lorentz=lambda: cone))
+
+    contacts = Mock(spec=PointContacts, in_frame=in_frame)
+    boundary = np.array([[0.0, 0.0, 1.0, 0.2, -2.9, 0.0], [0.0, 0.0, 2.0, -0.5, 0.25, 0.0]])
+    for component, expected in ((2, 1.0), (3, 80_500.0 + 1.0), (4, 5900.0 + 1.0)):
+        monkeypatch.setattr(cone_validation, "LinearCone", cone_of(component))
+        assert cone_validation._gauge_change(contacts, boundary) == pytest.approx(expected)
+    assert frames == [([3.0, -40.0, 7.0], 1000.0)] * 3
+
+
+def test_the_thesis_has_pyramids_about_the_centre_of_mass(sets) -> None:
+    """Its cone is centred on rays about the CoM, 0.8 m above the mean of the contacts."""
+    for contacts in sets.values():
+        rays = contacts.wrench_rays(4)
+        middle = contacts.position_m.mean(axis=0) + np.array([0.0, 0.0, 0.8])
+        about = np.hstack([rays[:, :3], rays[:, 3:] - np.cross(middle, rays[:, :3])])
+        expected = outer_cone(about)
+        cone = thesis_cone(contacts)
+        assert cone.gauge(rays) == pytest.approx(expected.gauge(about), rel=1e-6)
+        assert cone.gauge(rays).max() == pytest.approx(1.0, abs=1e-6), "the four rays are inside"
+
+
+def test_two_three_and_four_bodies_alternate(monkeypatch: pytest.MonkeyPatch) -> None:
+    bodies: list[tuple[int, int, int]] = []
+
+    def check_cone(contacts: int, of: int, points: int, _: np.random.Generator) -> ConeCheck:
+        bodies.append((contacts, of, points))
+        return invented_check(0.3, 0.2)
+
+    monkeypatch.setattr(cone_validation, "random_contacts", lambda _, of: of)
+    monkeypatch.setattr(cone_validation, "check_cone", check_cone)
+    assert len(check_cones(7, 6)) == 7
+    assert bodies == [(of, of, 6) for of in (2, 3, 4, 2, 3, 4, 2)]

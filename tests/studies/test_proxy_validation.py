@@ -40,6 +40,18 @@ def pairs() -> LabelledPairs:
     return random_pairs(truth, stances=16, per_stance=24, seed=3, hand=False, walkers=2, rounds=6)
 
 
+@pytest.mark.parametrize(("robot", "aside_m"), [("talos", 0.09), ("hrp2", 0.105)])
+def test_four_stances_have_the_second_sole_where_their_names_say(robot: str, aside_m: float) -> None:
+    """Stairs are 30 cm deep, and half a stride is 45 cm."""
+    seconds = {"flat": (0.0, 0.0), "stair of 0.10 m": (0.30, 0.10), "stair of 0.15 m": (0.30, 0.15),
+               "half stride": (0.45, 0.0)}  # fmt: skip
+    stances = four_stances(robot)
+    assert all(stance["left_foot"].position_m.tolist() == [0.0, aside_m, 0.0] for stance in stances.values())
+    assert {name: stance["right_foot"].position_m.tolist() for name, stance in stances.items()} == {
+        name: [ahead_m, -aside_m, up_m] for name, (ahead_m, up_m) in seconds.items()
+    }
+
+
 def test_the_area_is_the_chance_to_rank_a_pair_rightly() -> None:
     rng = np.random.default_rng(0)
     positive = rng.random(300) < 0.4

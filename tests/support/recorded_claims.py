@@ -22,6 +22,7 @@ from support.flipped_verdicts import assert_flips
 from support.recorded_steps import Steps, step_differences
 
 RECORDS: Final = Path(__file__).parents[1] / "reproduction" / "recorded_claims.json"
+BOOK: Final = Path(__file__).parents[2] / "docs" / "reproduction.md"
 STEPS: Final = RECORDS.with_name("recorded_steps.json")
 FIELDS: Final = ("verdict", "thesis", "holds_from", "holds_to", "strict", "threshold", "aim", "evidence", "n", "where",
                  "interval", "comparator", "solver", "cases_inside", "no_interval")  # fmt: skip
@@ -109,6 +110,15 @@ def assert_tables_as_recorded(name: str, tables: Mapping[str, Mapping[str, Colum
         if not MACHINE_COLUMN.search(column)
     }
     _compare_or_record(f"{name}, tables", {"mean sizes": sizes})
+
+
+def assert_note_as_in_book(name: str, note: str) -> None:
+    """Words and numbers of an item's note are those of its section in the book, numbers to their last digit."""
+    _, _, section = BOOK.read_text(encoding="utf-8").partition(f"\n## {name}: ")
+    printed = section.split("\n\n")[1]
+    assert NUMBER.sub("#", printed).startswith(NUMBER.sub("#", note)), printed
+    pairs = zip(NUMBER.findall(note), NUMBER.findall(printed), strict=False)  # the page adds how often an item draws
+    assert [pair for pair in pairs if _printed_differ(*pair)] == [], printed
 
 
 def _mean_size(values: Column) -> float | str:

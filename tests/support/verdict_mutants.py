@@ -1,9 +1,10 @@
 """Mutants of what verdicts stand on: ``python -m support.verdict_mutants --seed 1 --sample 100 --log FILE``.
 
 Changes the reproduction in one place at a time: bounds, sizes of samples, seeds, signs, comparisons, reductions, the
-estimator, gait, noise or robot that is compared. Not changed are texts, tables, drawings and progress. For each mutant
-the tests that import the changed module run, the shortest first, until one fails. The log has a line per mutant; a run
-with the same log goes on where the former one stopped.
+estimator, gait, noise or robot that is compared. Not changed are texts, tables, drawings and progress, nor what has no
+effect when the program runs (``NO_EFFECT``); a change into a name that does not exist would be noticed by any test, and
+is not made. For each mutant the tests that import the changed module run, the shortest first, until one fails. The log
+has a line per mutant; a run with the same log goes on where the former one stopped.
 """
 
 import argparse
@@ -70,15 +71,24 @@ COMPARISONS: Final = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE
                       ast.NotEq: ast.Eq, ast.In: ast.NotIn, ast.NotIn: ast.In}  # fmt: skip
 OPERATORS: Final = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.BitAnd: ast.BitOr}
 PAIRS: Final = (
-    ("at_most", "at_least"), ("above", "below"), ("min", "max"), ("mean", "max"), ("median", "max"), ("any", "all"),
+    ("at_most", "at_least"), ("above", "below"), ("mean", "max"), ("median", "max"), ("min", "max"), ("any", "all"),
     ("nanmean", "nanmax"), ("THESIS", "KALMAN"), ("SMOOTHER", "THESIS"), ("GEOMETRY", "SMOOTHER"), ("RTS", "KALMAN"),
-    ("AUTO", "THESIS"), ("percentile", "quantile"), ("fast", "comfortable"), ("robot", "human"), ("left", "right"),
+    ("AUTO", "THESIS"), ("fast", "comfortable"), ("robot", "human"), ("left", "right"),
     ("right_foot", "left_foot"), ("uniform", "conditioned"), ("with", "without"), ("hrp2", "talos"), ("thesis", "none"),
     ("marker-like", "thesis"), ("words", "ours"), ("met", "not_met"), ("thesis_in_error", "not_met"), ("x", "y"),
 )  # fmt: skip
 """Names, attributes and words that stand for each other."""
 CALLED: Final = frozenset({"at_most", "at_least", "above", "below", "min", "max"})
 OTHER: Final = {one: other for a, b in PAIRS for one, other in ((b, a), (a, b))}
+ATTRIBUTES: Final = frozenset({"mean", "median", "min", "max", "any", "all", "nanmean", "nanmax"})
+"""Attributes that are changed, beside those in capitals; others, such as ``trial.robot``, would not exist."""
+CRITERIA: Final = frozenset({"at_most", "at_least", "above", "below", "within"})
+THRESHOLDS: Final = {"thesis": "words", "words": "ours", "ours": "thesis"}
+"""Whose a bound is, in calls of ``CRITERIA``; elsewhere "thesis" is a noise or a cone."""
+THRESHOLD: Final = "threshold"
+NO_EFFECT: Final = (ast.JoinedStr, ast.Import, ast.ImportFrom, ast.arguments)
+"""Messages, imports and defaults with annotations; of a class its body alone is changed, since a keyword of its
+definition (``total`` of a ``TypedDict``) is read by type checkers and by nothing else."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +110,11 @@ class Mutant:
 def mutants_of(path: Path, file: str, imported: AbstractSet[str]) -> Iterator[Mutant]:
     """Every change of a module; ``imported`` are names that other modules use."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
+    for call in ast.walk(tree):
+        if isinstance(call, ast.Call) and getattr(call.func, "id", "") in CRITERIA:
+            for argument in call.args:
+                if isinstance(argument, ast.Constant) and argument.value in THRESHOLDS:
+                    argument.kind = THRESHOLD
     for place in _places(tree, _used_names(tree, imported)):
         if _is_changeable(place):
             before = ast.unparse(place)
@@ -135,7 +150,10 @@ def _places(tree: ast.AST, used: AbstractSet[str]) -> Iterator[ast.expr]:
             continue
         if _is_unused(node, used):
             continue
-        if isinstance(node, (ast.JoinedStr, ast.Import, ast.ImportFrom, ast.arguments)):
+        if isinstance(node, NO_EFFECT):
+            continue
+        if isinstance(node, ast.ClassDef):
+            yield from _places(ast.Module(node.body, []), used)
             continue
         if isinstance(node, ast.keyword) and node.arg in ("note", "drawing", "tables", "says", "references", "strict"):
             continue
@@ -171,7 +189,7 @@ def _is_changeable(node: ast.expr) -> bool:
     if isinstance(node, ast.Name):
         return node.id in OTHER and (node.id.isupper() or node.id in CALLED)
     if isinstance(node, ast.Attribute):
-        return node.attr in OTHER
+        return node.attr in ATTRIBUTES or (node.attr in OTHER and node.attr.isupper())
     return isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub)
 
 
@@ -197,7 +215,7 @@ def _change_in_place(node: ast.expr) -> Callable[[], None]:
         elif isinstance(value, float):
             node.value = float(f"{1.3 * value:.12g}") if value else 1.0
         else:
-            node.value = OTHER[str(value)]
+            node.value = THRESHOLDS[str(value)] if node.kind == THRESHOLD else OTHER[str(value)]
     elif isinstance(node, ast.Compare):
         node.ops = [COMPARISONS[type(node.ops[0])]()]
     elif isinstance(node, ast.BinOp):

@@ -1,5 +1,6 @@
 """The hierarchical model of R and r: exponents that made the data are estimated, laboratories and people are units."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -7,6 +8,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.errors import NotEstimable, NotFound, UnreadableFile
@@ -79,6 +81,23 @@ def test_too_few_adults_are_refused(tmp_path: Path) -> None:
     assert missing.value.code == "recordings-missing"
 
 
+@pytest.mark.parametrize(("farther_out", "verdict"), [(58, "undecided"), (84, "met"), (30, "not_met")])
+def test_the_draws_leave_the_probability_of_a_coefficient_open(farther_out: int, verdict: str) -> None:
+    """Of 2000, on whichever side the printed coefficient is rare; by the binomial distribution."""
+    fitted = fit_hierarchy(simulated_walks(1.0, 0.2, 0), "R")
+    for side in (1.0, -1.0):
+        predicted = np.full(2000, 0.67 - 0.01 * side)
+        predicted[:farther_out] = 0.67 + 0.01 * side
+        hierarchy = replace(fitted, predicted_r=predicted)
+        assert hierarchy.two_sided_probability == pytest.approx(2.0 * farther_out / 2000)
+        low, high = (p / 2.0 for p in hierarchy.probability_interval)
+        assert stats.binom.sf(farther_out - 1, 2000, low) == pytest.approx(0.025)
+        assert stats.binom.cdf(farther_out, 2000, high) == pytest.approx(0.025)
+        _, claim = height_people._claims(hierarchy, [], 0)
+        assert (claim.verdict, claim.interval) == (verdict, hierarchy.probability_interval)
+        assert claim.note.endswith("Its interval is that of 2000 draws.")
+
+
 def test_what_verdicts_on_invented_people_stand_on_is_as_recorded() -> None:
     """The thesis' words need an exponent above zero; its number, to be possible among sixteen people."""
     for letter in height_people.LETTERS:
@@ -87,11 +106,17 @@ def test_what_verdicts_on_invented_people_stand_on_is_as_recorded() -> None:
         assert_as_recorded(f"height-people, {letter} of invented people", height_people._claims(hierarchy, walks, 24))
 
 
-def fitted_walk(turn_deg: float = 0.0, *, steps: int = 2, height_m: float | None = 1.7) -> Any:
-    """Two steps at 1.2 m/s that begin ahead and end ``turn_deg`` to the left, with double support."""
-    t = np.arange(0.0, 2.0, 0.01)
-    heading = np.radians(turn_deg) * (t >= 1.0)
+def fitted_walk(
+    turn_deg: float = 0.0, *, steps: int = 2, height_m: float | None = 1.7, heading_deg: float = 0.0
+) -> Any:
+    """Two steps at 1.2 m/s that begin with a heading and end ``turn_deg`` to its left, with double support.
+
+    Before and after them the person stands still, in all directions.
+    """
+    t = np.round(np.arange(-1.0, 3.5, 0.01), 9)
+    heading = np.radians(heading_deg + turn_deg * (t >= 1.0))
     velocity = 1.2 * np.column_stack([np.cos(heading), np.sin(heading), 0.0 * t])
+    velocity[(t < 0.0) | (t > 2.0)] = [-0.3, 0.4, 0.1]
     wheels = [SimpleNamespace(R_m=0.10, r_m=0.02), SimpleNamespace(R_m=0.14, r_m=0.03)][:steps]
     fits = tuple(
         SimpleNamespace(
@@ -115,7 +140,18 @@ def test_a_walk_is_the_mean_of_its_steps() -> None:
     leg_m = 0.53 * 1.7
     assert walk.froude_number == pytest.approx(1.2**2 / (9.81 * leg_m), rel=1e-3)
     turned = height_people.walk_means(fitted_walk(14.0), "lab")
-    assert turned.speed_m_s == pytest.approx(0.6 * (1.0 + np.cos(np.radians(14.0)))), "along the whole walk"
+    expected = (100.0 + 101.0 * np.cos(np.radians(14.0))) / 201.0
+    assert turned.speed_m_s == pytest.approx(1.2 * expected), "along the whole walk, both ends included"
+
+
+@pytest.mark.parametrize("heading_deg", [0.0, 50.0, 90.0, 140.0, -130.0])
+def test_a_turn_is_that_between_both_halves_whatever_the_heading(heading_deg: float) -> None:
+    """A straight walk across the laboratory turns by nothing; 14 degrees are straight, 16 are not."""
+    for turn_deg in (0.0, 14.0, -14.0):
+        height_people.walk_means(fitted_walk(turn_deg, heading_deg=heading_deg), "lab")
+    for turn_deg in (16.0, -16.0, 90.0, 170.0):
+        with pytest.raises(NotEstimable, match=f"by {abs(turn_deg):.0f} degrees"):
+            height_people.walk_means(fitted_walk(turn_deg, heading_deg=heading_deg), "lab")
 
 
 def test_what_is_no_straight_walk_of_a_known_person_is_refused() -> None:

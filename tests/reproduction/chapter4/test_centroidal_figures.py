@@ -4,9 +4,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count
 from types import SimpleNamespace
+from typing import Any, NamedTuple
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info
 
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.plan import CentroidalPlan
@@ -151,3 +154,126 @@ def test_times_in_the_text_are_those_of_an_iteration_for_so_many_seconds(monkeyp
     assert claims["forces_17_s"].ours == pytest.approx(17.0 * 2.0 / 10 / 20.0)
     assert claims["horizon_hz"].ours == pytest.approx(10.0)
     assert_as_recorded("times in the text, invented", claims.values(), timed=True)
+
+
+def invented_plan(objective: float, com_a_m_s2: list[list[float]], l_nms: list[list[float]], **others: Any) -> Mock:
+    """A plan of few numbers."""
+    arrays = {"com_a_m_s2": np.array(com_a_m_s2), "l_nms": np.array(l_nms)}
+    return Mock(spec=CentroidalPlan, objective=objective, **arrays, **others)
+
+
+def test_claims_on_controls_take_the_worst_robot_and_the_last_cone() -> None:
+    """Three invented pairs: u_c costs 1, 3 and 2 more; the second has the largest share, the first the distance."""
+
+    def row(control: str, objective: float, distance_m: float = 0.0, margin_n: float = 0.0) -> fig_4_8.Row:
+        return fig_4_8.Row("hrp2", 1, control, "ipopt", objective, 9, margin_n, distance_m)
+
+    rows = [row("u_f", 100.0), row("u_c", 101.0, 0.03), row("u_f", -10.0), row("u_c", -7.0, 0.2),
+            row("u_f", 50.0), row("u_c", 52.0, 0.1)]  # fmt: skip
+    sweep = [row("alpha 0.2", 140.0), row("alpha 0.3", 120.0), row("alpha 1", 97.0, margin_n=-60.0)]
+    forces = invented_plan(100.0, [[0, 0, 0], [1, 2, 0], [1, 2, 3]], [[0, 0.01, 0], [-0.04, 0, 0.02]])
+    wrench = invented_plan(101.0, [[0, 0, 0], [0, 1, 0], [0, 1, 1]], [[0, 0, 0], [0, 0, 0.001]])
+    circular = invented_plan(99.4, [[0, 0, 0], [0, 0, 0]], [[0, 0, 0]])
+    claims = {claim.key: claim for claim in fig_4_8.figure_claims(rows, sweep, (forces, wrench), circular)}
+    ours = {key: claim.ours for key, claim in claims.items()}
+    assert ours["same_optimum"] == pytest.approx(0.3)
+    assert "smallest 0.01" in claims["same_optimum"].note
+    assert ours["restriction"] == pytest.approx(1.0)
+    assert ours["alpha_falls"] == pytest.approx(20.0), "then 23"
+    assert ours["u_f_between"] == pytest.approx(1.0), "not 3"
+    assert ours["pyramids"] == pytest.approx(0.6)
+    assert (ours["shape"], claims["shape"].holds_to) == (0.03, 0.05)
+    assert ours["smoother"] == pytest.approx(((1.0 + 1.0) / 2.0) / ((5.0 + 9.0) / 2.0))
+    assert (ours["noise"], claims["noise"].verdict, claims["noise"].holds_to) == (0.04, "met", 0.05)
+    assert "with u_c 0.001 Nms" in claims["noise"].note
+    assert claims["same_optimum"].holds_to == 0.01
+    assert claims["pyramids"].holds_to == 0.5
+    assert (claims["same_optimum"].n, claims["restriction"].n, claims["alpha_falls"].n) == (3, 3, 3)
+    above = invented_plan(98.0, [[0, 0, 0], [1, 0, 0]], [[0, 0, 0]])
+    between = fig_4_8.figure_claims(rows, sweep, (above, wrench), circular)
+    assert {claim.key: claim.ours for claim in between}["u_f_between"] == pytest.approx(1.0), "of the outer cone"
+
+
+class Solved(NamedTuple):
+    """What a plan would be solved for."""
+
+    robot: str
+    experiment: int
+    control: Any
+    objective: float = 0.0
+
+
+def test_the_figure_is_that_of_the_first_experiment_and_six_alphas(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which plans are compared, without solving any: u_f and u_c of both robots, then HRP-2 with the thesis' cone."""
+    compared: list[Any] = []
+
+    def plan_row(robot: str, experiment: int, name: str, plan: Solved, of_forces: Solved) -> SimpleNamespace:
+        assert (robot, experiment) == plan[:2] == of_forces[:2]
+        return SimpleNamespace(case=(robot, experiment, name), plan=plan, of=of_forces, control=name, objective=0.0)
+
+    def figure_claims(*of: object) -> tuple[()]:
+        compared.extend(of)
+        return ()
+
+    for name, thing in {"solve_with_control": Solved, "plan_row": plan_row, "figure_claims": figure_claims}.items():
+        monkeypatch.setattr(fig_4_8, name, thing)
+    for name in ("plan_table", "trajectory_columns", "trajectory_panels"):
+        monkeypatch.setattr(fig_4_8, name, lambda _: {})
+    monkeypatch.setattr(fig_4_8, "render_svg", lambda *_: "")
+    fig_4_8.run.run(range(1), lambda _share, _text: None)
+    rows, sweep, both, circular = compared
+    robots, names = ("hrp2", "talos"), ("u_f", "u_c")
+    assert [row.case for row in rows] == [(r, k, name) for r in robots for k in (1, 2, 3) for name in names]
+    assert [isinstance(row.plan.control, ContactWrench) for row in rows] == [False, True] * 6
+    assert all(not isinstance(row.of.control, ContactWrench) for row in rows)
+    assert [row.plan.control.alpha for row in sweep] == [0.2, 0.3, 0.45, 0.6, 0.8, 1.0]
+    assert {row.case[:2] for row in sweep} == {("hrp2", 1)}
+    assert all(row.of is both[0] for row in sweep)
+    assert [plan[:2] for plan in both] == [("hrp2", 1)] * 2
+    assert [isinstance(plan.control, ContactWrench) for plan in both] == [False, True]
+    assert circular == Solved("hrp2", 1, CircularCones())
+
+
+def test_times_are_the_least_of_some_plans_in_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Invented times: 3, 1 and 2 s; the longest construction counts, and the last plan."""
+    times_s = [(3.0, 0.1), (1.0, 0.3), (2.0, 0.2)]
+    plans = [Mock(spec=CentroidalPlan, solve_time_s=solve_s, build_time_s=build_s) for solve_s, build_s in times_s]
+    solved: list[tuple[CentroidalProblem, str]] = []
+
+    def solve(problem: CentroidalProblem, solver: str) -> CentroidalPlan:
+        solved.append((problem, solver))
+        return plans[len(solved) - 1]
+
+    monkeypatch.setattr(table_4_1, "solve", solve)
+    timed = table_4_1.time_column(table_4_1.COLUMNS[1], "ipopt")
+    assert (timed.time_s, timed.build_s, timed.solver) == (1.0, 0.3, "ipopt")
+    assert timed.plan is plans[2]
+    assert {solver for _, solver in solved} == {"ipopt"}
+    threads: list[int] = []
+
+    def time_column(column: table_4_1.PrintedColumn, solver: str) -> tuple[str, int, str, str]:
+        threads.extend(pool["num_threads"] for pool in threadpool_info())
+        return column.robot, column.experiment, column.control, solver
+
+    monkeypatch.setattr(table_4_1, "time_column", time_column)
+    monkeypatch.setattr(table_4_1, "native_can_solve", lambda problem: isinstance(problem.control, CircularCones))
+    monkeypatch.setattr(table_4_1, "time_claims", Mock(side_effect=RuntimeError))
+    with pytest.raises(RuntimeError):
+        table_4_1.run(range(1), lambda _share, _text: None)
+    ((times,), _) = table_4_1.time_claims.call_args  # type: ignore[attr-defined]
+    assert threads
+    assert set(threads) == {1}, "of one thread"
+    expected = [
+        (robot, experiment, control, solver)
+        for robot in ("hrp2", "talos") for experiment in (1, 2, 3) for control in ("u_c", "u_f")
+        for solver in ("ipopt", "native") if solver == "ipopt" or control == "u_f"
+    ]  # fmt: skip
+    assert times == expected
+
+
+def test_the_native_solver_has_circular_cones_and_ipopt_pyramids() -> None:
+    for solver in table_4_1.SOLVERS:
+        for column in table_4_1.COLUMNS[:2]:
+            control = table_4_1.problem_of_column(column, solver).control
+            assert isinstance(control, ContactWrench) == (column.control == "u_c")
+            assert isinstance(control, CircularCones) == (column.control == "u_f" and solver == "native")

@@ -70,6 +70,7 @@ def _gait_claims(gait: str, thesis: Sequence[Draw]) -> list[Claim]:
         ).says(
             f"{gait} gait: the filter is never worse than the Kalman filter (trials, horizontal RMS)",
             cases_inside=sum(not_worse),
+            comparator=KALMAN,
         ),
         Measured(
             f"{gait}_samples_not_worse",

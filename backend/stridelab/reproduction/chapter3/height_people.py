@@ -22,6 +22,7 @@ from stridelab.errors import NotEstimable, NotFound, StridelabError, UnreadableF
 from stridelab.reproduction.chapter3.people_parameter_claims import THESIS_R
 from stridelab.reproduction.chapter3.people_walks import FittedWalk, fit_walk
 from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, above, at_least
+from stridelab.reproduction.common.intervals import share_interval
 from stridelab.reproduction.common.recorded_walks import STATICS, LeftOut, RecordedWalk, left_out_text
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.walking.population.mixed_model import MixedModel, fit_mixed_model
@@ -85,8 +86,18 @@ class Hierarchy:
     @property
     def two_sided_probability(self) -> float:
         """Two-sided probability of a coefficient at least as far out as the printed one."""
-        above_it = float(np.mean(self.predicted_r >= THESIS_R[f"{self.letter}_m"]))
-        return 2.0 * min(above_it, 1.0 - above_it)
+        return 2.0 * self._drawn_farther_out() / len(self.predicted_r)
+
+    @property
+    def probability_interval(self) -> tuple[float, float]:
+        """95 % interval of that probability, which so many draws leave open."""
+        low, high = share_interval(self._drawn_farther_out(), len(self.predicted_r))
+        return 2.0 * low, min(2.0 * high, 1.0)
+
+    def _drawn_farther_out(self) -> int:
+        """Number of drawn coefficients on the rarer side of the printed one."""
+        above_it = int(np.count_nonzero(self.predicted_r >= THESIS_R[f"{self.letter}_m"]))
+        return min(above_it, len(self.predicted_r) - above_it)
 
 
 def run(gait: Path, tell: Progress) -> Reproduction:
@@ -247,9 +258,10 @@ def _claims(hierarchy: Hierarchy, walks: Sequence[WalkMeans], n: int) -> list[Cl
         ).says(
             f"{letter}: a coefficient of {printed:g} among sixteen people",
             f"Two-sided probability of the printed coefficient by the model; 95 % of the coefficients lie from "
-            f"{low:.2f} to {high:.2f}, their median is {float(np.median(hierarchy.predicted_r)):.2f}.",
+            f"{low:.2f} to {high:.2f}, their median is {float(np.median(hierarchy.predicted_r)):.2f}. Its interval is "
+            f"that of {len(hierarchy.predicted_r)} draws.",
             n=len({(walk.laboratory, walk.person) for walk in walks}),
-            no_interval="in_claim",
+            interval=hierarchy.probability_interval,
             where="figure 3.7",
         ),
     ]

@@ -118,6 +118,7 @@ def figure_claims(paths: list[ComPath]) -> tuple[Claim, ...]:
                 f"the CoM stays in the most feasible region, closer to the maxima ({measure} densities)",
                 "Increase of the mean log-density of the right foot, in nats.",
                 solver=with_density.solver,
+                comparator="the plan without it",
             ),
             Measured(
                 f"infeasible_{measure}",
@@ -131,6 +132,7 @@ def figure_claims(paths: list[ComPath]) -> tuple[Claim, ...]:
                 f"log-density {outside_share[0]:.2f}. Both are bounded in height: without that bound the plan without "
                 "the log-density rises out of every reach, by the bound that it lacks.",
                 solver=with_density.solver,
+                comparator="the plan with it",
             ),
         ]
     conditioned = next(p for p in paths if (p.measure, p.case) == ("conditioned", "with"))

@@ -23,7 +23,7 @@ from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
 from stridelab.conventions import Progress
 from stridelab.reachability.learning.kde import KernelDensity
 from stridelab.reachability.store import load_cloud
-from stridelab.reproduction.chapter4.table_4_1 import COLUMNS
+from stridelab.reproduction.chapter4.table_4_1 import COLUMNS, THESIS_SOLVER
 from stridelab.reproduction.claims import (
     DETERMINISTIC,
     Claim,
@@ -307,10 +307,11 @@ def _solve_time_claims() -> tuple[Claim, ...]:
             PER_SECOND_MS[1] / 1e3,
             own_ms / 1e3,
             "s",
-            at_most(1.05e-3 * PER_SECOND_MS[1], "thesis", otherwise="thesis_in_error"),
+            at_most((PER_SECOND_MS[1] + 0.5) / 1e3, "thesis", otherwise="thesis_in_error"),
         ).says(
             "one iteration for one second of motion takes 7 to 15 ms, according to table 4.1",
-            "Largest value of the table's columns: that of experiment 3. Ours is in the item table-4.1.",
+            "Largest value of the table's columns: that of experiment 3. Half of the last printed digit is allowed. "
+            "Ours is in the item table-4.1.",
             n=sum(bool(np.isfinite(c.time_s)) for c in COLUMNS),
             evidence="external",
             no_interval="deterministic",
@@ -328,6 +329,7 @@ def _solve_time_claims() -> tuple[Claim, ...]:
             n=REPLANS,
             no_interval="machine_time",
             solver=plans[0].solver,
+            comparator=THESIS_SOLVER,
         ),
         Measured("wrench_25_s", 0.2, 25.0 * wrench, "s", at_most(0.2, "thesis", better_than=0.2)).says(
             "u_c: near 0.2 s for 25 s of motion (4.8)",
@@ -335,6 +337,7 @@ def _solve_time_claims() -> tuple[Claim, ...]:
             n=REPEATS,
             no_interval="machine_time",
             solver=SOLVER,
+            comparator=THESIS_SOLVER,
         ),
         Measured("forces_17_s", 0.4, 17.0 * forces, "s", at_most(0.4, "thesis", better_than=0.4)).says(
             "u_f: near 0.4 s for 17 s of motion (4.8)",
@@ -342,5 +345,6 @@ def _solve_time_claims() -> tuple[Claim, ...]:
             n=REPEATS,
             no_interval="machine_time",
             solver=SOLVER,
+            comparator=THESIS_SOLVER,
         ),
     )

@@ -91,8 +91,6 @@ def recorded_motion(path: Path) -> RecordedMotion:
     sequence, effectors = _contact_sequence(motion, pair, walk.recording.plates)
     start_s, end_s = pair[0].lift_off_s, pair[1].next_lift_off_s
     ends = [_state(motion, walk.mass_kg, at_s) for at_s in (start_s, end_s)]
-    if not all(np.isfinite(state.l_nms).all() and np.isfinite(state.com_v_m_s).all() for state in ends):
-        raise NotEstimable("no-two-steps", f"{path.name} hides a segment at the end of a step.")
     problem = CentroidalProblem(
         sequence=sequence,
         mass_kg=walk.mass_kg,
@@ -190,7 +188,10 @@ def _covers(plate: Plate, point_m: Vector3) -> bool:
 
 
 def _state(motion: WalkMotion, mass_kg: float, at_s: float) -> Start:
-    return Start(motion.at(motion.velocity_m_s, at_s), mass_kg * motion.at(motion.momentum_per_kg, at_s))
+    velocity_m_s, momentum_nms = motion.at(motion.velocity_m_s, at_s), mass_kg * motion.at(motion.momentum_per_kg, at_s)
+    if not np.isfinite([velocity_m_s, momentum_nms]).all():
+        raise NotEstimable("no-two-steps", f"A segment is hidden at {at_s:.2f} s, at the end of a step.")
+    return Start(velocity_m_s, momentum_nms)
 
 
 def _mean_forces(
