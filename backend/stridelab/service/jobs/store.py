@@ -96,7 +96,7 @@ class JobPage:
 
 _ADD_JOB: Final = statement_with_events(
     f"""
-    WITH waiting AS MATERIALIZED (SELECT * FROM count_waiting_jobs(:lock, :owner))
+    WITH waiting AS MATERIALIZED (SELECT * FROM count_waiting_jobs(:admission_lock, :owner))
     INSERT INTO job (id, owner, kind, lane, priority, input, input_hash, idempotency_key, recording_id, scenario_id,
                      traceparent)
     SELECT :id, :owner, :kind, :lane, :priority, :input, :input_hash, :idempotency_key, :recording_id, :scenario_id,
@@ -156,7 +156,7 @@ class JobStore:
             raise InvalidInput("idempotency-key-invalid", "An idempotency key has 1 to 200 printable characters.")
         job_id, body_hash = uuid.uuid4().hex, input_hash(kind, input)
         row = {
-            "lock": locks.ADMISSION,
+            "admission_lock": locks.ADMISSION,
             "queue_limit": self._queue_limit,
             "user_queue_limit": self._user_queue_limit,
             "id": job_id,
