@@ -45,7 +45,7 @@ class PlanRequest:
     scenario: ScenarioName
     robot: Annotated[
         str | None,
-        typer.Option("--robot", help="Scale a bundled scene of the feet, such as six-stairs, to this robot."),
+        typer.Option("--robot", help="Scale a bundled scene, such as six-stairs, to this robot."),
     ] = None
     no_whole_body: Annotated[
         bool, typer.Option("--no-whole-body", help="Plan only the centre of mass and the contact forces.")

@@ -207,7 +207,7 @@ def compose_scenario(body: Course | Mapping[str, Any]) -> Call[PlanContactsInput
 
 
 def scaled_scene(body: ScaledScene | Mapping[str, Any]) -> Call[Scenario]:
-    """Scale a bundled scene of the feet to a robot; nothing is stored."""
+    """Scale a bundled scene to a robot; nothing is stored."""
     content = body.model_dump(mode="json") if isinstance(body, BaseModel) else dict(body)
     path = f"{API}/scenarios/scaled"
     return Call("POST", path, response_reader(Scenario), json=content, wait_s=LOADING_TIMEOUT_S)

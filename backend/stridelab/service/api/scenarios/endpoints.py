@@ -157,9 +157,10 @@ async def compose_scenario(
     ),
 )
 async def scale_scene(parts: AppParts, body: Annotated[ScaledScene, Body(openapi_examples=_SCENE)]) -> Scenario:
-    """Scale a bundled scene of the feet to any robot, one's own included. Nothing is stored.
+    """Scale a bundled scene to any robot, one's own included. Nothing is stored.
 
-    Lengths are scaled by the length of the legs, times by its square root; treads are deeper where the shoes need it.
+    Lengths are scaled by the length of the legs, times by its square root; treads are deeper where the shoes need it,
+    and a hand holds where the arm of the robot reaches.
     The response is the body of `POST /scenarios`, which checks it for the robot.
     """
     facts = await parts.robots.any_facts(body.robot)
