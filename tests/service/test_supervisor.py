@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from stridelab.errors import InvalidInput
+from stridelab.service import supervisor
 from stridelab.service.processes import supervised_program
 from stridelab.service.processes.supervised_program import BusySignal, SupervisedProgram
 from stridelab.service.settings import Settings
@@ -86,6 +87,18 @@ def test_open_address_is_refused_before_anything_is_made(tmp_path: Path) -> None
     assert caught.value.code == "token-needed"
     assert [fault.where for fault in caught.value.faults] == ["STRIDELAB_API_TOKEN"]
     assert not (tmp_path / "data").exists()
+
+
+def test_programs_share_one_arena_of_memory_unless_it_is_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for stated, used in ((None, "1"), ("4", "4")):
+        monkeypatch.delenv("MALLOC_ARENA_MAX", raising=False)
+        if stated is not None:
+            monkeypatch.setenv("MALLOC_ARENA_MAX", stated)
+        data = tmp_path / used
+        data.mkdir()
+        programs = supervisor._create_programs(Settings(data_dir=data), "", lambda: None, with_worker=True)
+        assert len(programs) == 4
+        assert {made.environment["MALLOC_ARENA_MAX"] for made in programs} == {used}
 
 
 def test_a_program_runs_while_it_is_wanted(program: SupervisedProgram) -> None:

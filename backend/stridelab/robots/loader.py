@@ -4,7 +4,7 @@ Importing this module is cheap; pinocchio is imported when the first robot is lo
 """
 
 from functools import cache
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from stridelab.robots.card import card_bytes, parse_card, robot_names
 from stridelab.robots.data_files import data_files
@@ -12,10 +12,7 @@ from stridelab.robots.data_files import data_files
 if TYPE_CHECKING:
     import stridelab.robots.robot
 
-__all__ = ["load_common_robot", "load_robot", "robot_names"]
-
-COMMON_ROBOT: Final = "talos"
-"""The robot of most scenarios."""
+__all__ = ["load_robot", "robot_names"]
 
 
 @cache
@@ -30,8 +27,3 @@ def load_robot(name: str) -> "stridelab.robots.robot.Robot":
 
     card = parse_card(name, card_bytes(name))
     return assemble_robot(name, card, data_files(card))
-
-
-def load_common_robot() -> None:
-    """Load the robot of most scenarios, so that processes forked from this one have it. Raises as ``load_robot``."""
-    load_robot(COMMON_ROBOT)

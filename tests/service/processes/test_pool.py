@@ -11,7 +11,6 @@ import psutil
 import pytest
 
 from stridelab.errors import NotEstimable, StridelabError
-from stridelab.service.jobs.worker import LOADED_ROBOT
 from stridelab.service.kinds.registry import COMPUTING, READING
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.running_child import LOG_TAIL_BYTES, IsolatedOutcome
@@ -308,7 +307,7 @@ def test_what_is_imported_ahead_is_there_and_starts_no_thread(monkeypatch: pytes
     heard: list[str] = []
 
     async def inside() -> Any:
-        async with IsolatedPool((*sorted(preload), LOADED_ROBOT)) as pool:
+        async with IsolatedPool(sorted(preload)) as pool:
             task = {"modules": sorted(preload), "needless": ["sqlalchemy", "trimesh", "sklearn"]}
             ask: dict[str, Any] = {"timeout_s": 60.0, "memory_mb": 500, "sandbox": None}  # it looks at its parent
             ask["on_progress"] = lambda _fraction, text: heard.append(text)
@@ -316,4 +315,4 @@ def test_what_is_imported_ahead_is_there_and_starts_no_thread(monkeypatch: pytes
 
     inheritance = asyncio.run(inside())
     assert heard == ["start: waiting for the libraries"]  # the first task of a process that has just been started
-    assert inheritance == {"missing": [], "needless": [], "threads_of_the_nursery": 1, "robots": 1}
+    assert inheritance == {"missing": [], "needless": [], "threads_of_the_nursery": 1}

@@ -197,15 +197,12 @@ def environment(_task: dict[str, Any], folder: Path, _progress: Any) -> dict[str
 
 
 def inheritance(task: dict[str, Any], _folder: Path, _progress: Any) -> dict[str, Any]:
-    """Modules that are not imported or needlessly are, the threads of the parent process, and the loaded robots."""
-    from stridelab.robots.loader import load_robot
-
+    """Modules that are not imported or needlessly are, and the threads of the process that this one was forked from."""
     threads = Path(f"/proc/{os.getppid()}/task")
     return {
         "missing": [name for name in task["modules"] if name not in sys.modules],
         "needless": [name for name in task["needless"] if name in sys.modules],
         "threads_of_the_nursery": len(list(threads.iterdir())) if threads.exists() else 1,
-        "robots": load_robot.cache_info().currsize,
     }
 
 

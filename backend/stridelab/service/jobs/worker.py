@@ -34,8 +34,6 @@ from stridelab.service.settings import Settings, current_settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import database_url, is_migrated, make_engine
 
-LOADED_ROBOT: Final = "stridelab.robots.loader:load_common_robot"
-"""Called by the fork server: loading the robot takes a plan as long as a second of its motion."""
 _POLL_S: Final = 5.0
 _REAP_S: Final = 2.0
 _RETENTION_S: Final = 3600.0
@@ -260,7 +258,7 @@ def main() -> None:
     limits = current_settings()
     configure_logging(limits.log_level)
     try:
-        asyncio.run(run_worker(limits, KINDS, (*COMPUTING, LOADED_ROBOT)))
+        asyncio.run(run_worker(limits, KINDS, COMPUTING))
     except StridelabError as error:
         sys.exit(error.message)
 

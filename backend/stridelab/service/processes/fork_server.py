@@ -1,8 +1,7 @@
 """Fork server: imports the libraries of computations once and forks a child for each of them.
 
-``python -m stridelab.service.processes.fork_server PARENT MODULES``; ``fork_server_client`` is the parent's end. A
-module may be followed by a colon and the name of a function, which is called once, before the first child. The standard
-input is a socket for requests and answers, in records:
+``python -m stridelab.service.processes.fork_server PARENT MODULES``; ``fork_server_client`` is the parent's end. The
+standard input is a socket for requests and answers, in records:
 
     FORK, serial, niceness, and two files
                                    fork a child that communicates on the first file and prints into the second
@@ -26,7 +25,6 @@ import sys
 import traceback
 from typing import Final, NoReturn
 
-from stridelab.errors import StridelabError
 from stridelab.service.processes import child
 from stridelab.service.processes.parent_death import die_with_parent
 
@@ -129,19 +127,16 @@ class ForkServer:
 
 
 def main(parent_pid: int, modules: list[str]) -> None:
-    """Import ``modules``, call the functions named there, and serve fork requests until the parent ends."""
+    """Import ``modules`` and serve fork requests until the parent ends."""
     die_with_parent(parent_pid)
     child.forbid_core_files()
     control = socket.socket(fileno=os.dup(0))
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     forking = ForkServer(control)
-    for name in modules:
-        module, _, function = name.partition(":")
+    for module in modules:
         try:
-            imported = importlib.import_module(module)
-            if function:
-                getattr(imported, function)()
-        except (ImportError, StridelabError):
+            importlib.import_module(module)
+        except ImportError:
             traceback.print_exc()  # a task that needs the module reports the error
     gc.collect()
     gc.freeze()  # a collection in a child would write to, and so copy, every page
