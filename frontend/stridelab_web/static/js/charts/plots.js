@@ -104,7 +104,9 @@ function recolour(data) {
 
 // The values of the horizontal axis, which are complete.
 /** @param {PlotDocument} data */
-const abscissa = ({ columns, x }) => /** @type {number[]} */ (columns[x.key]);
+function abscissa({ columns, x }) {
+  return /** @type {number[]} */ (columns[x.key]);
+}
 
 /** @param {PlotDocument} data */
 function buildFigure(data) {
