@@ -280,14 +280,16 @@ def test_limits_of_the_service_of_a_user_and_of_viewers(guarded: Served, fakes: 
         assert next_with(socket, "refused")["code"] == "scope-missing"
         assert not fakes[0].pushes
 
-        with guarded.http() as http:
+        with guarded.http() as http, ExitStack() as watched:  # what is watched does not end, however long the calls take
             second = http.post("/api/v1/live", json={"robot": "talos"}, headers=ann)
+            watched.enter_context(watching(guarded, second.json(), **ann))
             refused = [
                 http.post("/api/v1/live", json={"robot": "talos"}, headers=ann),
                 http.post("/api/v1/live", json={"robot": "talos"}, headers=reader),
                 http.delete(f"/api/v1/live/{session['session_id']}", headers=bob),
             ]
             third = http.post("/api/v1/live", json={"robot": "talos"}, headers=bob)
+            watched.enter_context(watching(guarded, third.json(), **bob))
             refused.append(http.post("/api/v1/live", json={"robot": "talos"}, headers=bob))
         assert (second.status_code, third.status_code) == (201, 201)
         codes = [(answer.status_code, answer.json()["code"]) for answer in refused]
