@@ -280,7 +280,7 @@ def test_limits_of_the_service_of_a_user_and_of_viewers(guarded: Served, fakes: 
         assert next_with(socket, "refused")["code"] == "scope-missing"
         assert not fakes[0].pushes
 
-        with guarded.http() as http, ExitStack() as watched:  # what is watched does not end, however long the calls take
+        with guarded.http() as http, contextlib.ExitStack() as watched:  # what is watched does not end
             second = http.post("/api/v1/live", json={"robot": "talos"}, headers=ann)
             watched.enter_context(watching(guarded, second.json(), **ann))
             refused = [
