@@ -41,7 +41,7 @@ def test_robots_of_a_persons_size_have_the_settings_as_they_are(name: str) -> No
 
 
 def test_settings_scale_with_the_powers_of_their_units() -> None:
-    usual, scaled = Stabiliser(), Stabiliser().scaled(0.25)
+    usual, scaled = Stabiliser(), Stabiliser().scaled_by(0.25)
     assert scaled.least_load_n == pytest.approx(usual.least_load_n / 64.0)
     assert usual.footing is not None
     assert scaled.footing is not None
@@ -55,7 +55,7 @@ def test_settings_scale_with_the_powers_of_their_units() -> None:
     for field in dataclasses.fields(Grip):
         unit = next((u for u in sorted(powers, key=len, reverse=True) if field.name.endswith(u)), None)
         power = 0.0 if unit is None else powers[unit]
-        assert getattr(Grip().scaled(0.25), field.name) == pytest.approx(getattr(Grip(), field.name) * 0.25**power)
+        assert getattr(Grip().scaled_by(0.25), field.name) == pytest.approx(getattr(Grip(), field.name) * 0.25**power)
 
 
 def test_a_robot_of_one_kilogram_stays_on_its_plan(small: Robot, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -55,10 +55,10 @@ class RobotAnatomy:
         legs = LegGeometry.of_robot(robot)
         if legs is None or legs.side.keys() != {"left_foot", "right_foot"}:
             raise _not_recordable(robot, "it does not stand on two soles at the ends of legs")
-        leg = {side: _chain(robot, f"{side}_foot", "leg") for side in SIDES}
+        leg = {side: _limb_joints(robot, f"{side}_foot", "leg") for side in SIDES}
         if any(len(chain) != LEG_JOINTS for chain in leg.values()):
             raise _not_recordable(robot, f"its legs need {LEG_JOINTS} joints each")
-        arm = {side: _chain(robot, f"{side}_hand", "arm") for side in SIDES}
+        arm = {side: _limb_joints(robot, f"{side}_hand", "arm") for side in SIDES}
         if not all(arm.values()):
             arm = dict.fromkeys(SIDES, ())
         torso = [j for j in range(2, robot.model.njoints) if robot.group[robot.model.names[j]] == "torso"]
@@ -67,31 +67,31 @@ class RobotAnatomy:
         return RobotAnatomy(robot, leg, arm, int(trunk), size, round(legs.spacing_m, 3), legs.leg_m)
 
     @cached_property
-    def _data(self) -> pin.Data:
+    def _reference_data(self) -> pin.Data:
         data = self.robot.model.createData()
         pin.computeJointJacobians(self.robot.model, data, self.robot.q_reference)
         pin.updateFramePlacements(self.robot.model, data)
         return data
 
-    def axis(self, joint: int) -> Vector3:
+    def joint_axis(self, joint: int) -> Vector3:
         """Axis of a joint in the reference posture, in the world."""
-        return np.asarray(self._data.J[3:, self.robot.model.joints[joint].idx_v]).copy()
+        return np.asarray(self._reference_data.J[3:, self.robot.model.joints[joint].idx_v]).copy()
 
     def centre_m(self, joints: Sequence[int]) -> Vector3:
         """The point nearest to the axes of ``joints`` in the world; along a single axis that of the joint's origin."""
-        origins = [self._data.oMi[j].translation for j in joints]
-        planes = [np.eye(3) - np.outer(self.axis(j), self.axis(j)) for j in joints]
+        origins = [self._reference_data.oMi[j].translation for j in joints]
+        planes = [np.eye(3) - np.outer(self.joint_axis(j), self.joint_axis(j)) for j in joints]
         normal = sum(planes, 1e-6 * np.eye(3))
         right = sum((P @ p for P, p in zip(planes, origins, strict=True)), 1e-6 * np.mean(origins, axis=0))
         return np.asarray(np.linalg.solve(normal, right))
 
     def origin_m(self, joint: int) -> Vector3:
         """Origin of a joint in the world, in the reference posture."""
-        return np.asarray(self._data.oMi[joint].translation).copy()
+        return np.asarray(self._reference_data.oMi[joint].translation).copy()
 
     def nearest_m(self, joint: int, start_m: Vector3, end_m: Vector3) -> Vector3:
         """The point of a joint's axis nearest to the line from ``start_m`` to ``end_m``."""
-        origin, axis = self._data.oMi[joint].translation, self.axis(joint)
+        origin, axis = self._reference_data.oMi[joint].translation, self.joint_axis(joint)
         along = (end_m - start_m) / max(float(np.linalg.norm(end_m - start_m)), 1e-9)
         across = axis - (axis @ along) * along
         reach = float(across @ (start_m - origin)) / max(float(across @ axis), 1e-6)
@@ -100,19 +100,19 @@ class RobotAnatomy:
     def effector_m(self, name: str, offset_m: Vector3) -> Vector3:
         """The point ``offset_m`` of an effector's contact frame in the world."""
         effector = self.robot.effectors[name]
-        link = self._data.oMf[self.robot.model.getFrameId(effector.frame)]
+        link = self._reference_data.oMf[self.robot.model.getFrameId(effector.frame)]
         return np.asarray(link.act(effector.T_frame_contact.act(offset_m[None])[0]))
 
     def in_link(self, joint: int, point_m: Vector3) -> Vector3:
         """A point of the world in the frame of the link that ``joint`` moves, in the reference posture."""
-        return np.asarray(self._data.oMi[joint].actInv(point_m))
+        return np.asarray(self._reference_data.oMi[joint].actInv(point_m))
 
     @cached_property
     def top_m(self) -> float:
         """Height of the highest collision shape above the soles in the reference posture."""
         geometry = self.robot.full_collision
         placed = pin.GeometryData(geometry)
-        pin.updateGeometryPlacements(self.robot.model, self._data, geometry, placed)
+        pin.updateGeometryPlacements(self.robot.model, self._reference_data, geometry, placed)
         tops = [self.centre_m([1])[2]] if not geometry.geometryObjects else []
         for part, at in zip(geometry.geometryObjects, placed.oMg, strict=True):
             part.geometry.computeLocalAABB()
@@ -141,7 +141,7 @@ class RobotAnatomy:
 
     def is_pitch(self, joint: int) -> bool:
         """Whether the axis of a joint is lateral in the reference posture."""
-        return abs(float(self.axis(joint)[1])) > _LATERAL
+        return abs(float(self.joint_axis(joint)[1])) > _LATERAL
 
     def _is_torso(self, joint: int) -> bool:
         return self.robot.group[self.robot.model.names[joint]] == "torso"
@@ -149,7 +149,7 @@ class RobotAnatomy:
     def hand_rate_m(self, side: Side, joint: int) -> Vector3:
         """Velocity of a hand per rate of a joint of its arm."""
         hand = self.effector_m(f"{side}_hand", np.zeros(3))
-        return np.asarray(np.cross(self.axis(joint), hand - self._data.oMi[joint].translation))
+        return np.asarray(np.cross(self.joint_axis(joint), hand - self._reference_data.oMi[joint].translation))
 
 
 def require_weight(robot: Robot) -> None:
@@ -158,7 +158,7 @@ def require_weight(robot: Robot) -> None:
         raise _not_recordable(robot, f"it weighs less than {MIN_MASS_KG:g} kg, which plates hardly measure")
 
 
-def _chain(robot: Robot, effector: str, group: str) -> tuple[int, ...]:
+def _limb_joints(robot: Robot, effector: str, group: str) -> tuple[int, ...]:
     """Joints of a group that move an effector; none for an effector that the robot lacks."""
     if effector not in robot.effectors:
         return ()

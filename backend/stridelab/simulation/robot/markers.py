@@ -41,9 +41,12 @@ Place = tuple[str, int, Vector3]
 def marker_places(robot: Robot) -> Mapping[str, tuple[int, Vector3]]:
     """Map from landmark to ``(joint of the link, position in the link)``. Raises as ``RobotAnatomy.of_robot``."""
     anatomy = RobotAnatomy.of_robot(robot)
-    places = [*_pelvis(anatomy), *_trunk(anatomy)]
+    places = [*_pelvis_markers(anatomy), *_trunk_markers(anatomy)]
     for side in SIDES:
-        places += [*_leg(anatomy, side), *(_arm(anatomy, side) if anatomy.arm[side] else _absent_arm(anatomy, side))]
+        places += [
+            *_leg_markers(anatomy, side),
+            *(_arm_markers(anatomy, side) if anatomy.arm[side] else _absent_arm_markers(anatomy, side)),
+        ]
     return {name: (joint, anatomy.in_link(joint, place)) for name, joint, place in places}
 
 
@@ -93,7 +96,7 @@ def _landmark_tracks(robot: Robot, poses: LinkPoses) -> dict[str, Points]:
     return tracks
 
 
-def _pelvis(anatomy: RobotAnatomy) -> Iterator[Place]:
+def _pelvis_markers(anatomy: RobotAnatomy) -> Iterator[Place]:
     """Spines whose regression gives the hips, as far apart as these."""
     body = load_anthropometry(None)
     left, right = (anatomy.centre_m(anatomy.leg[side][:3]) for side in SIDES)
@@ -106,7 +109,7 @@ def _pelvis(anatomy: RobotAnatomy) -> Iterator[Place]:
         yield f"{s}psis", 1, middle + np.array([-0.65 * w, y * 0.18 * w, 0.0])
 
 
-def _trunk(anatomy: RobotAnatomy) -> Iterator[Place]:
+def _trunk_markers(anatomy: RobotAnatomy) -> Iterator[Place]:
     """Neck above the middle of the shoulders, and a head."""
     body, size = load_anthropometry(None), anatomy.size
     cervical = np.mean([_shoulder_m(anatomy, side) for side in SIDES], axis=0) + np.array([0.0, 0.0, size * _NECK_M])
@@ -119,45 +122,45 @@ def _trunk(anatomy: RobotAnatomy) -> Iterator[Place]:
         yield f"{s}head_back", anatomy.trunk, cervical + size * np.array([-0.08, y * 0.06, 0.17])
 
 
-def _leg(anatomy: RobotAnatomy, side: Side) -> Iterator[Place]:
+def _leg_markers(anatomy: RobotAnatomy, side: Side) -> Iterator[Place]:
     """Both sides of knee and ankle, and the sole's heel and ball, 2 cm above the ground for the size of TALOS."""
     s, out, size = side_prefix(side), np.array([0.0, side_sign(side), 0.0]), anatomy.size
     thigh, shank, foot = anatomy.leg[side][2], anatomy.leg[side][3], anatomy.leg[side][5]
-    yield from _pair(f"{s}knee_lateral", f"{s}knee_medial", thigh, _knee_m(anatomy, side), 0.06 * size * out)
+    yield from _marker_pair(f"{s}knee_lateral", f"{s}knee_medial", thigh, _knee_m(anatomy, side), 0.06 * size * out)
     ankle = anatomy.centre_m(anatomy.leg[side][4:])
-    yield from _pair(f"{s}ankle_lateral", f"{s}ankle_medial", shank, ankle, 0.05 * size * out)
+    yield from _marker_pair(f"{s}ankle_lateral", f"{s}ankle_medial", shank, ankle, 0.05 * size * out)
     x_m, y_m = anatomy.robot.effectors[f"{side}_foot"].contact_half_size_m or (0.1, 0.05)
     for name, along, across in (("heel", -0.9, 0.0), ("mt1", 0.9, -0.8), ("mt2", 0.95, -0.3), ("mt5", 0.9, 0.8)):
         offset = np.array([along * x_m, side_sign(side) * across * y_m, 0.02 * size])
         yield f"{s}{name}", foot, anatomy.effector_m(f"{side}_foot", offset)
 
 
-def _arm(anatomy: RobotAnatomy, side: Side) -> Iterator[Place]:
+def _arm_markers(anatomy: RobotAnatomy, side: Side) -> Iterator[Place]:
     """Shoulder, elbow (the fourth joint), wrist (the sixth, else the hand) and knuckles."""
     body, size, chain = load_anthropometry(None), anatomy.size, anatomy.arm[side]
     s, shoulder, hand = side_prefix(side), _shoulder_m(anatomy, side), anatomy.effector_m(f"{side}_hand", np.zeros(3))
     outwards = np.array([0.0, side_sign(side), 0.0])
-    away = np.cross(anatomy.axis(chain[0]), shoulder - anatomy.centre_m(chain[:1]))
+    away = np.cross(anatomy.joint_axis(chain[0]), shoulder - anatomy.centre_m(chain[:1]))
     carrier = anatomy.trunk if float(np.linalg.norm(away)) < _ON_AXIS_M else chain[0]
     acromion = shoulder - _thorax_offset(size, body.shoulder.angle_deg, body.shoulder.scale)
     yield f"{s}acromion", carrier, acromion
     if len(chain) > 3:
         upper, fore = chain[2], chain[min(4, len(chain) - 1)]
-        elbow, axis = anatomy.nearest_m(chain[3], shoulder, hand), anatomy.axis(chain[3])
+        elbow, axis = anatomy.nearest_m(chain[3], shoulder, hand), anatomy.joint_axis(chain[3])
     else:
         upper = fore = chain[-1]
         elbow, axis = (shoulder + hand) / 2.0, outwards
     axis = axis if axis @ outwards >= 0.0 else -axis
-    yield from _pair(f"{s}elbow_lateral", f"{s}elbow_medial", upper, elbow, 0.05 * size * axis)
+    yield from _marker_pair(f"{s}elbow_lateral", f"{s}elbow_medial", upper, elbow, 0.05 * size * axis)
     wrist = anatomy.nearest_m(chain[5], elbow, hand) if len(chain) > 5 else hand
     along = (wrist - elbow) / max(float(np.linalg.norm(wrist - elbow)), 1e-9)
     ahead = -side_sign(side) * np.cross(axis, along)
     ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
-    yield from _pair(f"{s}wrist_radial", f"{s}wrist_ulnar", fore, wrist, 0.04 * size * ahead)
-    yield from _pair(f"{s}mc2", f"{s}mc5", chain[-1], wrist + 0.10 * size * along, 0.04 * size * ahead)
+    yield from _marker_pair(f"{s}wrist_radial", f"{s}wrist_ulnar", fore, wrist, 0.04 * size * ahead)
+    yield from _marker_pair(f"{s}mc2", f"{s}mc5", chain[-1], wrist + 0.10 * size * along, 0.04 * size * ahead)
 
 
-def _absent_arm(anatomy: RobotAnatomy, side: Side) -> Iterator[Place]:
+def _absent_arm_markers(anatomy: RobotAnatomy, side: Side) -> Iterator[Place]:
     """An arm that hangs from the trunk and has no mass."""
     body, size, shoulder = load_anthropometry(None), anatomy.size, _shoulder_m(anatomy, side)
     s, out = side_prefix(side), np.array([0.0, side_sign(side), 0.0])
@@ -169,10 +172,10 @@ def _absent_arm(anatomy: RobotAnatomy, side: Side) -> Iterator[Place]:
         ("wrist_radial", "wrist_ulnar", 0.50, 0.04 * ahead),
         ("mc2", "mc5", 0.60, 0.04 * ahead),
     ):
-        yield from _pair(f"{s}{first}", f"{s}{second}", anatomy.trunk, shoulder + below * down, size * offset)
+        yield from _marker_pair(f"{s}{first}", f"{s}{second}", anatomy.trunk, shoulder + below * down, size * offset)
 
 
-def _pair(outer: str, inner: str, joint: int, centre: Vector3, across: Vector3) -> Iterator[Place]:
+def _marker_pair(outer: str, inner: str, joint: int, centre: Vector3, across: Vector3) -> Iterator[Place]:
     yield outer, joint, centre + across
     yield inner, joint, centre - across
 

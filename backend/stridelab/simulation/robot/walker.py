@@ -145,8 +145,8 @@ def _swinging_joints(
     """Joint, amplitude and signed factor of everything that swings; the arms swing in opposition."""
     model, group = anatomy.robot.model, anatomy.robot.group
     for joint in range(2, model.njoints):
-        if group[model.names[joint]] == "torso" and abs(anatomy.axis(joint)[2]) > _VERTICAL:
-            yield joint, arms.yaw_rad, vary[0] * float(np.sign(anatomy.axis(joint)[2]))
+        if group[model.names[joint]] == "torso" and abs(anatomy.joint_axis(joint)[2]) > _VERTICAL:
+            yield joint, arms.yaw_rad, vary[0] * float(np.sign(anatomy.joint_axis(joint)[2]))
             break
     for side in SIDES:
         chain, sign = anatomy.arm[side], side_sign(side)

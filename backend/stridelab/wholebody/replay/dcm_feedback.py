@@ -67,7 +67,7 @@ class CapturePointFeedback:
     edge_m: float = 0.005
     transfer: float = 1.0
 
-    def scaled(self, size: float) -> "CapturePointFeedback":
+    def scaled_by(self, size: float) -> "CapturePointFeedback":
         """For a robot of ``size`` times the lengths."""
         return replace(self, integral_m=size * self.integral_m, edge_m=size * self.edge_m)
 

@@ -46,7 +46,7 @@ class Footing:
     most_m: float = 0.25
     may_land: float = 0.6
 
-    def scaled(self, size: float) -> "Footing":
+    def scaled_by(self, size: float) -> "Footing":
         """For a robot of ``size`` times the lengths: times with its root, forces with its cube."""
         root = size**0.5
         return replace(

@@ -71,7 +71,7 @@ class Grip:
     search_m_s: float = 0.06
     torque_share: float = 0.5
 
-    def scaled(self, size: float) -> "Grip":
+    def scaled_by(self, size: float) -> "Grip":
         """For a robot of ``size`` times the lengths: times with its root, forces with its cube."""
         powers = {"least_n": 3.0, "touching_n": 3.0, "gain_m_per_ns": -2.5, "rate_n_s": 2.5}
         powers |= dict.fromkeys(("pressure_m", "most_m", "most_aside_m", "beside_m", "lift_m"), 1.0)

@@ -48,14 +48,14 @@ class Stabiliser:
     ankle_stiffness: float = 0.2
     least_load_n: float = 30.0
 
-    def scaled(self, size: float) -> "Stabiliser":
+    def scaled_by(self, size: float) -> "Stabiliser":
         """For a robot of ``size`` times the lengths (``size_share``): forces with its cube."""
         return replace(
             self,
-            capture=self.capture.scaled(size),
-            footing=None if self.footing is None else self.footing.scaled(size),
-            grip=None if self.grip is None else self.grip.scaled(size),
-            stepping=self.stepping.scaled(size),
+            capture=self.capture.scaled_by(size),
+            footing=None if self.footing is None else self.footing.scaled_by(size),
+            grip=None if self.grip is None else self.grip.scaled_by(size),
+            stepping=self.stepping.scaled_by(size),
             least_load_n=size**3 * self.least_load_n,
         )
 
@@ -65,7 +65,7 @@ class StabiliserRun:
 
     def __init__(self, stabiliser: Stabiliser, robot: Robot, motion: WholeBodyMotion) -> None:
         size = size_share(robot)
-        stabiliser = stabiliser if size == 1.0 else stabiliser.scaled(size)
+        stabiliser = stabiliser if size == 1.0 else stabiliser.scaled_by(size)
         self._settings, self._robot, self._motion = stabiliser, robot, motion
         self._ankles = ankles_of(robot)
         self._kinematics = LimbKinematics(robot, motion.sequence.effectors)

@@ -44,7 +44,7 @@ class Stepping:
     still_m: float = 0.06
     most_lost_s: float = 5.0
 
-    def scaled(self, size: float) -> "Stepping":
+    def scaled_by(self, size: float) -> "Stepping":
         """For a robot of ``size`` times the lengths."""
         lengths = ("least_m", "small_m", "margin_m", "most_step_m", "still_m")
         return replace(self, **{name: size * getattr(self, name) for name in lengths})

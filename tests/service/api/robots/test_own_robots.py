@@ -244,7 +244,7 @@ def test_jobs_that_name_it_or_its_parts_are_validated(http: httpx.Client, small:
     wrong = problem_of(plan("nose"), 422)
     assert (wrong["code"], wrong["errors"][0]["where"]) == ("replay-invalid", "replay.pushes.0.link")
     assert problem_of(push("nobody"), 422)["errors"][0]["where"] == "robot"
-    assert problem_of(simulate("nobody"), 422)["errors"][0]["where"] == "robot"
+    assert problem_of(simulate("no-such-robot"), 422)["errors"][0]["where"] == "robot"
     for answer in (learn("left_foot"), plan("pelvis"), push("small"), simulate("small"), simulate("human")):
         assert answer.status_code == 202, answer.text
         http.delete(f"{jobs}/{answer.json()['id']}")
