@@ -148,7 +148,7 @@ class LegModel:
         """How much lower or higher the CoM has to be at ``time_s`` (n,), zero where it need not."""
         sequence, heading = plan.sequence, Heading.of_sequence(plan.sequence)
         phase = sequence.phases_at(time_s + 1e-9)
-        com = np.array([plan.reference_at(t).com_m for t in time_s.tolist()])
+        com = plan.references_at(time_s).com_m
         R = heading.orientations_at(phase, time_s)[0]
         feet = {name: _ankle_path(sequence, name, leg.ankle_m, phase, time_s) for name, leg in self.legs.items()}
         base, base_share = self._base_m(com, R, {name: ankle for name, (ankle, _) in feet.items()})
@@ -199,7 +199,7 @@ def lower_for_legs(
     for _ in range(MAX_PASSES):
         if least_m <= ENOUGH_M:
             break
-        com_m = np.array([latest.reference_at(t).com_m[2] for t in time_s.tolist()])
+        com_m = latest.references_at(time_s).com_m[:, 2]
         between_m = _tighten_bounds(between_m, fixed.grid().time_s, time_s, com_m, missing.high_m, missing.low_m)
         bounded = replace(fixed, bounds=replace(problem.bounds, com_between_m=between_m))
         latest = solve(bounded)

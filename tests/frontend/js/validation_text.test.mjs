@@ -71,6 +71,8 @@ test("the summary takes errors first, then whole-body postures", () => {
   assert.match(summarizeValidation(check(), null, "No solver.").text, /not known: No solver\.$/);
   assert.equal(summarizeValidation(check(), wholeBody("reachable", "reachable")).kind, "valid");
   assert.equal(summarizeValidation(check(), wholeBody("reachable", "not-asked")).kind, "asked");
+  const unfinished = { ...wholeBody("reachable"), warnings: [{ code: "body-unfinished", message: "repeat" }] };
+  assert.equal(summarizeValidation(check(), unfinished).kind, "asked");
   assert.equal(summarizeValidation(check(), wholeBody("reachable", "unreachable")).text, "Phase 1: no posture 1");
 });
 

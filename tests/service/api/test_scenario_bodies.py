@@ -11,7 +11,8 @@ import pytest
 from experiments.terrains.steps import Pose, Steps, wide_ground
 from stridelab.contacts.scenarios.parts import TALOS, Timing
 from stridelab.machine.models_folder import models_dir
-from support.robots.scenario_bodies import one_step, with_contact
+from stridelab.service.samples.scenarios import bundled_scenarios
+from support.robots.scenario_bodies import everywhere, one_step, with_contact
 from support.service.web_server import refusal_code
 
 CHECK = "/api/v1/scenarios/check"
@@ -59,6 +60,22 @@ def test_a_scenario_within_the_learned_reach_that_no_body_can_do_is_invalid(http
     assert any(limit.startswith("LLEG_JOINT") for limit in out[0]["limits"])
     assert [fault["where"] for fault in whole["errors"]] == ["phases[10].contacts[left_foot]"]
     assert whole["errors"][0]["message"] == out[0]["reason"]
+
+
+def test_a_drag_that_no_body_can_follow_is_invalid(http: httpx.Client) -> None:
+    """All stances are reachable: the check of the motion follows in further requests."""
+    body = bundled_scenarios()["flat-walk"]
+    everywhere(body, "left_foot", (0.0, 0.09, 0.0), position_m=[0.473, 0.526, 0.0])
+    first = check_scenario(http, body, within_s=0.03)
+    assert (first["valid"], first["warnings"][-1]["code"]) == (True, "body-unfinished")
+    whole = first
+    while any(warning["code"] == "body-unfinished" for warning in whole["warnings"]):
+        whole = check_scenario(http, body, within_s=0.03)
+    assert whole["valid"] is False
+    (out,) = (one for one in whole["phases"] if one["body"] == "unreachable")
+    assert "the centre of mass is" in out["reason"]
+    assert [fault["where"] for fault in whole["errors"]] == [f"phases[{out['phase']}]"]
+    assert whole["errors"][0]["message"] == out["reason"]
 
 
 def test_shoes_that_overlap_are_errors_of_the_check_as_of_a_plan(http: httpx.Client) -> None:

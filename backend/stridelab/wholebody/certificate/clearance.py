@@ -35,9 +35,14 @@ _POINT_M = 1e-6
 Role = Literal["link", "palm", "point"]
 
 
-def self_collision(robot: Robot, q: Configurations, worst: WorstValues) -> Check:
-    """Number of distinct link pairs that collide in any of the configurations; names the first."""
-    collision = SelfCollision(robot, all_shapes=True)
+def self_collision(
+    robot: Robot, q: Configurations, worst: WorstValues, collision: SelfCollision | None = None
+) -> Check:
+    """Number of distinct link pairs that collide in any of the configurations; names the first.
+
+    ``collision``, if given, is that of all shapes of the robot.
+    """
+    collision = SelfCollision(robot, all_shapes=True) if collision is None else collision
     first_sample: dict[int, int] = {}
     for i, configuration in enumerate(q):
         for k in collision.colliding_indices(configuration):

@@ -41,6 +41,7 @@ from stridelab.wholebody.motion import LEVELS, MotionWatcher, SolverFailure, Who
 _CENTROIDAL = ("com_m", "com_v_m_s", "l_nms", "com_reference_m", "com_v_reference_m_s", "l_reference_nms")
 _MAX_SPEED_RAD_S = 30.0
 _MAX_COM_ERROR_M = 0.3
+_VELOCITY_DAMPING = 1e-9
 Allocate = Callable[[tuple[int, ...]], Float[np.ndarray, "..."]]
 """Makes an array of zeros of a shape."""
 _REPORT_SAMPLES = 25
@@ -75,7 +76,7 @@ class WholeBodyController:
         the violated level, the exhausted limits and the motion until then.
         """
         started = time.process_time()
-        run = _ControllerRun(self, robot, sequence, plan, allocate)
+        run = ControllerRun(self, robot, sequence, plan, allocate)
         n = len(run.times)
         if begin is not None:
             begin(run.recorded_motion(0.0))
@@ -93,8 +94,12 @@ class _Solution(NamedTuple):
     forces_n: dict[str, Points]
 
 
-class _ControllerRun:
-    """State of one run."""
+class ControllerRun:
+    """State of one run, sample by sample; ``times`` (s) are those of the samples.
+
+    ``span`` are the first and the last phase that are followed, by default all. A run that begins later than the first
+    phase starts from a posture on the contacts there, at the speed of the plan.
+    """
 
     def __init__(
         self,
@@ -102,21 +107,26 @@ class _ControllerRun:
         robot: Robot,
         sequence: ContactSequence,
         plan: CentroidalPlan,
-        allocate: Allocate,
+        allocate: Allocate = np.zeros,
+        span: tuple[int, int] | None = None,
     ) -> None:
         self._controller, self._robot, self._sequence = controller, robot, sequence
-        n = round(sequence.duration_s * controller.rate_hz) + 1
+        first, last = (0, len(sequence.phases) - 1) if span is None else span
+        starts_s, ends_s = float(sequence.starts_s[first]), float(sequence.ends_s[last])
+        n = round((ends_s - starts_s) * controller.rate_hz) + 1
         if n < 2:
             raise InvalidInput(
-                "sample-time", f"{sequence.duration_s} s are shorter than one sample at {controller.rate_hz} Hz"
+                "sample-time", f"{ends_s - starts_s} s are shorter than one sample at {controller.rate_hz} Hz"
             )
-        self.times = np.arange(n) / controller.rate_hz
+        self.times = starts_s + np.arange(n) / controller.rate_hz
         self._body = RigidBody(robot)
         self._phases = sequence.phases_at(self.times + 1e-9)
         self._bases = Heading.of_sequence(sequence).orientations_at(self._phases, self.times)
         avoid = controller.settings.avoid
         self._avoidance = None if avoid is None else CollisionAvoidance(robot, sequence.terrain, avoid)
-        self._q, self._v = _initial_posture(robot, sequence, plan, controller.settings), np.zeros(robot.model.nv)
+        self._q, self._v = _initial_posture(robot, sequence, plan, controller.settings, first), np.zeros(robot.model.nv)
+        if first > 0:
+            self._v = self._initial_velocity(first, plan.reference_at(starts_s).com_v_m_s)
         self._phase = -1
         self._in_a_row = 0
         self._failures: list[SolverFailure] = []
@@ -193,6 +203,26 @@ class _ControllerRun:
             arrival=None,
             **{name: values[:n] for name, values in self._record.items()},
         )
+
+    def _initial_velocity(self, phase: int, com_v_m_s: Vector3) -> Float[np.ndarray, "nv"]:
+        """Smallest joint velocities with contacts at rest, the CoM and swinging effectors at the speed of the plan."""
+        body, sequence = self._body, self._sequence
+        body.update(self._q, self._v)
+        rows, speeds = [pin.jacobianCenterOfMass(body.model, body.data, self._q)], [com_v_m_s]
+        for name in sequence.effectors:
+            is_held = name in sequence.phases[phase].contacts
+            curve = None if is_held else self._swing_curve(name, phase, self.times[0])
+            if not is_held and curve is None:
+                continue
+            size = 6 if self._robot.effectors[name].kind == "surface" else 3
+            swing = None if curve is None else curve.state_at(self.times[0] - curve.starts_s)
+            twist = np.zeros(6) if swing is None else np.r_[swing.velocity_m_s, swing.angular_velocity_rad_s]
+            rows.append(body.frame_state(name).J[:size])
+            speeds.append(twist[:size])
+        rows.append(body.frame_state("base").J[3:])
+        speeds.append(self._bases[1][0])
+        J = np.vstack(rows)
+        return np.asarray(J.T @ np.linalg.solve(J @ J.T + _VELOCITY_DAMPING * np.eye(len(J)), np.concatenate(speeds)))
 
     def _enter_phase(self, phase: int, t: float) -> None:
         """Set up the hierarchy of the phase that begins."""
@@ -274,13 +304,24 @@ class _ControllerRun:
         return WholeBodyStopped(message, faults, self.recorded_motion(0.0, max(i, 1)), phase, level, exhausted)
 
 
-def _initial_posture(robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, settings: Settings) -> np.ndarray:
-    """Posture at rest on the contacts of the first phase, with the CoM at the start of the plan."""
-    placements = {name: contact.placement for name, contact in sequence.phases[0].contacts.items()}
+def _initial_posture(
+    robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, settings: Settings, phase: int = 0
+) -> np.ndarray:
+    """Posture on the contacts at the start of ``phase``, with the CoM of the plan; swings are on their curves."""
+    placements = {name: contact.placement for name, contact in sequence.phases[phase].contacts.items()}
+    starts_s = float(sequence.starts_s[phase])
+    for name in sequence.effectors if phase > 0 else ():
+        if name not in placements and sequence.last_contact(name, phase) and sequence.next_contact(name, phase):
+            curve = swing_of(sequence, name, phase)
+            points, rotations = curve.poses_at(np.array([(starts_s - curve.starts_s) / curve.duration_s]))
+            placements[name] = Placement(points[0], rotations[0])
     margins_rad = JointLimits.of_model(robot.model).margins_rad(settings.range_share, settings.joint_margin_rad)
-    posture = stand(robot, placements, plan.com_m[0], margins_rad=margins_rad)
+    posture = stand(robot, placements, plan.reference_at(starts_s).com_m, margins_rad=margins_rad)
     if not posture.converged:
+        where = "the first contacts" if phase == 0 else f"the contacts of phase {phase}"
         miss = f"{posture.worst} misses by {posture.error_m:.3f} m"
-        message = f"No posture of {robot.title} stands on the first contacts: {miss}."
-        raise NotEstimable("stance-unreachable", message, [Fault(f"phases[0].contacts[{posture.worst}]", message)])
+        message = f"No posture of {robot.title} stands on {where}: {miss}."
+        raise NotEstimable(
+            "stance-unreachable", message, [Fault(f"phases[{phase}].contacts[{posture.worst}]", message)]
+        )
     return posture.q

@@ -1,4 +1,6 @@
-"""Checks whether the whole body can reach the stances of a scenario. Imported in the resident child process only.
+"""Checks whether the whole body can reach the stances of a scenario, and move from one to the next.
+
+Imported in the resident child process only.
 
 The request contains the support regions of the scenario validation, so that they are not computed twice:
 
@@ -7,18 +9,25 @@ The request contains the support regions of the scenario validation, so that the
      "phases": [{"contacts": [...], "region_m": [[x, y], ...], "com_m": [x, y, z] | null}, ...]}
 """
 
+import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, Final
 
 import numpy as np
 
 from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.validation.validate import build_validated
 from stridelab.dynamics.spatial import Placement
+from stridelab.errors import StridelabError
+from stridelab.pipelines.motion_check import MotionCheck
+from stridelab.pipelines.plan_problem import load_densities, native_unavailable_reason
+from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.loader import load_robot
 from stridelab.robots.visuals import link_poses
+from stridelab.schemas.scenarios import Scenario
 from stridelab.wholebody.shoe_check import shoe_faults
 from stridelab.wholebody.stance_check import Stance, StanceCheck, StanceResult, mid_swing_placement
 
@@ -32,17 +41,20 @@ DIGITS: Final = 5
 
 
 def answer_request(question: Json) -> Json:
-    """Return ``{"phases": [...], "shoes": [...]}``.
+    """Return ``{"phases": [...], "shoes": [...], "motion": "checked" | "unfinished" | null}``.
 
     ``phases`` are the fields of ``PhaseBody`` without its number, null for a phase not checked; ``shoes`` the faults of
-    shoes without room, as ``where`` and ``message``.
+    shoes without room, as ``where`` and ``message``. The motion is checked once all stances of a valid scenario are
+    reachable; a phase that the body cannot move through is ``unreachable``, too.
 
     The phase ``posture_of`` is checked first, then its neighbours. A request checks at least one phase that is not
     cached, unless its search takes long: it then goes on in the next request. Raises the errors of ``load_robot``.
     """
     until_s = time.monotonic() + (question.get("within_s") or TIME_LIMIT_S)
     check = _check_of(question["robot"])
-    shoes = _shoe_faults(check, question.get("scenario"))
+    scenario = question.get("scenario")
+    sequence = None if scenario is None else _built_sequence(json.dumps(scenario))
+    shoes = [] if sequence is None else _shoe_faults(check, sequence)
     stances = stances_of(check, question["phases"])
     shown: int | None = question["posture_of"]
     order = sorted((k for k, stance in enumerate(stances) if stance is not None), key=lambda k: abs(k - (shown or 0)))
@@ -59,7 +71,26 @@ def answer_request(question: Json) -> Json:
         verdict = check.continue_search(stance, _search_limit(until_s))
         if verdict is not None:
             answers[k] = _stance_answer(check, verdict, shown=k == shown)
-    return {"phases": answers, "shoes": shoes}
+    motion = None
+    are_reachable = all(one is not None and one["body"] == "reachable" for one in answers)
+    if scenario is not None and sequence is not None and not shoes and are_reachable:
+        motion = _add_motion(scenario, sequence, answers, until_s)
+    return {"phases": answers, "shoes": shoes, "motion": motion}
+
+
+def _add_motion(scenario: Json, sequence: ContactSequence, answers: list[Json | None], until_s: float) -> str | None:
+    """Continue the motion check, and add its result to ``answers``; None if there is no C++ solver or no density."""
+    motion_check = _motion_check_of(sequence.robot)
+    if motion_check is None:
+        return None
+    results = motion_check.continue_check(Scenario.model_validate(scenario), sequence, _search_limit(until_s))
+    if results is None:
+        return "unfinished"
+    for k, result in results.items():
+        if not result.passed:
+            why = {"reason": result.reason, "limits": list(result.limits), "contact": None}
+            answers[k] = {**(answers[k] or {}), "body": "unreachable", **why}
+    return "checked"
 
 
 def _search_limit(until_s: float) -> Callable[[], bool]:
@@ -91,20 +122,32 @@ def stances_of(check: StanceCheck, phases: Sequence[Json]) -> list[Stance | None
     return stances
 
 
-def _shoe_faults(check: StanceCheck, scenario: Json | None) -> list[Json]:
-    """Faults of shoes without room, which a plan would be refused for; none for a scenario that is invalid already.
-
-    A scenario in the request has been validated, which takes several times as long as the rest.
-    """
-    if scenario is None:
-        return []
-    sequence = build_validated(scenario, effector_shapes(check.robot.name))
+def _shoe_faults(check: StanceCheck, sequence: ContactSequence) -> list[Json]:
+    """Faults of shoes without room, which a plan would be refused for."""
     return [{"where": fault.where, "message": fault.message} for fault in shoe_faults(check.robot, sequence)]
+
+
+@lru_cache(maxsize=1)
+def _built_sequence(scenario: str) -> ContactSequence:
+    """The sequence of a scenario (JSON) that has been validated, which takes several times as long as the rest."""
+    body = json.loads(scenario)
+    return build_validated(body, effector_shapes(body["robot"]))
 
 
 @cache
 def _check_of(robot: str) -> StanceCheck:
     return StanceCheck(load_robot(robot))
+
+
+@cache
+def _motion_check_of(robot: str) -> MotionCheck | None:
+    if native_unavailable_reason() is not None:
+        return None
+    loaded = load_robot(robot)
+    try:
+        return MotionCheck(loaded, load_densities(loaded, DEFAULT_MEASURE))
+    except StridelabError:
+        return None
 
 
 def _contact_placements(check: StanceCheck, contacts: Sequence[Json]) -> Mapping[str, Placement] | None:

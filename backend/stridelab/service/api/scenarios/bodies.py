@@ -41,7 +41,7 @@ async def add_body_checks(
         update={
             "valid": validation.valid and not faults,
             "errors": [*validation.errors, *faults][:MAX_FAULTS],
-            "warnings": [*validation.warnings, *_body_remarks(scenario, answer["phases"])],
+            "warnings": [*validation.warnings, *_body_remarks(scenario, answer)],
             "phases": phases,
         }
     )
@@ -59,8 +59,8 @@ def _stance_request(scenario: Scenario, validation: ScenarioCheck, posture_of: i
     return request | {"scenario": whole}
 
 
-def _body_remarks(scenario: Scenario, answers: list[Json | None]) -> list[Remark]:
-    remarks = []
+def _body_remarks(scenario: Scenario, answer: Json) -> list[Remark]:
+    remarks, answers = [], answer["phases"]
     strained = [k for k, result in enumerate(answers) if result is not None and result["strained"]]
     if strained:
         named = f"phase {strained[0]}" if len(strained) == 1 else f"phases {', '.join(map(str, strained))}"
@@ -69,6 +69,9 @@ def _body_remarks(scenario: Scenario, answers: list[Json | None]) -> list[Remark
     left = sum(result is None and bool(phase.contacts) for phase, result in zip(scenario.phases, answers, strict=True))
     if left:
         message = f"the body was not checked in {left} of {len(answers)} phases; repeat the check for more of them"
+        remarks.append(Remark(code=UNFINISHED, message=message))
+    elif answer["motion"] == "unfinished":
+        message = "the motion between the stances was not checked completely; repeat the check for the rest"
         remarks.append(Remark(code=UNFINISHED, message=message))
     return remarks
 

@@ -21,12 +21,13 @@ export function summarizeValidation(check, whole, failure = "") {
   const errors = whole.phases.filter(({ body }) => body === "unreachable").map((one) => unreachableError(whole, one));
   if (errors.length) return { errors, kind: "invalid", text: errorSentence(errors[0]) };
   const remark = whole.warnings[0]?.message ?? "";
-  if (whole.phases.some(({ body }) => body === "not-asked"))
+  const isUnfinished = whole.warnings.some(({ code }) => code === BODY_UNFINISHED);
+  if (isUnfinished || whole.phases.some(({ body }) => body === "not-asked"))
     return { errors: [], kind: "asked", text: `${REACHABLE}. ${remark}`.trim() };
   return {
     errors: [],
     kind: "valid",
-    text: `Valid: every contact is on its surface, and the body can take the stance of every phase. ${remark}`.trim(),
+    text: `Valid: every contact is on its surface, and the body can take the stance of every phase and move on. ${remark}`.trim(),
   };
 }
 
