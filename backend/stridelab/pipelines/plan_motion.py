@@ -56,6 +56,7 @@ from stridelab.schemas.plans import (
     ReplayOptions,
 )
 from stridelab.schemas.scenarios import Scenario
+from stridelab.wholebody.boundary_postures import require_boundary_postures
 from stridelab.wholebody.certificate.certify import certify
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.leg_stretch import lower_for_legs
@@ -171,8 +172,8 @@ def plan_motion(
     Raises ``NotEstimable`` for unavailable features (``...-unavailable``) before any computation. Later errors name
     their stage in the last fault: ``InvalidInput`` (``scenario-invalid``, ``replay-invalid``), ``NotFound``
     (``robot-not-found``), ``Unavailable`` (``reachability-of-another-robot``), ``NotEstimable`` (``plan-time-limit``,
-    ``plan-not-converged``) and other errors of the stages. A whole-body controller that cannot follow the plan is not
-    raised but ``stopped``.
+    ``plan-not-converged``, ``stance-unreachable``) and other errors of the stages. A whole-body controller that cannot
+    follow the plan is not raised but ``stopped``.
     """
     request = task.input
     require_solver(request.solver)
@@ -197,6 +198,7 @@ def plan_motion(
         problem, plan = solve_centroidal(problem, request, tell, change)
         if request.whole_body:
             problem, plan = lower_for_legs(robot, problem, plan, partial(solve, solver=_solver_again(plan)))
+            require_boundary_postures(robot, plan)
         given, sequence = sequence, plan.sequence
 
     watcher.on_plan(robot, sequence)

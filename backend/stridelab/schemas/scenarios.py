@@ -197,14 +197,15 @@ BodyAnswer = Literal["reachable", "unreachable", "not-asked"]
 
 
 class PhaseBody(Contract):
-    """Result of the whole-body inverse kinematics for one phase."""
+    """Result of the whole-body check for one phase: its stance, and the motion through it."""
 
     phase: int
     body: BodyAnswer
     reason: str | None = Field(default=None, description="violated constraint, if unreachable")
     limits: list[str] = Field(
         default_factory=list,
-        description="effector that misses its contact and joints at their limits, or the two links in collision",
+        description="effector that misses its contact and joints at their limits, two links in collision, or what "
+        "limits the motion through the phase",
     )
     link_poses: list[LinkPose] | None = Field(
         default=None,

@@ -21,6 +21,7 @@ swing, which its detour (``control.swing_detour``) makes up for.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -108,6 +109,7 @@ class LegModel:
     rest_m: Vector3
 
     @staticmethod
+    @lru_cache(maxsize=8)
     def of_robot(robot: Robot) -> "LegModel":
         """The model in the robot's reference posture; without legs of at least four joints it is empty."""
         model, data, q = robot.model, robot.model.createData(), robot.q_reference

@@ -114,8 +114,9 @@ async def check_scenario(
     With `body_checked`, the inverse kinematics of the whole body computes a posture for each phase: `phases[].body` is
     `reachable` or `unreachable` (with a `reason`, and `limits` that name the joint or the contact), and `valid` is
     false if a phase is unreachable. `errors` then also names shoes that overlap with each other or come nearer to a
-    step than the certificate allows. Otherwise `phases[].body` is `not-asked`. Reachable stances do not imply a
-    feasible motion, which only a plan shows.
+    step than the certificate allows. Otherwise `phases[].body` is `not-asked`. If all stances are reachable, the body
+    then follows the plan of the changed phases at a reduced rate: a phase that it cannot move through is `unreachable`,
+    too. The full check of a motion is the certificate of a plan.
     """
     validation = await validate_scenario(body, parts.validation_limiter, parts.robots)
     if not body_checked:
