@@ -277,3 +277,34 @@ def test_the_native_solver_has_circular_cones_and_ipopt_pyramids() -> None:
             control = table_4_1.problem_of_column(column, solver).control
             assert isinstance(control, ContactWrench) == (column.control == "u_c")
             assert isinstance(control, CircularCones) == (column.control == "u_f" and solver == "native")
+
+
+def test_a_grid_holds_the_density_and_the_path() -> None:
+    """To three standard deviations where the density is alone, 15 cm beyond the path where that goes farther."""
+    flat = np.ones(1), np.array([[1.0, 2.0]]), np.array([np.diag([0.1**2, 0.2**2])])
+    x, y, density = fig_4_9.density_on_grid(flat, np.array([[1.0, 1.2], [2.0, 2.1]]))
+    assert (x[0], x[-1]) == pytest.approx((1.0 - 3.0 * 0.1, 2.0 + 0.15))
+    assert (y[0], y[-1]) == pytest.approx((1.2 - 0.15, 2.0 + 3.0 * 0.2))
+    assert density.shape == (len(y), len(x))
+    assert len(x) % 2 == 1, "the middle is one of the points"
+    x, y, _ = fig_4_9.density_on_grid(flat, np.array([[0.0, 2.0], [0.5, 3.0]]))
+    assert (x[0], x[-1], y[-1]) == pytest.approx((-0.15, 1.3, 3.15))
+
+
+def test_all_plans_count_for_gaps_and_convergence() -> None:
+    """Invented plans of both solvers: the last but one has the largest gap, another one has not converged."""
+    columns = [(column, solver) for column in table_4_1.COLUMNS for solver in table_4_1.SOLVERS]
+    gaps = [1e-12] * (len(columns) - 2) + [3e-9, 1e-13]
+    times = [
+        table_4_1.TimedColumn(
+            column, solver,
+            Mock(spec=CentroidalPlan, iterations=10, time_s=np.array([0.0, 8.0]), converged=k != 5,
+                 verification=SimpleNamespace(dynamics_gap=gap)),
+            0.5, 0.1,
+        )
+        for k, ((column, solver), gap) in enumerate(zip(columns, gaps, strict=True))
+    ]  # fmt: skip
+    claims = {claim.key: claim for claim in table_4_1.time_claims(times)}
+    assert (claims["gap"].ours, claims["gap"].n) == (3e-9, 24)
+    assert (claims["converged"].ours, claims["converged"].holds_from) == (23.0, 24.0)
+    assert claims["converged"].outcome == "aim_missed"
