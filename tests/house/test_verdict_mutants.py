@@ -93,7 +93,8 @@ def test_tests_that_name_a_constant_of_the_module_are_tried(tmp_path: Path, sour
     (tmp_path / "test_page.py").write_text(source)
     executed = {
         "test_run.py::a": {"seconds": 3.0, "lines": [["module.py", 7]]},
-        "test_page.py::b": {"seconds": 1.0, "lines": []},
+        "test_page.py::b[0.5]": {"seconds": 1.0, "lines": []},
+        "test_page.py::b[1.5]": {"seconds": 1.5, "lines": []},
     }
     tests = ExecutedTests(package, executed)
     assert tests.tests_of("module.py", 2) == [*(["test_page.py::b"] if is_tried else []), "test_run.py::a"]

@@ -33,7 +33,7 @@ class ExecutedTests:
         """Tests that execute the statement at a line; if none does, its function, and then its module.
 
         A statement outside of functions is executed by those that execute a function that reads its names; tests of a
-        file that reads them from the module are added.
+        file that reads them from the module are added, with all their parameters, of which a name may be one.
         """
         path = _path_to(self._trees[file], line)
         functions = [node for node in path if isinstance(node, ast.FunctionDef)]
@@ -41,15 +41,17 @@ class ExecutedTests:
         if not functions:
             names = _assigned_names(path)
             places = self._readers_of(names)
-            readers = {test for test, tree in self._test_trees.items() if _reads_of_module(tree, Path(file).stem, names)}
-            naming = {test for test in self._seconds if test.partition("::")[0] in readers}
+            module = Path(file).stem
+            files = [of for of, tree in self._test_trees.items() if _reads_of_module(tree, module, names)]
+            naming = {test for test in self._seconds if test.partition("::")[0] in files}
         else:
             places = [(file, _own_lines(path[-1])), (file, _body_lines(functions[-1]))]
             places = places[:1] if self._tests_in(places[:1]) else places[1:]
         tests = self._tests_in(places) or self._tests_in(
             [(file, _body_lines(node)) for node in ast.walk(self._trees[file]) if isinstance(node, ast.FunctionDef)]
         )
-        return self._in_order(tests | naming)
+        in_order = self._in_order(tests | naming)
+        return list(dict.fromkeys(test.partition("[")[0] if test in naming else test for test in in_order))
 
     def _tests_in(self, places: Sequence[tuple[str, range]]) -> set[str]:
         return {test for file, lines in places for line in lines for test in self._tests_at.get((file, line), ())}

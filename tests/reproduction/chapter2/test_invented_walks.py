@@ -91,7 +91,9 @@ def test_the_person_drawn_is_closest_to_the_thesis_subject_and_pairs_have_both_s
     assert [(one.walk.person, other.walk.person) for one, other in given["pairs"]] == [("b", "b"), ("c", "c")]
 
 
-def test_the_floor_of_a_standing_person_is_that_of_the_plates_in_use(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_floor_of_a_standing_person_is_that_of_plates_in_use(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     """Plates at 0.02 and 0.06 m, the second tilted by 0.02 m, and one that is not used."""
     (tmp_path / "Static01.c3d").touch()
 
@@ -193,9 +195,9 @@ def test_formulas_are_judged_by_the_sample_that_they_fit_worst(monkeypatch: pyte
     monkeypatch.setattr(fig_2_2, "simulate_trial", lambda *_: SimpleNamespace(truth=truth))
     monkeypatch.setattr(fig_2_2, "render_svg", lambda *_: "")
     monkeypatch.setattr(fig_2_2, "_draw_panels", lambda *_: ())
-    monkeypatch.setattr(fig_2_2, "zmp_of_motion", lambda *of: zmp(*of) + [[0.0, 0.0], [0.0, -1e-3], [0.0, 0.0]])
-    monkeypatch.setattr(fig_2_2, "_predicted_gap", lambda *of: gap(*of) + [0.0, 0.0, 2e-3])
-    monkeypatch.setattr(fig_2_2, "_angle_between", lambda *of: angle(*of) + [0.3, 0.0, 0.0])
+    monkeypatch.setattr(fig_2_2, "zmp_of_motion", lambda *of: zmp(*of) + np.outer([0, 1, 0], [0.0, -1e-3]))
+    monkeypatch.setattr(fig_2_2, "_predicted_gap", lambda *of: gap(*of) + np.array([0.0, 0.0, 2e-3]))
+    monkeypatch.setattr(fig_2_2, "_angle_between", lambda *of: angle(*of) + np.array([0.3, 0.0, 0.0]))
     ours = {claim.key: claim.ours for claim in fig_2_2.run.run(range(1), RisingProgress()).claims}
     assert ours["zmp_2_8_corrected_m"] == pytest.approx(1e-3, abs=1e-9)
     assert ours["theorem_1_m"] == pytest.approx(2e-3, abs=1e-9)

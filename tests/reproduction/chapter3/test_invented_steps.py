@@ -1,6 +1,5 @@
 """Chapter 3 on invented people and steps that lie on both sides of what no recording comes near."""
 
-from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
@@ -67,9 +66,12 @@ def test_a_person_is_curtate_if_all_steps_at_both_speeds_are(monkeypatch: pytest
 def test_successive_steps_change_by_the_mean_of_their_differences() -> None:
     """Of three steps of 1, 2 and 4 s: 1.5 over 7/3; a single step has no change."""
     steps = [invented_fit(duration_s=duration_s) for duration_s in (1.0, 2.0, 4.0)]
-    change = people_path_claims._relative_change(invented_walk("a", *steps), lambda fit: float(fit.duration_s))
-    assert change == pytest.approx(1.5 / (7.0 / 3.0))
-    assert np.isnan(people_path_claims._relative_change(invented_walk("a", steps[0]), lambda fit: float(fit.duration_s)))
+    three, one = (
+        people_path_claims._relative_change(invented_walk("a", *of), lambda fit: float(fit.duration_s))
+        for of in (steps, steps[:1])
+    )
+    assert three == pytest.approx(1.5 / (7.0 / 3.0))
+    assert np.isnan(one)
 
 
 def test_the_largest_error_is_that_of_all_measured_steps() -> None:
@@ -170,7 +172,7 @@ def walks_of_heights(*heights_m: float) -> list[WalkMeans]:
 
 
 @pytest.fixture
-def drawn_adults(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[list[float]]]:
+def drawn_adults(monkeypatch: pytest.MonkeyPatch) -> list[list[float]]:
     """Froude numbers of the adults of each refit, where every model fits."""
     froude: list[list[float]] = []
     fits: list[int] = []
@@ -190,7 +192,7 @@ def drawn_adults(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[list[float]]]
     monkeypatch.setattr(height_people, "_fit_model", fit_model)
     monkeypatch.setattr(height_people, "_predicted_coefficient", predicted)
     monkeypatch.setattr(height_people, "DRAWS", 20)
-    yield froude
+    return froude
 
 
 def test_three_adults_are_enough_and_are_in_every_refit(drawn_adults: list[list[float]]) -> None:

@@ -18,6 +18,7 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.reachability.card import Measure
 from stridelab.reproduction.chapter4 import fig_4_8, fig_4_9, numbers, table_4_1
 from stridelab.reproduction.studies.thesis_experiments import EXPERIMENTS, WALKERS, experiment_problem
+from stridelab.robots.loader import load_robot
 from support.recorded_claims import assert_as_recorded
 
 
@@ -136,11 +137,13 @@ def test_times_in_the_text_are_those_of_an_iteration_for_so_many_seconds(monkeyp
     def solve(problem: CentroidalProblem, solver: str) -> SimpleNamespace:
         problems.append(problem)
         assert solver == numbers.SOLVER
-        return SimpleNamespace(solve_time_s=next(times_s), iterations=10, time_s=np.array([0.0, 20.0]))
+        return SimpleNamespace(solve_time_s=next(times_s), iterations=10, time_s=np.array([0.0, 4.0, 20.0]))
 
     class Horizon:
         def __init__(self, problem: CentroidalProblem, horizon_s: float) -> None:
             assert 2.0 <= horizon_s <= 3.0, "seconds that the thesis names"
+            assert problem.sequence.duration_s == pytest.approx(8.0, abs=0.1), "the first experiment"
+            assert problem.mass_kg == load_robot("hrp2").mass_kg
 
         def iterate_replans(self, _: None) -> Iterator[SimpleNamespace]:
             plan = SimpleNamespace(solver="ipopt")
@@ -150,6 +153,8 @@ def test_times_in_the_text_are_those_of_an_iteration_for_so_many_seconds(monkeyp
     monkeypatch.setattr(numbers, "RecedingHorizon", Horizon)
     claims = {claim.key: claim for claim in numbers._solve_time_claims()}
     assert [isinstance(problem.control, ContactWrench) for problem in problems] == [True] * 3 + [False] * 3
+    assert {problem.mass_kg for problem in problems} == {load_robot("hrp2").mass_kg}
+    assert [problem.sequence.duration_s for problem in problems] == pytest.approx([24.0] * 6, abs=0.1), "stairs"
     assert claims["wrench_25_s"].ours == pytest.approx(25.0 * 1.0 / 10 / 20.0), "least of three"
     assert claims["forces_17_s"].ours == pytest.approx(17.0 * 2.0 / 10 / 20.0)
     assert claims["horizon_hz"].ours == pytest.approx(10.0)
