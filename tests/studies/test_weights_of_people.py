@@ -13,7 +13,14 @@ from stridelab.centroidal.problem import CentroidalProblem, Weights
 from stridelab.errors import NotFound
 from stridelab.reproduction.chapter4 import people_weights
 from stridelab.reproduction.studies import inverse_control
-from stridelab.reproduction.studies.inverse_control import COMPARATORS, FAINT, THESIS, PredictionError, TermWeights
+from stridelab.reproduction.studies.inverse_control import (
+    COMPARATORS,
+    FAINT,
+    GRID,
+    THESIS,
+    PredictionError,
+    TermWeights,
+)
 from stridelab.reproduction.studies.recorded_motions import RecordedMotion
 from support.reproduction_fixtures import RisingProgress
 
@@ -40,6 +47,16 @@ def test_comparators_weigh_what_their_names_say() -> None:
         assert all(getattr(weights, term) <= FAINT for term in TERMS if term != TERMS[k]), name
     printed = (THESIS.com_acceleration, THESIS.momentum_rate, THESIS.likelihood, THESIS.surface_force)
     assert printed == (10.0, 10.0, 1.0, FAINT), "section 4.5.1"
+
+
+def test_candidates_of_a_term_are_half_or_whole_decades_apart() -> None:
+    """Those that leave it out aside; 1, the weight among equal ones, is a candidate of each."""
+    for term in TERMS:
+        decades = np.log10(sorted({getattr(weights, term) for weights in GRID if getattr(weights, term) > FAINT}))
+        assert np.abs(decades).min() == pytest.approx(0.0, abs=1e-9), term
+        apart = np.diff(decades)
+        assert apart == pytest.approx(np.full(len(apart), apart[0] if len(apart) else 0.0)), term
+        assert 2.0 * apart == pytest.approx(np.round(2.0 * apart)), term
 
 
 def test_parts_of_an_error_are_those_of_their_axes() -> None:

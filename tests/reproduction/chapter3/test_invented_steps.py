@@ -64,10 +64,10 @@ def test_a_person_is_curtate_if_all_steps_at_both_speeds_are(monkeypatch: pytest
 
 
 def test_successive_steps_change_by_the_mean_of_their_differences() -> None:
-    """Of three steps of 1, 2 and 4 s: 1.5 over 7/3; a single step has no change."""
-    steps = [invented_fit(duration_s=duration_s) for duration_s in (1.0, 2.0, 4.0)]
+    """Of three numbers, 1, 2 and 4: 1.5 over 7/3; a single step has no change."""
+    steps = [invented_fit(step=SimpleNamespace(end_s=end_s)) for end_s in (1.0, 2.0, 4.0)]
     three, one = (
-        people_path_claims._relative_change(invented_walk("a", *of), lambda fit: float(fit.duration_s))
+        people_path_claims._relative_change(invented_walk("a", *of), lambda fit: fit.step.end_s)
         for of in (steps, steps[:1])
     )
     assert three == pytest.approx(1.5 / (7.0 / 3.0))
