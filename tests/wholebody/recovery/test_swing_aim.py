@@ -72,18 +72,3 @@ def test_a_step_down_passes_the_edge_before_it_comes_down(riser_m: float) -> Non
             assert swing.position_m[2] > riser_m - 0.01
     assert swing.position_m == pytest.approx([-0.3, 0.0, 0.0], abs=0.01)
     assert swing.velocity_m_s[2] == pytest.approx(-0.1, abs=0.05)
-
-
-@pytest.mark.parametrize("height_m", [0.02, 0.05, 0.07])
-def test_a_sole_in_the_air_that_is_to_come_down_at_once_does_so(height_m: float) -> None:
-    """It used to hover for 0.13 s, while each new choice expected it in the time of its fall from there."""
-    swing, T = AimedSwing(np.array([0.0, 0.0, height_m]), np.zeros(3)), float(fall_time_s(height_m, 0.0))
-    swing.clear_m = 0.05
-    expected_s, k = T, 0
-    while swing.position_m[2] > 1e-3 and k < 100:
-        if k % 4 == 0:
-            down_m_s = max(-float(swing.velocity_m_s[2]), 0.0) if swing.landing else 0.0
-            expected_s = max(float(fall_time_s(float(swing.position_m[2]), down_m_s)), expected_s)
-        swing.advance(np.zeros(2), 0.0, expected_s, DT_S)
-        expected_s, k = expected_s - DT_S, k + 1
-    assert k * DT_S < 1.2 * T + 2 * DT_S

@@ -47,9 +47,8 @@ class AimedSwing:
         fall_s = min(max(0.45 * (in_s + self._elapsed_s), 0.08), 0.2)
         up, over_s = float(self.position_m[2]), 0.02
         drop_m = max(self.clear_m, up) - height_m
-        if not self.landing:
-            needed_m = drop_m if drop_m > DROP_M else max(up - height_m, 0.0)
-            fall_s = max(fall_s, float(fall_time_s(needed_m, 0.0)) + dt_s)
+        if not self.landing and drop_m > DROP_M:
+            fall_s = max(fall_s, float(fall_time_s(drop_m, 0.0)))
         if self.clear_m - height_m > DROP_M:
             over_s = EDGE_SHARE * fall_s
         self.landing = self.landing or fall_s >= in_s
