@@ -272,7 +272,8 @@ class MeasuresMember(Contract):
         default=None, description="recordings with the same one calibrate each other's events by markers"
     )
     session_delays: list[EventDelays] = Field(
-        default_factory=list, description="of the session's recordings that are no members, for the same purpose"
+        default_factory=list,
+        description="of the session's recordings that are no members, without the latency of the force",
     )
 
 

@@ -109,7 +109,7 @@ class TrialClock(Contract):
 
 
 class EventDelay(Contract):
-    """How late events by markers are against those of plates; a common latency of the force is not removed."""
+    """How late events by markers are against those of plates; as a fact, with the latency of the force in it."""
 
     late_s: float
     sd_s: float

@@ -51,12 +51,12 @@ class Network:
         if self.server is not None:
             server, self.server = self.server, None
             await stop_listening(server)
-        self.connections.abort()
+        self.connections.abort_all()
 
     async def _connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        await self.connections.carry(self._open, self._carry, self._carry, reader, writer)
+        await self.connections.carry_both_ways(self._open_inside, self._carry, self._carry, reader, writer)
 
-    async def _open(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    async def _open_inside(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         await self.lets_through.wait()
         return await asyncio.open_connection("127.0.0.1", self.port)
 
@@ -81,7 +81,7 @@ def network_to(port: int) -> Iterator[Network]:
             yield network
         finally:
             network.cut()
-            asyncio.run_coroutine_threadsafe(network.connections.end(), loop).result(10)
+            asyncio.run_coroutine_threadsafe(network.connections.end_all(), loop).result(10)
 
 
 @contextlib.contextmanager
@@ -109,7 +109,7 @@ class Connections:
     def __init__(self) -> None:
         self._writers: set[asyncio.StreamWriter] = set()
 
-    async def carry(
+    async def carry_both_ways(
         self, connect: Open, up: Carry, down: Carry, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
         """Carry an accepted connection both ways until both sides are closed."""
@@ -129,15 +129,15 @@ class Connections:
                     await one.wait_closed()
             self._writers -= mine
 
-    def abort(self) -> None:
+    def abort_all(self) -> None:
         """Close every connection at once, whatever it has not sent yet."""
         for writer in list(self._writers):
             writer.transport.abort()
 
-    async def end(self) -> None:
+    async def end_all(self) -> None:
         """Abort until all tasks have ended by themselves: one that is cancelled before it begins closes nothing."""
         while others := asyncio.all_tasks() - {asyncio.current_task()}:
-            self.abort()
+            self.abort_all()
             await asyncio.wait(others, timeout=0.02)
 
 

@@ -119,7 +119,7 @@ def metered(port: int) -> Iterator[Meter]:
     async def through(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         wire = Wire()
         meter.wires.append(wire)
-        await connections.carry(
+        await connections.carry_both_ways(
             lambda: asyncio.open_connection("127.0.0.1", port),
             lambda source, sink: _carry(source, sink, wire, meter),
             lambda source, sink: _carry(source, sink, wire, None),
@@ -130,10 +130,10 @@ def metered(port: int) -> Iterator[Meter]:
     async def listen() -> asyncio.Server:
         return await asyncio.start_server(through, "127.0.0.1", 0)
 
-    async def end() -> None:
+    async def end_meter() -> None:
         await stop_listening(server)
         meter.up_at_most = None
-        await connections.end()
+        await connections.end_all()
 
     with loop_in_thread() as loop:
         server = asyncio.run_coroutine_threadsafe(listen(), loop).result(10)
@@ -141,7 +141,7 @@ def metered(port: int) -> Iterator[Meter]:
             meter.url = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
             yield meter
         finally:
-            asyncio.run_coroutine_threadsafe(end(), loop).result(10)
+            asyncio.run_coroutine_threadsafe(end_meter(), loop).result(10)
 
 
 async def _carry(source: asyncio.StreamReader, sink: asyncio.StreamWriter, wire: Wire, up: Meter | None) -> None:

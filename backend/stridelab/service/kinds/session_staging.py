@@ -46,10 +46,11 @@ def session_delays(row: Row, others: Sequence[Row], latency_s: float | None) -> 
     equipment = equipment_key(RecordingFacts.model_validate(row["facts"]))
     delays = []
     for facts in {one["sha256"]: RecordingFacts.model_validate(one["facts"]) for one in others}.values():
-        own_s = 0.0 if facts.clock is None else facts.clock.latency_s
-        late_s = own_s if latency_s is None or equipment_key(facts) != equipment else latency_s
+        force_late_s = latency_s
+        if force_late_s is None or equipment_key(facts) != equipment:
+            force_late_s = 0.0 if facts.clock is None else facts.clock.latency_s
         strike, lift_off = (
-            None if one is None else one.model_copy(update={"late_s": one.late_s + late_s})
+            None if one is None else one.model_copy(update={"late_s": one.late_s + force_late_s})
             for one in (facts.event_delays.strike, facts.event_delays.lift_off)
         )
         delays.append(EventDelays(strike=strike, lift_off=lift_off))
