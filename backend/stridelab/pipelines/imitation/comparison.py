@@ -93,14 +93,6 @@ def compared_curves(person: Walker, robot: Walker, ratio: float) -> dict[str, np
     return columns
 
 
-def mean_wheel(fits: Sequence[StepFit]) -> tuple[float, float, float] | None:
-    """Means of R, r and z0 over the fits; None without any."""
-    if not fits:
-        return None
-    R, r, z0 = np.mean([[f.path.wheel.R_m, f.path.wheel.r_m, f.path.wheel.z0_m] for f in fits], axis=0).tolist()
-    return R, r, z0
-
-
 def _values(walker: Walker) -> dict[str, tuple[str, list[float]]]:
     """Unit and values per step of every quantity."""
     values: dict[str, tuple[str, list[float]]] = {}
