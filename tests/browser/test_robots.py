@@ -102,7 +102,7 @@ def choose_an_installed_robot(page: Page) -> None:
     for part in (b'name="package"\r\n\r\narms-data', b'name="description"\r\n\r\na/Two_Arms.urdf'):
         assert part in sent[0]
     assert b'name="file"' not in sent[0]
-    page.get_by_label("or of an installed package").select_option("a file of mine")
+    page.get_by_label("or of an installed package").select_option("none")
     expect(page.get_by_label("File", exact=True)).to_be_enabled()
     page.unroute("**/api/v1/robots")
     page.unroute("**/api/v1/robots/packages")
