@@ -86,6 +86,12 @@ def test_a_robot_of_an_installed_package_is_added_by_its_name(tmp_path: Path) ->
     assert '"title" = "alexander_v1.lowerBodyOnly of example-robot-data 5.' in card
 
 
+def test_without_a_file_the_name_is_needed(tmp_path: Path) -> None:
+    refused = CliRunner().invoke(app, ["add-robot", "--robots", str(tmp_path / "own")])
+    assert refused.exit_code not in (0, 1)
+    assert "--name: missing" in refused.output
+
+
 @pytest.mark.parametrize(
     ("named", "words"),
     [

@@ -101,7 +101,7 @@ def add_robot(
         str,
         typer.Option(
             "--name",
-            help="Name of the robot: small letters, digits and hyphens; one of a package has the name of its file.",
+            help="Name of the robot: small letters, digits and hyphens; that of its file if omitted.",
         ),
     ] = "",
     listing: Annotated[
@@ -131,11 +131,12 @@ def add_robot(
         show_packages()
         return
     installed = None if file is None or file.is_file() else _find_installed(file.as_posix(), description)
-    if installed is not None:
-        name = name or re.sub(r"[^a-z0-9]+", "-", installed[1].stem.lower()).strip("-")
-    request = validate_options(CommissionRobotInput, {"robot": name, "samples": samples, "search_s": search_s})
+    if file is not None:
+        name = name or re.sub(r"[^a-z0-9]+", "-", (file if installed is None else installed[1]).stem.lower()).strip("-")
     if not re.fullmatch(NAME_PATTERN, name):
-        raise InvalidInput("invalid-request", "The robot's name is invalid.", [Fault("name", "invalid")])
+        fault = Fault("--name", "invalid" if name else "missing")
+        raise InvalidInput("invalid-request", "A robot's name has 2 to 40 small letters, digits and hyphens.", [fault])
+    request = validate_options(CommissionRobotInput, {"robot": name, "samples": samples, "search_s": search_s})
     own = robots / "robots"
     if file is None:
         if not (own / f"{name}.toml").is_file():
