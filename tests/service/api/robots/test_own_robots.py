@@ -178,56 +178,6 @@ def test_an_mjcf_file_gives_the_card_of_its_urdf(http: httpx.Client, small: dict
     assert refused["errors"] == [{"where": "/etc/passwd", "message": "the zip has no such mesh"}]
 
 
-def send_form(http: httpx.Client, **fields: str) -> httpx.Response:
-    parts = {name: (None, value) for name, value in fields.items()}
-    return http.post(ROBOTS, files=parts, timeout=300.0)
-
-
-def test_a_robot_of_an_installed_package_is_added_by_its_name(http: httpx.Client) -> None:
-    listed = {one["package"]: one for one in http.get(f"{ROBOTS}/packages", timeout=120.0).json()["items"]}
-    legs = "alexander_description/urdf/alexander_v1.lowerBodyOnly.urdf"
-    assert legs in listed["example-robot-data"]["descriptions"]
-    answer = send_form(http, name="legs", package="example-robot-data", description=legs)
-    assert answer.status_code == 201, answer.text
-    own = answer.json()
-    assert own["card"]["title"] == own["filename"].removesuffix(".zip")
-    assert own["filename"].startswith("alexander_v1.lowerBodyOnly of example-robot-data 5.")
-    assert own["card"]["effectors"].keys() == {"left_foot", "right_foot"}
-    assert http.get(f"{ROBOTS}/legs/links", timeout=60.0).content.startswith(b"glTF")
-
-
-@pytest.mark.parametrize(
-    ("fields", "code", "words"),
-    [
-        ({"package": "example-robot-dat"}, "robot-package-unknown", "the nearest is example-robot-data"),
-        ({"package": "../../etc"}, "robot-package-unknown", "the nearest is"),
-        (
-            {"package": "example-robot-data", "description": "/etc/passwd"},
-            "robot-description-missing",
-            "no description of a robot whose path ends with '/etc/passwd'",
-        ),
-        ({"package": "example-robot-data"}, "robot-several-descriptions", "choose one"),
-        ({"package": "example-robot-data", "description": "go2"}, "robot-not-humanoid", ""),
-        ({}, "file-missing", "The form has no field 'file'"),
-    ],
-    ids=["nearest", "path", "description", "several", "quadruped", "neither"],
-)
-def test_a_name_that_is_not_installed_is_refused(
-    http: httpx.Client, fields: dict[str, str], code: str, words: str
-) -> None:
-    problem = problem_of(send_form(http, name="legs", **fields), 422)
-    assert problem["code"] == code, problem
-    assert words in problem["detail"]
-    assert http.get(f"{ROBOTS}/legs/card").status_code == 404
-
-
-def test_a_form_has_a_file_or_a_package(http: httpx.Client) -> None:
-    both = send(http, archive({"small.urdf": Humanoid().urdf()}), "other", package="example-robot-data")
-    assert refusal_code(both) == (422, "invalid-request")
-    reserved = send(http, archive({"small.urdf": Humanoid().urdf()}), "packages")
-    assert refusal_code(reserved) == (409, "robot-name-taken")
-
-
 def actions(service: Served) -> list[str]:
     async def read() -> list[str]:
         async with service.parts.engine.connect() as connection:
