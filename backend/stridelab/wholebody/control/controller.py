@@ -98,7 +98,8 @@ class ControllerRun:
     """State of one run, sample by sample; ``times`` (s) are those of the samples.
 
     ``span`` are the first and the last phase that are followed, by default all. A run that begins later than the first
-    phase starts from a posture on the contacts there, at the speed of the plan.
+    phase starts from a posture on the contacts there, at the speed of the plan. Raises ``InvalidInput``
+    (``sample-time``) if they are shorter than one sample.
     """
 
     def __init__(
