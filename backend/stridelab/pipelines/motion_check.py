@@ -26,7 +26,7 @@ from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.contacts.terrain import Terrain
-from stridelab.errors import NotEstimable, StridelabError
+from stridelab.errors import InvalidInput, NotEstimable, StridelabError
 from stridelab.pipelines.plan_problem import control_of
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.part_names import part_words
@@ -171,7 +171,10 @@ class MotionCheck:
             yield NotEstimable("plan-not-converged", plan.status)
             return
         yield None
-        yield lower_for_legs(robot, problem, plan, partial(solve, solver="native"))[1]
+        try:
+            yield lower_for_legs(robot, problem, plan, partial(solve, solver="native"))[1]
+        except InvalidInput as error:  # a foot that lifts off and lands nowhere, which plan-motion refuses as well
+            yield error
 
     def _first_fault(
         self, sequence: ContactSequence, motion: WholeBodyMotion, new: slice

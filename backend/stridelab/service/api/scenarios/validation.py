@@ -73,7 +73,10 @@ def validate_sync(scenario: Scenario, own_shapes: Mapping[str, Any] | None = Non
         _robot_effectors(scenario.robot, own_shapes)
     except StridelabError as error:  # unknown robot or invalid card
         return _invalid_check(scenario, FaultItem(where="robot", message=error.message))
-    return _cached_check(scenario.model_dump_json(), None if own_shapes is None else json.dumps(own_shapes))
+    fields = set(Scenario.model_fields)  # a stored scenario has more
+    return _cached_check(
+        scenario.model_dump_json(include=fields), None if own_shapes is None else json.dumps(own_shapes)
+    )
 
 
 @lru_cache(maxsize=CACHE_SIZE)
