@@ -120,3 +120,11 @@ def test_a_run_from_a_later_phase_starts_on_its_contacts_at_the_speed_of_the_pla
     np.testing.assert_allclose(late.com_v_m_s[0], late.com_v_reference_m_s[0], atol=1e-3)
     at = np.searchsorted(whole.time_s, late.time_s[-1] - 1e-6)
     assert np.abs(late.q[-1][7:] - whole.q[at][7:]).max() < 0.1, "the posture is that of the whole run in the end"
+
+
+def test_a_part_that_would_begin_in_a_swing_begins_before_it(check: MotionCheck) -> None:
+    scenario = walk()
+    results_of(check, scenario)
+    scenario["phases"][-1]["duration_s"] += 0.1
+    assert len(scenario["phases"]) % 2 == 1, "two phases before the one next to the last, a foot swings"
+    assert all(result.passed for result in results_of(check, scenario).values())
