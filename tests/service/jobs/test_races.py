@@ -102,6 +102,27 @@ def test_a_job_taken_from_a_living_worker_costs_an_attempt_and_no_job(
     with_consumers(2, act)
 
 
+def test_a_clock_that_jumps_after_the_heartbeat_of_the_reaper_loses_nothing(
+    database_url: str, with_consumers: Callable[[int, Work], None]
+) -> None:
+    """Between its heartbeat and its query, all heartbeats become old; a worker that is not registered is lost still."""
+
+    async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
+        reaper, other, removed = consumers
+        for number in range(3):
+            await store.submit("work", {"n": number})
+        _, _, orphan = [await take(one) for one in consumers]
+        assert orphan is not None
+        with psycopg.connect(database_url) as connection:
+            connection.execute("DELETE FROM worker WHERE id = %s", (removed.worker_id,))
+        await asyncio.gather(*(one.send_heartbeat() for one in (reaper, other)))
+        await asyncio.to_thread(shift, database_url, 3600.0)
+        assert await attempts.requeue_lost(STALL_S, reaper.worker_id) == [orphan.job_id]
+        assert len(await attempts.requeue_lost(STALL_S)) == 2, "without the reaper's own heartbeat as a witness"
+
+    with_consumers(3, act)
+
+
 def test_a_clock_that_jumps_back_loses_nothing(database_url: str, with_consumers: Callable[[int, Work], None]) -> None:
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
         await store.submit("work", {})

@@ -29,7 +29,9 @@ _LOST = text(
     SELECT job.* FROM job
      WHERE state = 'running'
        AND NOT EXISTS (SELECT 1 FROM worker WHERE worker.id = job.worker_id
-                          AND last_heartbeat >= now() - make_interval(secs => :silent_s))
+                          AND (last_heartbeat >= now() - make_interval(secs => :silent_s) OR EXISTS (
+                              SELECT 1 FROM worker AS reaper WHERE reaper.id = CAST(:reaper AS bigint)
+                                 AND reaper.last_heartbeat < now() - make_interval(secs => :silent_s / 2))))
      ORDER BY created_at LIMIT 100 FOR UPDATE SKIP LOCKED
     """
 )
@@ -161,18 +163,20 @@ class AttemptStore:
             values = {"returned": 0 if counts else 1, "message": message}
             return await _apply_change(connection, _WAIT_AGAIN, attempt, values)
 
-    async def requeue_lost(self, silent_s: float | None) -> list[str]:
+    async def requeue_lost(self, silent_s: float | None, reaper: int | None = None) -> list[str]:
         """Queue lost jobs again; returns their ids.
 
         A running job is lost if its worker is not registered or, with ``silent_s``, has sent no heartbeat for that
-        long. A job that was started too often fails instead.
+        long. A job that was started too often fails instead. ``reaper`` is the worker that calls and has just sent its
+        own heartbeat: if that is old, the clock of the database has jumped since, and no worker is silent.
         """
         async with self._engine.begin() as connection:
             if not (await connection.execute(select(func.pg_try_advisory_xact_lock(locks.REAPER)))).scalar_one():
                 return []
             await connection.execute(_FROM_THE_FUTURE)
             never = 10.0 * 365 * 86400
-            lost = await connection.execute(_LOST, {"silent_s": never if silent_s is None else silent_s})
+            limits = {"silent_s": never if silent_s is None else silent_s, "reaper": reaper}
+            lost = await connection.execute(_LOST, limits)
             attempts = [Attempt(row["id"], row["attempt"], row["kind"], dict(row)) for row in lost.mappings()]
             for attempt in attempts:
                 await _apply_change(connection, *self._end_of_lost(attempt))

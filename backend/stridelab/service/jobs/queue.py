@@ -119,7 +119,8 @@ class QueueConsumer:
 
     def __init__(self, url: str) -> None:
         self._engine = make_engine(url, pool_size=2, planner=_PLANNER, autocommit=True)
-        self._worker: int | None = None
+        self.worker_id: int | None = None
+        """Its row in the database; None before the first heartbeat."""
         self._held: set[tuple[str, int]] = set()
         self._checked_at_s: dict[tuple[Lane, ...], float] = {}
         """When ``_UNANSWERED`` last returned nothing."""
@@ -136,11 +137,11 @@ class QueueConsumer:
         Registers the worker, and returns 0, if it is not registered (any more).
         """
         async with self._registering, self._engine.connect() as connection:
-            if self._worker is not None:
-                silent_s = (await connection.execute(_BEAT, {"worker": self._worker})).scalar_one_or_none()
+            if self.worker_id is not None:
+                silent_s = (await connection.execute(_BEAT, {"worker": self.worker_id})).scalar_one_or_none()
                 if silent_s is not None:
                     return float(silent_s)
-            self._worker = (await connection.execute(insert(worker).returning(worker.c.id))).scalar_one()
+            self.worker_id = (await connection.execute(insert(worker).returning(worker.c.id))).scalar_one()
             return 0.0
 
     async def claim_attempt(self, lanes: Sequence[Lane]) -> Attempt | None:
@@ -149,9 +150,9 @@ class QueueConsumer:
         Safe to repeat after a connection broke: a job that was started without an answer is returned first.
         """
         async with self._claiming:
-            if self._worker is None:
+            if self.worker_id is None:
                 await self.send_heartbeat()
-            mine = {"worker": self._worker, "lanes": list(lanes)}
+            mine = {"worker": self.worker_id, "lanes": list(lanes)}
             row, now_s, key = None, time.monotonic(), tuple(lanes)
             try:
                 async with self._engine.connect() as connection:
@@ -178,7 +179,7 @@ class QueueConsumer:
 
     async def unregister_worker(self) -> None:
         """Unregister this worker; jobs that it still runs become lost."""
-        if self._worker is not None:
+        if self.worker_id is not None:
             async with self._engine.connect() as connection:
-                await connection.execute(delete(worker).where(worker.c.id == self._worker))
-            self._worker = None
+                await connection.execute(delete(worker).where(worker.c.id == self.worker_id))
+            self.worker_id = None

@@ -201,7 +201,8 @@ class Worker:
                 since = self._heartbeats_valid_since
                 # after an outage all heartbeats are old: wait until every worker had time to send one
                 heard_all = since is not None and time.monotonic() - since > 2 * self._limits.heartbeat_s
-                lost = await self._attempts.requeue_lost(self._limits.stall_s if heard_all else None)
+                silent_s = self._limits.stall_s if heard_all else None
+                lost = await self._attempts.requeue_lost(silent_s, self._consumer.worker_id)
             except DATABASE_UNAVAILABLE:
                 self._mark_database_unavailable()
                 continue
