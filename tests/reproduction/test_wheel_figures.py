@@ -72,17 +72,10 @@ def test_at_both_crossings_the_body_is_as_high_as_the_hub(found):
     assert claim(result, "double_pair").ours == 1.0
 
 
-@pytest.mark.parametrize("name", ["fig-3.3", "fig-3.5", "fig-3.10", "numbers-3", "fig-4.2", "fig-4.4"])
+@pytest.mark.parametrize("name", ["fig-3.3", "fig-3.4", "fig-3.5", "fig-3.10", "numbers-3", "fig-4.2", "fig-4.4"])
 def test_another_seed_gives_the_same_verdicts(name):
     outcomes = [
         {c.key: c.outcome for c in reproduce_item(name, None, lambda _fraction, _message: None, seed).claims}
         for seed in (0, 1000)
     ]
     assert outcomes[0] == outcomes[1]
-
-
-def test_the_page_says_that_the_largest_error_of_an_event_depends_on_the_walk(found):
-    other = reproduce_item("fig-3.4", None, lambda _fraction, _message: None, 1000)
-    timing = claim(other, "timing_error_s")
-    assert timing.outcome == "aim_missed"
-    assert f"with seed 1000 it is {1e3 * timing.ours:.0f} ms" in claim(found["fig-3.4"], "timing_error_s").note

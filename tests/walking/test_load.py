@@ -39,6 +39,29 @@ def test_a_steep_load_is_no_dead_band() -> None:
     assert begins_s == pytest.approx(start_s + 20.0 / rise_n_s, abs=1e-6)
 
 
+@pytest.mark.parametrize("noise_n", [2.0, 5.0, 9.0])
+def test_noise_of_the_plate_begins_and_ends_no_contact(noise_n: float) -> None:
+    """At 5 N one sample in 30 ms of forty exceeds 20 N, at 9 N one of eight of them all."""
+    errors_s = []
+    for seed in range(40):
+        noisy = plate()
+        noisy.force_n[:] += np.random.default_rng(seed).normal(0.0, noise_n, noisy.force_n.shape)
+        ((start_s, end_s),) = contact_intervals(noisy, RATE_HZ)
+        assert start_s is not None
+        assert end_s is not None
+        errors_s += [start_s - START_S - 20.0 / SLOPES_N_S[0], end_s - END_S + 20.0 / SLOPES_N_S[1]]
+    assert np.abs(errors_s).max() < 0.006
+
+
+def test_a_light_foot_is_no_noise() -> None:
+    """Up to 35 N for 20 ms before the heel loads, with a pause of 5 ms: the empty plate has 5 N."""
+    light = plate()
+    light.force_n[265:299, 2] = np.linspace(0.0, 35.0, 34)
+    light.force_n[:200, 0] = 5.0
+    ((start_s, _),) = contact_intervals(light, RATE_HZ)
+    assert start_s == pytest.approx(0.265 + 34 * 20.0 / 35.0 / RATE_HZ, abs=0.001)
+
+
 @pytest.mark.parametrize("dead_band_n", [35.0, 53.0, 80.0])
 def test_behind_a_dead_band_the_time_of_zero_load_is_extrapolated(dead_band_n: float) -> None:
     ((start_s, end_s),) = contact_intervals(plate(dead_band_n=dead_band_n), RATE_HZ)

@@ -323,7 +323,7 @@ def _shift_contact(contact: Contact, kind: EventKind, late: tuple[float, float] 
 DEAD_BAND: Final = 1.5
 """A contact is cut by a dead band if its first (last) sample exceeds this multiple of the threshold."""
 QUIET_SHARE: Final = 0.25
-"""Load before a dead band ends, over the threshold: above it the load rises steeply, and nothing is cut off."""
+"""Load inside a dead band, over the threshold: above it the load rises or falls steeply, and nothing is cut off."""
 RISE_S, FALL_S = 0.005, 0.01
 """Durations of the linear fits: a heel loads faster than toes unload."""
 MAX_BEFORE_S, MAX_AFTER_S = 0.02, 0.03
@@ -363,7 +363,8 @@ def _lift_off_s(load: Series, last: int, threshold_n: float, rate_hz: float) -> 
     Toes unload slowly, so that noise loads the plate again for a while: the last sample above the threshold is late. A
     line through the samples around it crosses the threshold without this bias.
     """
-    beyond_s = _beyond_s(load[last::-1], threshold_n, rate_hz, FALL_S, MAX_AFTER_S)
+    quiet = load[last + 1] < QUIET_SHARE * threshold_n
+    beyond_s = _beyond_s(load[last::-1], threshold_n, rate_hz, FALL_S, MAX_AFTER_S) if quiet else 0.0
     around = max(2, round(CROSSING_S * rate_hz))
     near = load[max(0, last - around) : last + around + 1]
     if beyond_s > 0.0 or len(near) < 2 * around + 1:

@@ -46,8 +46,8 @@ DIMENSION: Final = 5
 """Dimension of the section of a wrench cone."""
 CLOUDS: Final = 10
 POINTS: Final = 20
-SETS: Final = 20
-"""Random contact sets per number of bodies."""
+SETS: Final = 1000
+"""Random contact sets per number of bodies; with 2 bodies, half of them have some 50 facets and half some 140."""
 FACETS: Final = {2: (50.0, "about 50"), 3: (100.0, "more than 100")}
 KINDS: Final = ("general", "symmetric")
 """Clouds of points: any, and with the opposite of each point."""
