@@ -136,9 +136,8 @@ claim cannot hold as stated; and *undecided* if the 95 % interval is neither ins
 interval: an interval) on the other side overturns a verdict. The bounds of the range are the *thesis'* printed number,
 follow from *its words* without a number of ours (a sign, an order, equality up to rounding or sampling error), or are
 *our aim*: with another aim of the reader's the verdict may change, so none of these says *thesis in error*. *our aim:
-reached* and *missed* stand on claims that the thesis does not make, and on the number alone: where the interval beside
-it crosses the bound, other cases may miss the aim. The last column says what our number is computed
-from: *simulated* (models and simulated recordings), *replayed* (motions carried out in a physics simulation), *people*
+reached*, *undecided* and *missed* stand on claims that the thesis does not make. The last column says what our number
+is computed from: *simulated* (models and simulated recordings), *replayed* (motions carried out in a physics simulation), *people*
 (recordings of people) or *external* (numbers published by others); n is the number of cases behind it (draws, steps,
 people, contact sets, plans).
 

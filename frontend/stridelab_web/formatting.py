@@ -213,6 +213,7 @@ _VERDICTS = {
     "thesis_in_error": "cannot hold as printed",
     "undecided": "undecided",
     "aim_reached": "our aim: reached",
+    "aim_undecided": "our aim: undecided",
     "aim_missed": "our aim: missed",
 }
 KINDS = {

@@ -276,15 +276,18 @@ def test_the_page_of_the_book_has_the_same_numbers() -> None:
 
 def test_an_aim_of_ours_is_counted_and_printed_apart_from_the_verdicts_on_the_thesis() -> None:
     aims = [target(key, ours, "1", at_most=1.0).says(key) for key, ours in (("reached", 0.5), ("missed", 2.0))]
+    aims.append(target("open", 0.5, "1", at_most=1.0).says("open", interval=(0.2, 1.1)))
     both = replace(COMPUTED, claims=(*COMPUTED.claims, *aims))
     assert count_outcomes(both.claims) == {
-        "not_met": 0, "thesis_in_error": 1, "undecided": 0, "met": 1, "beaten": 0, "aim_missed": 1, "aim_reached": 1,
+        "not_met": 0, "thesis_in_error": 1, "undecided": 0, "met": 1, "beaten": 0, "aim_missed": 1, "aim_undecided": 1,
+        "aim_reached": 1,
     }  # fmt: skip
     assert both.verdict == "thesis_in_error", "the missed aim weighs nothing beside a verdict on the thesis"
     assert replace(COMPUTED, claims=tuple(aims)).verdict == "not_met"
     text = render_markdown("", [replace(SECTIONS[0], result=both.with_basis("simulated", 1))])
     assert "| reached | ours | aim ≤ 1 | ≤ 1 (our aim) | 0.5 | our aim: reached |" in text
     assert "| missed | ours | aim ≤ 1 | ≤ 1 (our aim) | 2 | our aim: missed |" in text
+    assert "| open | ours | aim ≤ 1 | ≤ 1 (our aim) | 0.5 | our aim: undecided |" in text
 
 
 def test_what_is_better_than_claimed_is_not_printed_as_met() -> None:

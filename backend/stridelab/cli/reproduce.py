@@ -29,7 +29,13 @@ from stridelab.service.kinds.provenance import software_versions
 from stridelab.service.local_runs import cannot_write, validate_options, write_file
 
 CLAIM_FIELDS: Final = {field.name for field in fields(Claim)}
-COLOURS: Final = {"not_met": "red", "aim_missed": "red", "thesis_in_error": "yellow", "undecided": "yellow"}
+COLOURS: Final = {
+    "not_met": "red",
+    "aim_missed": "red",
+    "thesis_in_error": "yellow",
+    "undecided": "yellow",
+    "aim_undecided": "yellow",
+}
 """Colours of the outcomes; green without an entry."""
 OUTCOME_MARKUP: Final = {code: f"[{COLOURS.get(code, 'green')}]{text}[/]" for code, text in WORDS.items()}
 

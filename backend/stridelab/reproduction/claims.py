@@ -13,8 +13,10 @@ from stridelab.conventions import Progress
 Verdict = Literal["met", "beaten", "not_met", "thesis_in_error", "undecided"]
 VERDICTS: Final[tuple[Verdict, ...]] = ("not_met", "thesis_in_error", "undecided", "met", "beaten")
 """Verdicts in order of decreasing importance; the first one present is the verdict of an item."""
-Outcome = Literal["not_met", "thesis_in_error", "undecided", "met", "beaten", "aim_missed", "aim_reached"]
-OUTCOMES: Final[tuple[Outcome, ...]] = (*VERDICTS, "aim_missed", "aim_reached")
+Outcome = Literal[
+    "not_met", "thesis_in_error", "undecided", "met", "beaten", "aim_missed", "aim_undecided", "aim_reached"
+]
+OUTCOMES: Final[tuple[Outcome, ...]] = (*VERDICTS, "aim_missed", "aim_undecided", "aim_reached")
 """Verdicts on the thesis, then what became of our own aims, which are no verdicts on the thesis."""
 WORDS: Final[dict[Outcome, str]] = {
     "met": "met",
@@ -23,6 +25,7 @@ WORDS: Final[dict[Outcome, str]] = {
     "thesis_in_error": "thesis in error",
     "undecided": "undecided",
     "aim_reached": "our aim: reached",
+    "aim_undecided": "our aim: undecided",
     "aim_missed": "our aim: missed",
 }
 Evidence = Literal["simulated", "replayed", "people", "external"]
@@ -40,6 +43,13 @@ standard errors); there is one case; one sample of fixed size, of which a statis
 
 Column = np.ndarray
 """One column of a table: numbers or strings, one per row."""
+
+
+def outcome_of_aim(verdict: Verdict) -> Outcome:
+    """Whether an aim of this project is reached, by the verdict on it."""
+    if verdict == "undecided":
+        return "aim_undecided"
+    return "aim_reached" if verdict in ("met", "beaten") else "aim_missed"
 
 
 @dataclass(frozen=True)
@@ -87,9 +97,7 @@ class Claim:
     @property
     def outcome(self) -> Outcome:
         """The verdict on the thesis, or whether our own aim is reached."""
-        if not self.aim:
-            return self.verdict
-        return "aim_reached" if self.verdict in ("met", "beaten") else "aim_missed"
+        return outcome_of_aim(self.verdict) if self.aim else self.verdict
 
 
 @dataclass(frozen=True)
@@ -318,7 +326,7 @@ class Measured:
             self.thesis,
             self.ours,
             self.unit,
-            holds.verdict(self.ours, None if self.aim else basis.get("interval")),
+            holds.verdict(self.ours, basis.get("interval")),
             note,
             aim=self.aim,
             holds_from=holds.low,

@@ -44,11 +44,13 @@ ReproductionItem = Literal[
 Verdict = Literal["met", "beaten", "not_met", "thesis_in_error", "undecided"]
 """``met``: agrees with the thesis; ``beaten``: better than the thesis; ``not_met``: neither; ``undecided``: the claim
 holds in a part of our interval only; of a claim with ``aim``,
-``beaten`` and ``not_met`` say whether an aim of this project is reached, and nothing on the thesis."""
+``beaten``, ``not_met`` and ``undecided`` say whether an aim of this project is reached, and nothing on the thesis."""
 Evidence = Literal["simulated", "replayed", "people", "external"]
 Threshold = Literal["thesis", "words", "ours"]
 NoInterval = Literal["deterministic", "in_claim", "one_case", "one_sample", "machine_time"]
-Outcome = Literal["not_met", "thesis_in_error", "undecided", "met", "beaten", "aim_missed", "aim_reached"]
+Outcome = Literal[
+    "not_met", "thesis_in_error", "undecided", "met", "beaten", "aim_missed", "aim_undecided", "aim_reached"
+]
 ITEMS_WITH_DRAWS: Final = frozenset(
     [
         "fig-2.6",
@@ -112,6 +114,12 @@ class ReproduceInput(Contract):
         return self
 
 
+def _outcome_of_aim(verdict: Verdict) -> Outcome:
+    if verdict == "undecided":
+        return "aim_undecided"
+    return "aim_reached" if verdict in ("met", "beaten") else "aim_missed"
+
+
 class ClaimResult(Contract):
     """One claim of the thesis: the statement, its value in the thesis and here, and the verdict."""
 
@@ -159,9 +167,7 @@ class ClaimResult(Contract):
     @property
     def outcome(self) -> Outcome:
         """The verdict on the thesis, or whether our own aim is reached."""
-        if not self.aim:
-            return self.verdict
-        return "aim_reached" if self.verdict in ("met", "beaten") else "aim_missed"
+        return _outcome_of_aim(self.verdict) if self.aim else self.verdict
 
 
 class ReproduceSummary(Contract):
@@ -182,9 +188,7 @@ class ReproduceSummary(Contract):
     @property
     def outcome(self) -> Outcome:
         """The verdict; of an item with nothing but aims of this project, whether all are reached."""
-        if not all(claim.aim for claim in self.claims):
-            return self.verdict
-        return "aim_reached" if self.verdict in ("met", "beaten") else "aim_missed"
+        return _outcome_of_aim(self.verdict) if all(claim.aim for claim in self.claims) else self.verdict
 
     @model_validator(mode="before")
     @classmethod

@@ -43,6 +43,7 @@ _OUTCOMES: Final[Mapping[str, Outcome]] = {
     "thesis in error": "thesis_in_error",
     "our aim: reached": "aim_reached",
     "our aim: missed": "aim_missed",
+    "our aim: undecided": "aim_undecided",
     "undecided": "undecided",
 }
 """Outcomes by their words in the book."""

@@ -15,7 +15,7 @@ from stridelab.estimation.smoother import Smoother
 from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target
 from stridelab.reproduction.common.estimator_errors import GAITS, as_columns, rms
 from stridelab.reproduction.common.estimators import NAMES, SMOOTHER, study_estimators, true_noise_priors
-from stridelab.reproduction.common.intervals import resampled_interval, share_interval
+from stridelab.reproduction.common.intervals import resampled_interval
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
 from stridelab.simulation.robot.gait_plan import WALKS, GaitName
@@ -171,5 +171,5 @@ def _short_window_claim(gait: GaitName, seeds: range) -> Claim:
     refusals = [_rejection_code(_random_excerpt(gait, CLAIM_NOISE, seed, 0, force_s)) for seed in seeds]
     refused = refusals.count("window-too-short")
     return target(f"{gait}_refused", refused / len(seeds), "1", at_least=1.0).says(
-        f"{gait} gait: {TOO_SHORT_S} s of force are rejected", interval=share_interval(refused, len(seeds))
+        f"{gait} gait: {TOO_SHORT_S} s of force are rejected", cases_inside=refused
     )

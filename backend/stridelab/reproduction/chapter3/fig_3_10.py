@@ -6,7 +6,6 @@ import numpy as np
 
 from stridelab.conventions import Progress
 from stridelab.reproduction.claims import Reproduction, reproduces, target
-from stridelab.reproduction.common.intervals import share_interval
 from stridelab.reproduction.common.simulated_steps import NOTE, SimulatedSteps, simulated_steps
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 from stridelab.walking.double_support import double_support_of_wheel
@@ -43,7 +42,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
             f"Predicted minus planned: {1e3 * start:+.0f} ms (start) and {1e3 * end:+.0f} ms (end); the crossings "
             f"enclose {enclosed:.1f} double supports, because with uniform rotation the point is below the hub for "
             "half of every step. The height is a cosine by construction: people are in fig-3.10-people.",
-            interval=share_interval(int(pairs.sum()), len(pairs)),
+            cases_inside=int(pairs.sum()),
         ),
     )
     return Reproduction(

@@ -44,7 +44,7 @@ def holds_text(claim: Claim) -> str:
 def overturned_by(claim: Claim) -> str:
     """What would overturn the verdict, as a sentence."""
     bounds = holds_text(claim).rpartition(" (")[0]
-    what = "number" if claim.interval is None or claim.aim else "95 % interval"
+    what = "number" if claim.interval is None else "95 % interval"
     if claim.verdict == "undecided":
         return f"Decided by an interval inside or outside {bounds}."
     return f"Overturned by a {what} {'outside' if claim.verdict in ('met', 'beaten') else 'inside'} {bounds}."

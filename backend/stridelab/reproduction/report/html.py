@@ -26,7 +26,7 @@ td.n, th.n { text-align: right; white-space: nowrap; font-variant-numeric: tabul
 small { display: block; opacity: .75; } .scroll { overflow-x: auto; } figure { margin: 1rem 0; }
 svg { max-width: 100%; height: auto; }
 .met, .beaten, .aim_reached { color: var(--good); } .not_met, .aim_missed, .failed { color: var(--bad); }
-.thesis_in_error, .undecided { color: var(--odd); }
+.thesis_in_error, .undecided, .aim_undecided { color: var(--odd); }
 """
 
 
