@@ -137,9 +137,9 @@ interval: an interval) on the other side overturns a verdict. The bounds of the 
 follow from *its words* without a number of ours (a sign, an order, equality up to rounding or sampling error), or are
 *our aim*: with another aim of the reader's the verdict may change, so none of these says *thesis in error*. *our aim:
 reached*, *undecided* and *missed* stand on claims that the thesis does not make. The last column says what our number
-is computed from: *simulated* (models and simulated recordings), *replayed* (motions carried out in a physics simulation), *people*
-(recordings of people) or *external* (numbers published by others); n is the number of cases behind it (draws, steps,
-people, contact sets, plans).
+is computed from: *simulated* (models and simulated recordings), *replayed* (motions carried out in a physics
+simulation), *people* (recordings of people) or *external* (numbers published by others); n is the number of cases
+behind it (draws, steps, people, contact sets, plans).
 
 Where cases are drawn, an interval of 95 % stands beside the number: by 2000 bootstrap samples of the draws, people,
 steps or contact sets, the binomial one (Clopper and Pearson) for a share, that of Fisher for a correlation. A claim on
