@@ -74,10 +74,11 @@ def terrain_distances(
     (is_near, is_own), is_point = scene.near_and_own_pairs(worst), scene.has_role("point")
     is_measured = np.where(is_point, is_near, ~is_own | scene.has_role("palm"))
     gap_m = np.where(is_measured, gaps.lower_bounds_m(model, data, results, q), np.inf)
+    gap_m[is_measured & is_point] = -np.inf  # the depths of all contact points are measured
     for i in np.argsort(gap_m.min(axis=1, initial=np.inf), kind="stable").tolist():  # the smallest first: fewer follow
-        near = np.flatnonzero(is_measured[i] & (is_point | (gap_m[i] <= gaps.limits_m(smallest_m))))
-        if not len(near):
-            continue
+        if not gap_m[i].min(initial=np.inf) <= max(smallest_m.values()):
+            break
+        near = np.flatnonzero(is_measured[i] & (gap_m[i] <= gaps.limits_m(smallest_m)))
         pin.updateGeometryPlacements(model, data, scene.geometry, results, q[i])
         for k in near.tolist():
             pair = scene.pairs[k]
