@@ -221,6 +221,7 @@ class _SphereGaps:
         for row, (place, half_m) in enumerate(self._boxes):
             beyond_m = np.maximum(np.abs((centres_m - place.translation) @ place.rotation) - half_m, 0.0)
             to_surface_m[row] = np.sqrt((beyond_m * beyond_m).sum(axis=2))
+        to_surface_m[to_surface_m == 0.0] = -np.inf  # a centre inside a surface: no bound on the depth
         return np.asarray(to_surface_m[self._surface_row, :, self._shape].T - self._radius_m[self._shape])
 
     def limits_m(self, smallest_m: Mapping[str, float]) -> Float[np.ndarray, "pairs"]:
