@@ -46,7 +46,7 @@ class Placement:
         w, x, y, z = map(float, wxyz)
         norm = math.sqrt(x * x + y * y + z * z + w * w)
         if norm == 0.0:
-            raise ValueError("a quaternion of norm zero has no direction")
+            raise ValueError("a quaternion of zero norm has no direction")
         w, x, y, z = w / norm, x / norm, y / norm, z / norm
         rotation = np.array(
             [

@@ -48,7 +48,8 @@ _COM_WEIGHT = 1.0
 class _Schedule(NamedTuple):
     """Schedule of the iterations: the posture weight falls by ``decay`` for ``posture_steps`` steps, and is then 0.
 
-    After a step of at most ``settled_rad`` it falls by ``settled_decay`` instead: the posture has arrived.
+    After a step of at most ``settled_rad`` it falls by ``settled_decay`` instead: the posture has arrived. Not so while
+    pairs are separated, which may push again in any step.
     ``end_error`` is the error that ends the iterations, ``tolerance`` the one that counts as converged (m, rad).
     """
 
@@ -229,7 +230,8 @@ class _Problem:
                 break
             dq = self.bounded_step(q, e, J, softness, posture)
             q = pin.integrate(self.model, q, dq)
-            softness *= schedule.settled_decay if np.abs(dq).max() <= schedule.settled_rad else schedule.decay
+            has_settled = self._apart is None and np.abs(dq).max() <= schedule.settled_rad
+            softness *= schedule.settled_decay if has_settled else schedule.decay
         return self.result_at(q, schedule.tolerance)
 
     def bounded_step(

@@ -163,4 +163,4 @@ def test_native_rows_are_those_of_numpy(talos: Robot, seed: int) -> None:
     np.testing.assert_allclose(weights, expected_weights, rtol=1e-9)
     for name, effector in talos.effectors.items():
         pushes = [a.push_m_s2(name) if effector.kind == "surface" else a.hand_push_m_s2(name) for a in (native, plain)]
-        np.testing.assert_allclose(*pushes, atol=1e-9)
+        np.testing.assert_allclose(pushes[0], pushes[1], atol=1e-9)

@@ -186,14 +186,14 @@ class CollisionPairs:
 
     def nearest_pairs(self, acts_m: float, most: int) -> PairDistances:
         """Monitored pairs nearer than ``acts_m`` times their scale, at most the ``most`` nearest of each kind."""
-        motion_m, acts_m = self._levers @ self._joint_travel, acts_m * self._watched_scale
-        may_act = np.flatnonzero(self._lower_bound_m[self._watched] - motion_m < acts_m)
+        motion_m, limits_m = self._levers @ self._joint_travel, acts_m * self._watched_scale
+        may_act = np.flatnonzero(self._lower_bound_m[self._watched] - motion_m < limits_m)
         if not may_act.size:
             return _NO_PAIRS
         pairs = self._watched[may_act]
         distance_m = np.array([self._compute_distance(k) for k in pairs.tolist()])
         self._lower_bound_m[pairs] = distance_m + motion_m[may_act]
-        acts = distance_m < acts_m[may_act]
+        acts = distance_m < limits_m[may_act]
         pairs, distance_m = pairs[acts], distance_m[acts]
         if not pairs.size:
             return _NO_PAIRS
