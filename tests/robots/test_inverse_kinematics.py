@@ -114,3 +114,19 @@ def test_an_unknown_effector_is_refused(talos: Robot) -> None:
     with pytest.raises(InvalidInput) as refused:
         stand(talos, {"tail": Placement.identity()}, np.zeros(3))
     assert refused.value.code == "effector-unknown"
+
+
+@pytest.mark.parametrize("placements", [FEET, STAIR, RAIL], ids=["feet", "stair", "rail"])
+def test_the_quick_search_ends_at_the_same_posture(talos: Robot, placements: dict[str, Placement]) -> None:
+    com_m = np.mean([placements[name].position_m for name in FEET], axis=0) + np.array([0.0, 0.0, 0.84])
+    thorough, quick = (stand(talos, placements, com_m, is_quick=quick) for quick in (False, True))
+    assert quick.converged
+    assert max(quick.error_m, quick.error_rad) < 1e-5
+    assert np.abs(quick.q - thorough.q).max() < 0.02
+
+
+def test_a_stance_out_of_reach_is_out_of_reach_of_the_quick_search(talos: Robot) -> None:
+    far = {**FEET, "right_foot": Placement.from_wxyz([1.5, -0.09, 0.0])}
+    thorough, quick = (stand(talos, far, np.array([0.75, 0.0, 0.84]), is_quick=quick) for quick in (False, True))
+    assert not quick.converged
+    assert quick.error_m == pytest.approx(thorough.error_m, rel=0.1)

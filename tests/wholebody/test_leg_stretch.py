@@ -92,7 +92,7 @@ def test_a_leg_is_as_long_as_its_knee_allows_and_as_short_as_its_ankle_allows(na
     for crouch_rad in (deepest_rad - 0.02, deepest_rad, deepest_rad + 0.05):
         hip, foot = hips_and_ankles(robot, legs, crouched(robot, crouch_rad))["left_foot"]
         heights_m.append((hip - foot)[2])
-        raised_m = _raised_for_lean_m(leg, (hip - foot)[None], np.eye(3), leg.tilt_max_rad)[0]
+        raised_m = _raised_for_lean_m(leg, (hip - foot)[None], np.eye(3)[None], np.array([leg.tilt_max_rad]))[0]
         if crouch_rad < deepest_rad:
             assert raised_m == 0.0
     assert raised_m == pytest.approx(heights_m[1] - heights_m[2], abs=0.004)

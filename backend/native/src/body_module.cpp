@@ -8,9 +8,11 @@
 
 #include <algorithm>
 #include <optional>
+#include <utility>
 
 #include "arrays.hpp"
 #include "body_module.hpp"
+#include "stridelab_native/avoidance.hpp"
 #include "stridelab_native/reduced_level.hpp"
 
 namespace nb = nanobind;
@@ -164,6 +166,57 @@ private:
   std::size_t torque_row_, spare_ = 0;
 };
 
+// The pairs of one robot on one terrain; the arrays that are filled are held with them.
+class AvoidanceRows {
+public:
+  AvoidanceRows(nb::handle sign, nb::handle moving, nb::handle scale, std::vector<bool> moves_target, nb::dict settings,
+                nb::list arrays) {
+    const auto signs = nb::cast<Input>(sign, false);
+    require(signs.ndim() == 2, "signs have the shape (n, nv)");
+    const std::size_t n = signs.shape(0);
+    pairs_.nv = signs.shape(1);
+    for (const auto& [given, copy] : {std::pair{sign, &pairs_.sign}, std::pair{moving, &pairs_.moving}}) {
+      const View table = view(given, n, pairs_.nv, "tables have a row per pair");
+      for (std::size_t i = 0; i < n * pairs_.nv; ++i) copy->push_back(table(i / pairs_.nv, i % pairs_.nv));
+    }
+    pairs_.scale = numbers(scale, n, "one scale per pair");
+    require(moves_target.size() == n, "one flag per pair");
+    pairs_.moves_target = std::move(moves_target);
+    const auto number = [&](const char* name) { return nb::cast<double>(settings[name]); };
+    pairs_.gains = {number("apart_m"), number("acts_m"),  number("kp"),          number("kd"),    number("weight"),
+                    number("firmest"), number("lever_m"), number("short_lever"), number("urgent")};
+    require(nb::len(arrays) == 6, "six arrays are filled");
+    for (const nb::handle one : arrays) held_.push_back(nb::cast<Output>(one, false));
+    most_ = held_[1].size();
+    require(held_[0].size() == 3 * most_ && held_[2].size() == most_ && held_[3].size() == most_ * pairs_.nv &&
+                held_[4].size() == most_ && held_[5].size() == most_,
+            "the arrays have a row per near pair");
+  }
+
+  // The number of rows of tasks.
+  std::size_t fill(std::vector<std::size_t> pair, nb::handle distance, nb::handle p_1, nb::handle p_2, nb::handle J,
+                   nb::handle v) {
+    const std::size_t m = pair.size();
+    require(m <= most_, "too many near pairs");
+    for (const std::size_t k : pair) require(k < pairs_.scale.size(), "no such pair");
+    const char* const shape = "near pairs have a distance and two points (3,)";
+    const NearPairs near{std::move(pair),
+                         view(distance, m, 0, shape),
+                         view(p_1, m, 3, shape),
+                         view(p_2, m, 3, shape),
+                         view(J, 6, pairs_.nv, "the body's Jacobian has the shape (6, nv)"),
+                         view(v, pairs_.nv, 0, "velocities have the shape (nv,)")};
+    return fill_avoidance(pairs_, near,
+                          {held_[0].data(), held_[1].data(), held_[2].data(), held_[3].data(), held_[4].data(),
+                           held_[5].data()});
+  }
+
+private:
+  AvoidancePairs pairs_;
+  std::vector<Output> held_;
+  std::size_t most_ = 0;
+};
+
 std::size_t rows_of(nb::handle vector) { return nb::cast<Input>(vector, false).size(); }
 
 LinearRows linear_rows(nb::handle given, std::size_t n) {
@@ -201,6 +254,10 @@ std::optional<std::size_t> reduced_level(nb::sequence above, nb::tuple level, nb
 
 void bind_body(nb::module_& module) {
   module.def("reduced_level", &reduced_level, "above"_a, "level"_a, "bounds"_a, "values"_a);
+  nb::class_<AvoidanceRows>(module, "AvoidanceRows")
+      .def(nb::init<nb::handle, nb::handle, nb::handle, std::vector<bool>, nb::dict, nb::list>(), "sign"_a, "moving"_a,
+           "scale"_a, "moves_target"_a, "settings"_a, "arrays"_a)
+      .def("fill", &AvoidanceRows::fill, "pair"_a, "distance"_a, "p_1"_a, "p_2"_a, "J"_a, "v"_a);
   nb::class_<BodyRows>(module, "BodyRows")
       .def(nb::init<nb::list, std::vector<bool>, nb::dict, nb::dict, nb::list, std::size_t>(), "contacts"_a,
            "swings_surface"_a, "joints"_a, "settings"_a, "arrays"_a, "torque_row"_a)

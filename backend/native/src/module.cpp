@@ -390,7 +390,7 @@ nb::dict run(ProblemState& held, int iterations, double seconds, double toleranc
 
 NB_MODULE(_native, module) {
   module.attr("__version__") = "0.1.0";
-  module.attr("INTERFACE") = 7;
+  module.attr("INTERFACE") = 8;
   nb::class_<ProblemState>(module, "Problem")
       .def("begin", &begin, "x"_a, "u"_a, "z"_a, "wrench_u"_a, "wrench_z"_a, "phase_h"_a)
       .def("solve", &run, "iterations"_a, "seconds"_a, "tolerance"_a, "gap"_a, "warm"_a);

@@ -67,6 +67,7 @@ def hand_bounds_n(
     """
     known_n = {} if known_n is None else known_n
     bounds: dict[str, float] = {}
+    height_m = standing_height_m(robot)
     for phase, name in _hand_contact_phases(robot, sequence):
         placements = {
             other: contact.placement
@@ -82,7 +83,8 @@ def hand_bounds_n(
             continue
         key = _stance_key(name, {**soles, **sequence.phases[phase].contacts})
         if key not in known_n:
-            posture = stand(robot, placements, standing_com_m(soles, standing_height_m(robot), robot.effectors))
+            com_m = standing_com_m(soles, height_m, robot.effectors)
+            posture = stand(robot, placements, com_m, is_quick=True)
             reaches, contact = posture.error_m < CONTACT_TOLERANCE_M, sequence.phases[phase].contacts[name]
             known_n[key] = max(MIN_BOUND_N, max_normal_force_n(robot, posture.q, contact)) if reaches else np.inf
         if known_n[key] < np.inf:

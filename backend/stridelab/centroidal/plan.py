@@ -190,11 +190,13 @@ class CentroidalPlan:
     def _wrench_control_points(self) -> Float[np.ndarray, "m 4 6"]:
         """Control points of ``(sum f, sum p x f)`` about the world origin."""
         wrenches = np.zeros((len(self.phase), 4, 6))
-        for k, phase in enumerate(self.phase):
+        for phase in np.unique(self.phase).tolist():
+            during = self.phase == phase
             for name, contact in self.sequence.phases[phase].contacts.items():
-                f = self.curves_n[name][k]
-                wrenches[k, :, :3] += f.sum(axis=1)
-                wrenches[k, :, 3:] += np.cross(contact.placement.act(self.points_m[name]), f).sum(axis=1)
+                f = self.curves_n[name][during]
+                (x, y, z), (f_x, f_y, f_z) = contact.placement.act(self.points_m[name]).T, np.moveaxis(f, 3, 0)
+                moments = (y * f_z - z * f_y, z * f_x - x * f_z, x * f_y - y * f_x)
+                wrenches[during] += np.stack([f_x, f_y, f_z, *moments], axis=3).sum(axis=2)
         return wrenches
 
     def _spline_reference(self, k: int, s: float, h: float) -> Reference:

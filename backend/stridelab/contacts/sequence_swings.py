@@ -1,6 +1,7 @@
 """The swings of a contact sequence."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
 
 
+@lru_cache(maxsize=256)
 def swing_of(sequence: ContactSequence, effector: str, phase: int) -> SwingCurve:
     """The swing of ``effector`` during ``phase``, from its last contact to its next.
 

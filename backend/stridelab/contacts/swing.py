@@ -220,7 +220,9 @@ class SwingCurve:
 
     @cached_property
     def _rotation_vector(self) -> Vector3:
-        """``log(R_0^T R_1)``."""
+        """``log(R_0^T R_1)``, zero in every bit for equal rotations."""
+        if np.array_equal(self.start.rotation, self.end.rotation):
+            return np.zeros(3)
         return np.asarray(ScipyRotation.from_matrix(self.start.rotation.T @ self.end.rotation).as_rotvec())
 
     @cached_property
@@ -252,6 +254,8 @@ class SwingCurve:
 
     def rotations_at(self, moved: Series) -> Rotations:
         """Rotations ``(n, 3, 3)`` where the shares ``moved`` of the travel are done."""
+        if not self._is_turning:
+            return np.repeat(self.start.rotation[None], len(moved), axis=0)
         turns = ScipyRotation.from_rotvec(np.outer(moved, self._rotation_vector)).as_matrix()
         return np.asarray(self.start.rotation @ turns)
 

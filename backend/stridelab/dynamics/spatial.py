@@ -43,9 +43,19 @@ class Placement:
 
         Raises ``ValueError`` for a zero quaternion.
         """
-        w, x, y, z = wxyz
-        rotation = ScipyRotation.from_quat([x, y, z, w]).as_matrix()
-        return Placement(np.array(position_m, dtype=float), np.asarray(rotation))
+        w, x, y, z = map(float, wxyz)
+        norm = math.sqrt(x * x + y * y + z * z + w * w)
+        if norm == 0.0:
+            raise ValueError("a quaternion of zero norm has no direction")
+        w, x, y, z = w / norm, x / norm, y / norm, z / norm
+        rotation = np.array(
+            [
+                [x * x - y * y - z * z + w * w, 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+                [2.0 * (x * y + z * w), -x * x + y * y - z * z + w * w, 2.0 * (y * z - x * w)],
+                [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), -x * x - y * y + z * z + w * w],
+            ]
+        )
+        return Placement(np.array(position_m, dtype=float), rotation)
 
     @property
     def wxyz(self) -> Float[np.ndarray, "4"]:

@@ -2,8 +2,8 @@
 
 The plan is that of ``plan-motion``, of the changed phases and ``PADDING`` phases on both sides. The whole-body
 controller follows it with the same tasks, limits and collision pairs at ``RATE_HZ``, a fifth of its usual rate. Phases
-whose contacts or durations, or those of a neighbouring phase, have changed since they were checked are followed; the
-body starts on their contacts with the posture and the speed of the plan. Self-collisions and distances from the terrain
+whose contacts, swings or durations have changed since they were checked are followed; the body starts on their contacts
+with a posture on the CoM of the plan, at its speed. Self-collisions and distances from the terrain
 are measured as in the certificate, the CoM error with a larger limit. What depends on the rate (drift of contacts,
 landings) and the agreement of the angular momenta is left to the plan.
 """
@@ -299,7 +299,7 @@ def _has_swing(sequence: ContactSequence, phase: int) -> bool:
 
 
 def _phase_keys(sequence: ContactSequence) -> list[bytes]:
-    """One key per phase: equal if contacts and durations of the phase and its neighbours agree to a tenth of a mm."""
+    """One key per phase: equal if its contacts, the ends of its swings and its duration agree to a tenth of a mm."""
     terrain = repr(sequence.terrain).encode()
     of_contact: dict[int, bytes] = {}
 
@@ -322,4 +322,4 @@ def _phase_keys(sequence: ContactSequence) -> list[bytes]:
             parts += [name.encode(), *map(contact_bytes, ends)]
         own.append(b"".join(parts))
     rest = [k in (0, len(own) - 1) for k in range(len(own))]
-    return [sha256(b"".join((terrain, *own[max(k - 1, 0) : k + 2], b"%d" % rest[k]))).digest() for k in range(len(own))]
+    return [sha256(b"".join((terrain, own[k], b"%d" % rest[k]))).digest() for k in range(len(own))]

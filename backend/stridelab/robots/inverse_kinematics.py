@@ -46,8 +46,10 @@ _COM_WEIGHT = 1.0
 
 
 class _Schedule(NamedTuple):
-    """Schedule of the iterations: the posture weight is ``decay**step`` for ``posture_steps`` steps, then 0.
+    """Schedule of the iterations: the posture weight falls by ``decay`` for ``posture_steps`` steps, and is then 0.
 
+    After a step of at most ``settled_rad`` it falls by ``settled_decay`` instead: the posture has arrived. Not so while
+    pairs are separated, which may push again in any step.
     ``end_error`` is the error that ends the iterations, ``tolerance`` the one that counts as converged (m, rad).
     """
 
@@ -56,10 +58,12 @@ class _Schedule(NamedTuple):
     steps: int
     end_error: float
     tolerance: float
+    settled_rad: float = 0.0
+    settled_decay: float = 1.0
 
 
 _THOROUGH = _Schedule(0.85, 100, 150, 1e-10, TOLERANCE)
-_QUICK = _Schedule(0.75, 45, 75, 1e-7, 1e-5)
+_QUICK = _Schedule(0.75, 45, 75, 1e-7, 1e-5, 0.02, 0.3)
 _NEAR = _Schedule(0.5, 10, 40, 1e-7, 1e-5)
 
 
@@ -107,20 +111,23 @@ def stand(
     com_m: Vector3,
     q_start: Float[np.ndarray, "nq"] | None = None,
     margins_rad: Angles | None = None,
+    *,
+    is_quick: bool = False,
 ) -> IkResult:
     """Configuration with every effector of ``placements`` at its T_world_contact and the CoM at ``com_m``.
 
     A surface is placed in all six coordinates, a point in three. The posture is that of ``q_start``, by default the
     reference posture moved to the CoM and turned to the mean heading of the surfaces. ``margins_rad`` ``(na,)`` is the
     margin of every joint to either end of its range, at least 0.02 rad. An unreachable target is not an exception: the
-    result contains the remaining errors. Raises ``InvalidInput`` (``effector-unknown``).
+    result contains the remaining errors. With ``is_quick`` the search takes a third of the time, and errors below
+    0.01 mm have converged. Raises ``InvalidInput`` (``effector-unknown``).
     """
     unknown = sorted(set(placements) - set(robot.effectors))
     if unknown:
         raise InvalidInput("effector-unknown", f"{robot.title} has no effector {', '.join(unknown)}")
     problem = _Problem(robot, placements, com_m, 0.0 if margins_rad is None else margins_rad)
     posture = reference_posture_at(robot, placements, com_m) if q_start is None else q_start
-    return problem.solve(posture, _THOROUGH)
+    return problem.solve(posture, _QUICK if is_quick else _THOROUGH)
 
 
 def stand_in_com_region(
@@ -214,12 +221,17 @@ class _Problem:
         """Iterate from ``posture``, which is also the target of the posture task."""
         q = posture.copy()
         q[7:] = np.clip(q[7:], self.lower, self.upper)
+        softness, least = 1.0, schedule.decay**schedule.posture_steps
         for step in range(schedule.steps):
-            softness = schedule.decay**step if step < schedule.posture_steps else 0.0
+            if step >= schedule.posture_steps or softness <= least:
+                softness = 0.0
             e, J = self.stacked_errors(q)
             if softness == 0.0 and np.abs(e).max() < schedule.end_error:
                 break
-            q = pin.integrate(self.model, q, self.bounded_step(q, e, J, softness, posture))
+            dq = self.bounded_step(q, e, J, softness, posture)
+            q = pin.integrate(self.model, q, dq)
+            has_settled = self._apart is None and np.abs(dq).max() <= schedule.settled_rad
+            softness *= schedule.settled_decay if has_settled else schedule.decay
         return self.result_at(q, schedule.tolerance)
 
     def bounded_step(

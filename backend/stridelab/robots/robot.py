@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -81,7 +82,7 @@ class Robot:
         """Total mass."""
         return float(pin.computeTotalMass(self.model))
 
-    @property
+    @cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Actuated joints in the order of ``q[7:]``, ``v[6:]`` and of the torques."""
         return tuple(self.model.names)[2:]

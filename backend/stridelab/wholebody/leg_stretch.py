@@ -33,7 +33,7 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.sequence_swings import swing_of
 from stridelab.contacts.swing import quintic_scaling
-from stridelab.conventions import Points, Rotation, Rotations, Series, Vector3
+from stridelab.conventions import Points, Rotations, Series, Vector3
 from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.control.tasks import Heading
@@ -161,16 +161,18 @@ class LegModel:
             reach = leg.lengths_m[-1] + allowed_m
             high = v[:, 2] - np.sqrt(np.maximum(reach**2 - (v[:, :2] ** 2).sum(axis=1), 0.0))
             high_m = np.maximum(high_m, high / base_share)
+            stands, sole, leans_rad = np.zeros(len(time_s), dtype=bool), R.copy(), np.full(len(time_s), np.inf)
             for k, part in enumerate(sequence.phases):
                 if name in part.contacts:
-                    stands, contact = phase == k, part.contacts[name]
-                    R_sole, most_rad = contact.placement.rotation, leg.tilt_max_rad
-                    raised = _raised_for_lean_m(leg, v[stands], R_sole, most_rad)
-                    bend_m[stands] = np.maximum(bend_m[stands], raised / base_share)
-                    lean_rad = shanks.largest_lean_rad(name, contact, k, leg.ankle_m, most_rad)
-                    if lean_rad < most_rad:
-                        raised = _raised_for_lean_m(leg, v[stands], R_sole, lean_rad)
-                        riser_m[stands] = np.maximum(riser_m[stands], raised / base_share)
+                    contact, during = part.contacts[name], phase == k
+                    stands |= during
+                    sole[during] = contact.placement.rotation
+                    leans_rad[during] = shanks.largest_lean_rad(name, contact, k, leg.ankle_m, leg.tilt_max_rad)
+            raised = _raised_for_lean_m(leg, v[stands], sole[stands], np.full(int(stands.sum()), leg.tilt_max_rad))
+            bend_m[stands] = np.maximum(bend_m[stands], raised / base_share)
+            blocked = stands & (leans_rad < leg.tilt_max_rad)
+            raised = _raised_for_lean_m(leg, v[blocked], sole[blocked], leans_rad[blocked])
+            riser_m[blocked] = np.maximum(riser_m[blocked], raised / base_share)
         return MissingHeights(high_m, bend_m, riser_m)
 
     def _base_m(self, com_m: Points, R: Rotations, ankles_m: Mapping[str, Points]) -> tuple[Points, float]:
@@ -242,13 +244,14 @@ def _tighten_bounds(
     return between_m
 
 
-def _raised_for_lean_m(leg: Leg, v: Points, sole: Rotation, most_rad: float) -> Series:
+def _raised_for_lean_m(leg: Leg, v: Points, soles: Rotations, most_rad: Series) -> Series:
     """How much higher hips at ``v`` (n, 3) from their ankle have to be for its shank to lean at most ``most_rad``."""
     low, high = np.zeros(len(v)), np.full(len(v), MAX_RAISE_M)
-    for _ in range(STEPS_OF_BISECTION):
+    at_first, up = np.einsum("ni,nij->nj", v, soles), soles[:, 2]
+    for _ in range(STEPS_OF_BISECTION if len(v) else 0):
         middle = 0.5 * (low + high)
-        at = (v + middle[:, None] * np.array([0.0, 0.0, 1.0])) @ sole
-        shank = np.interp(np.linalg.norm(at, axis=1), leg.lengths_m, leg.shank_rad)
+        at = at_first + middle[:, None] * up
+        shank = np.interp(np.sqrt((at * at).sum(axis=1)), leg.lengths_m, leg.shank_rad)
         leans = np.arctan2(at[:, 0], at[:, 2]) + shank > most_rad
         low, high = np.where(leans, middle, low), np.where(leans, high, middle)
     return np.where(low > 0.0, high, 0.0)

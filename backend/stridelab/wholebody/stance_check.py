@@ -15,6 +15,7 @@ The check does not cover the motion between stances: the plan verifies speeds, t
 from collections import OrderedDict
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -68,6 +69,7 @@ class Stance:
     region_m: Float[np.ndarray, "k 2"] = field(default_factory=lambda: np.zeros((0, 2)))
     air: Mapping[str, Placement] = field(default_factory=dict)
 
+    @cached_property
     def cache_key(self) -> tuple[object, ...]:
         """Cache key: equal for stances that agree to a tenth of a millimetre."""
         return (
@@ -135,7 +137,7 @@ class StanceCheck:
 
     def has_result(self, stance: Stance) -> bool:
         """Whether the result of ``stance`` is cached."""
-        return stance.cache_key() in self._cache
+        return stance.cache_key in self._cache
 
     def check_stance(self, stance: Stance) -> StanceResult:
         """Check ``stance``. Raises ``InvalidInput`` (``effector-unknown``)."""
@@ -150,7 +152,7 @@ class StanceCheck:
         None if there is no result until then; the search goes on in the next call with the same stance. Raises as
         ``check_stance``.
         """
-        key = stance.cache_key()
+        key = stance.cache_key
         result = self._cache.get(key)
         if result is None:
             search = self._paused.pop(key, None) or self._search_posture(stance)

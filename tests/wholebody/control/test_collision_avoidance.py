@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from stridelab.centroidal.native.availability import NativeSolver, native_availability
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.dynamics.spatial import Placement
@@ -143,3 +144,23 @@ def test_a_forearm_keeps_off_a_surface_also_while_its_hand_holds_it(talos: Robot
         moves_elbow, rolls, moves_wrist = (np.abs(A[:, column]) > 1e-9 for column in columns)
         rows[name] = int((moves_elbow & rolls & ~moves_wrist).sum())
     assert rows["near"] > rows["far"]
+
+
+@pytest.mark.skipif(not isinstance(native_availability(), NativeSolver), reason="the module is not built")
+@pytest.mark.parametrize("seed", range(4))
+def test_native_rows_are_those_of_numpy(talos: Robot, seed: int) -> None:
+    """Rows, weights and pushes on postures with distant, near and overlapping pairs."""
+    body, _, _ = at_random(talos, seed)
+    native, plain = (CollisionAvoidance(talos, Terrain.from_surfaces([WALL]), EVER) for _ in range(2))
+    plain.__dict__["_native_rows"] = None
+    for avoidance in (native, plain):
+        avoidance.watch_hands(talos.effectors)
+        avoidance.update(body)
+    (rows, weights), (expected, expected_weights) = native.task_rows(), plain.task_rows()
+    assert len(rows.b) > 3
+    np.testing.assert_allclose(rows.A, expected.A, atol=1e-9)
+    np.testing.assert_allclose(rows.b, expected.b, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(weights, expected_weights, rtol=1e-9)
+    for name, effector in talos.effectors.items():
+        pushes = [a.push_m_s2(name) if effector.kind == "surface" else a.hand_push_m_s2(name) for a in (native, plain)]
+        np.testing.assert_allclose(pushes[0], pushes[1], atol=1e-9)

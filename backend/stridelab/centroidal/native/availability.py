@@ -20,7 +20,7 @@ from stridelab.centroidal.problem import CentroidalProblem
 MODULE: Final = "stridelab_native"
 PATH_VARIABLE: Final = "STRIDELAB_NATIVE_PATH"
 """Environment variable with the folder that contains the package."""
-INTERFACE: Final = 7
+INTERFACE: Final = 8
 """Required interface number of the module; a different number belongs to an incompatible build."""
 
 MAX_MOVABLE_PER_PHASE: Final = 4

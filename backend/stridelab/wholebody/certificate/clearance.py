@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import coal
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.terrain import Rail
@@ -71,24 +71,24 @@ def terrain_distances(
     smallest_m = dict.fromkeys(("", "leg", "arm"), np.inf)
     values = np.full((len(q), len(scene.parts)), np.inf)
     distances, depth = values.copy(), np.full(values.shape, -np.inf)
-    for i, configuration in enumerate(q):
-        pin.updateGeometryPlacements(model, data, scene.geometry, results, configuration)
-        phase, time_s = int(worst.phase[i]), float(worst.time_s[i])
-        touched = {name: scene.own.contact_surfaces(name, phase) for name in scene.effectors}
-        near = {name: scene.own.nearby_surfaces(name, phase, time_s) for name in scene.effectors}
-        for k in gaps.pairs_within(results, smallest_m):
+    (is_near, is_own), is_point = scene.near_and_own_pairs(worst), scene.has_role("point")
+    is_measured = np.where(is_point, is_near, ~is_own | scene.has_role("palm"))
+    gap_m = np.where(is_measured, gaps.lower_bounds_m(model, data, results, q), np.inf)
+    gap_m[is_measured & is_point] = -np.inf  # the depths of all contact points are measured
+    for i in np.argsort(gap_m.min(axis=1, initial=np.inf), kind="stable").tolist():  # the smallest first: fewer follow
+        if not gap_m[i].min(initial=np.inf) <= max(smallest_m.values()):
+            break
+        near = np.flatnonzero(is_measured[i] & (gap_m[i] <= gaps.limits_m(smallest_m)))
+        pin.updateGeometryPlacements(model, data, scene.geometry, results, q[i])
+        for k in near.tolist():
             pair = scene.pairs[k]
             distance_m, column = float(pin.computeDistance(scene.geometry, results, k).min_distance), pair.column
-            is_near = pair.effector is not None and pair.surface in near[pair.effector]
-            is_own = is_near or (pair.effector is not None and pair.surface in touched[pair.effector])
             if pair.role == "point":
-                if is_near:
-                    depth[i, column] = max(depth[i, column], -distance_m)
-            elif not is_own:
-                values[i, column] = min(values[i, column], distance_m)
+                depth[i, column] = max(depth[i, column], -distance_m)
+                continue
+            values[i, column] = min(values[i, column], distance_m)
+            if not is_own[i, k]:
                 distances[i, column] = min(distances[i, column], distance_m)
-            elif pair.role == "palm":
-                values[i, column] = min(values[i, column], distance_m)
         smallest_m[""] = min(smallest_m[""], float(values[i].min()))
         for of in ("leg", "arm"):
             smallest_m[of] = min(smallest_m[of], float(distances[i, of_group[of]].min(initial=np.inf)))
@@ -172,12 +172,34 @@ class _Scene:
             OwnSurfaces(sequence, robot.effectors),
         )
 
+    def has_role(self, role: Role) -> Bool[np.ndarray, "pairs"]:
+        """Whether each pair has this role."""
+        return np.array([pair.role == role for pair in self.pairs], dtype=bool)
+
+    def near_and_own_pairs(self, worst: WorstValues) -> tuple[Bool[np.ndarray, "n pairs"], Bool[np.ndarray, "n pairs"]]:
+        """Pairs of an effector and a surface that it leaves or approaches; those and the surface of its contact."""
+        is_near, is_own = np.zeros((2, len(worst.time_s), len(self.pairs)), dtype=bool)
+        for name in self.effectors:
+            numbers = np.array([k for k, pair in enumerate(self.pairs) if pair.effector == name], dtype=int)
+            surfaces = [self.pairs[k].surface for k in numbers.tolist()]
+
+            def among(some: frozenset[str], surfaces: list[str] = surfaces) -> list[bool]:
+                return [surface in some for surface in surfaces]
+
+            for i, (phase, time_s) in enumerate(zip(worst.phase.tolist(), worst.time_s.tolist(), strict=True)):
+                near, touched = self.own.nearby_surfaces(name, phase, time_s), self.own.contact_surfaces(name, phase)
+                if near:
+                    is_near[i, numbers] = is_own[i, numbers] = among(near)
+                if touched:
+                    is_own[i, numbers] |= among(touched)
+        return is_near, is_own
+
 
 class _SphereGaps:
     """Lower bounds of the distances of all pairs of a scene: of the shapes' bounding spheres from the surfaces."""
 
     def __init__(self, scene: _Scene) -> None:
-        parts, pairs = scene.geometry.geometryObjects, scene.geometry.collisionPairs
+        self._geometry, parts, pairs = scene.geometry, scene.geometry.geometryObjects, scene.geometry.collisionPairs
         first, second = np.array([(pair.first, pair.second) for pair in pairs], dtype=int).reshape(-1, 2).T
         self._shape, self._surfaces = first, sorted(set(second.tolist()))
         self._surface_row = np.searchsorted(self._surfaces, second)
@@ -186,20 +208,28 @@ class _SphereGaps:
         self._radius_m = np.array([radius for _, radius in spheres])
         self._boxes = [(parts[k].placement, _half_extents_m(parts[k].geometry)) for k in self._surfaces]
         self._groups = np.array([scene.groups[pair.column] for pair in scene.pairs])
-        self._is_point = np.array([pair.role == "point" for pair in scene.pairs], dtype=bool)
 
-    def pairs_within(self, placed: pin.GeometryData, smallest_m: Mapping[str, float]) -> list[int]:
-        """Pairs that may be nearer than the smallest distance of all or of their group, and all contact points."""
-        centres_m = np.array([at.act(c) for at, c in zip(placed.oMg, self._centres_m, strict=True)])
-        to_surface_m = np.empty((len(self._boxes), len(centres_m)))
+    def lower_bounds_m(
+        self, model: pin.Model, data: pin.Data, placed: pin.GeometryData, q: Configurations
+    ) -> Float[np.ndarray, "n pairs"]:
+        """Lower bounds of the distances of all pairs in configurations ``q``."""
+        centres_m = np.empty((len(q), *self._centres_m.shape))
+        for i, configuration in enumerate(q):
+            pin.updateGeometryPlacements(model, data, self._geometry, placed, configuration)
+            centres_m[i] = [at.act(c) for at, c in zip(placed.oMg, self._centres_m, strict=True)]
+        to_surface_m = np.empty((len(self._boxes), *centres_m.shape[:2]))
         for row, (place, half_m) in enumerate(self._boxes):
             beyond_m = np.maximum(np.abs((centres_m - place.translation) @ place.rotation) - half_m, 0.0)
-            to_surface_m[row] = np.sqrt((beyond_m * beyond_m).sum(axis=1))
-        gap_m = to_surface_m[self._surface_row, self._shape] - self._radius_m[self._shape]
-        limit_m = np.full(len(gap_m), smallest_m[""])
+            to_surface_m[row] = np.sqrt((beyond_m * beyond_m).sum(axis=2))
+        to_surface_m[to_surface_m == 0.0] = -np.inf  # a centre inside a surface: no bound on the depth
+        return np.asarray(to_surface_m[self._surface_row, :, self._shape].T - self._radius_m[self._shape])
+
+    def limits_m(self, smallest_m: Mapping[str, float]) -> Float[np.ndarray, "pairs"]:
+        """Distances up to which pairs count: the smallest of all or of their group."""
+        limit_m = np.full(len(self._groups), smallest_m[""])
         for of in ("leg", "arm"):
             limit_m[self._groups == of] = max(smallest_m[""], smallest_m[of])
-        return np.flatnonzero((gap_m <= limit_m) | self._is_point).tolist()
+        return limit_m
 
 
 def _half_extents_m(shape: coal.CollisionGeometry) -> Float[np.ndarray, "3"]:

@@ -26,14 +26,17 @@ half of its distance there, ``d_s`` in proportion, and ``k_p`` and ``k_d`` are r
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from stridelab.centroidal.native.availability import NativeSolver, native_availability
 from stridelab.contacts.terrain import Terrain
 from stridelab.conventions import Points, Vector3
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.control.collision_pairs import CollisionPairs, PairDistances, wrist_joints
+from stridelab.wholebody.control.collision_pairs import KINDS, CollisionPairs, PairDistances, wrist_joints
 from stridelab.wholebody.control.hierarchical_qp import Rows
 from stridelab.wholebody.control.rigid_body import RigidBody
 
@@ -89,6 +92,13 @@ class CollisionAvoidance:
         self._moves_target = self._pairs.kind == "hand"
         self._watched_hands: frozenset[int] = frozenset()
         self._no_rows = Rows(np.zeros((0, robot.model.nv)), np.zeros(0)), np.zeros(0)
+        most = len(KINDS) * avoid.most
+        self._arrays = [
+            np.zeros((most, 3)),
+            *np.zeros((2, most)),
+            np.zeros((most, robot.model.nv)),
+            *np.zeros((2, most)),
+        ]
 
     def begin_run(self) -> None:
         """Forget the run before, whose shapes and pairs are reused."""
@@ -112,6 +122,13 @@ class CollisionAvoidance:
         near = self._near = pairs.nearest_pairs(settings.acts_m, settings.most)
         if not near.pair.size:  # at most samples
             return
+        if self._native_rows is not None:
+            m, fields = len(near.pair), (near.distance_m, near.p_1_m, near.p_2_m)
+            n_tasks = self._native_rows.fill(near.pair.tolist(), *fields, body.J, body.v)
+            self._normals, self._nearness, self._b = (array[:m] for array in self._arrays[:3])
+            A, b, weights = (array[:n_tasks] for array in self._arrays[3:])
+            self._tasks = Rows(A, b), weights
+            return
         d, scale = near.distance_m, pairs.scale[near.pair]
         n = self._normals = _contact_normals(near)
         # n' J_p of a point p: the wrench of n at p times the columns of the joints that move p
@@ -119,24 +136,33 @@ class CollisionAvoidance:
         wrench = np.empty((len(n), 6))
         wrench[:, :3] = n
         wrench[:, 3], wrench[:, 4], wrench[:, 5] = y * n_z - z * n_y, z * n_x - x * n_z, x * n_y - y * n_x
-        self._J = wrench @ body.J * pairs.sign[near.pair]
+        J = wrench @ body.J * pairs.sign[near.pair]
         apart_m, acts_m = scale * settings.apart_m, scale * settings.acts_m
-        self._inside = np.minimum(np.maximum(1.0 - d / apart_m, 0.0), 1.0)
+        inside = np.minimum(np.maximum(1.0 - d / apart_m, 0.0), 1.0)
         self._nearness = np.minimum(1.0, (acts_m - d) / (acts_m - apart_m))
-        approach_m_s = np.maximum(0.0, -(self._J @ body.v))
+        approach_m_s = np.maximum(0.0, -(J @ body.v))
         firm = np.minimum(1.0 / scale, settings.firmest)
         self._b = settings.kp * firm * np.maximum(0.0, apart_m - d) + settings.kd * np.sqrt(firm) * approach_m_s
-
-    def task_rows(self) -> tuple[Rows, Angles]:
-        """Task rows of the active pairs, and their weights; valid after ``update``."""
-        if not self._near.pair.size:
-            return self._no_rows
-        tasks = ~self._moves_target[self._near.pair]
-        settings, A = self._avoid, (self._J * self._moving_joints[self._near.pair])[tasks]
+        tasks = ~self._moves_target[near.pair]
+        A = (J * self._moving_joints[near.pair])[tasks]
         lever_m = np.maximum(np.linalg.norm(A, axis=1), _TINY_M)
         levers = np.clip(settings.lever_m / lever_m, 1.0, settings.short_lever)
         weights = settings.weight * self._nearness[tasks] ** 2 * levers
-        return Rows(A, self._b[tasks]), weights * (1.0 + settings.urgent * self._inside[tasks])
+        self._tasks = Rows(A, self._b[tasks]), weights * (1.0 + settings.urgent * inside[tasks])
+
+    @cached_property
+    def _native_rows(self) -> Any:
+        """The same rows by the C++ module, where that is available, filled into ``_arrays``."""
+        native = native_availability()
+        if not isinstance(native, NativeSolver):
+            return None
+        pairs = self._pairs
+        tables = np.ascontiguousarray(pairs.sign), np.ascontiguousarray(self._moving_joints), pairs.scale
+        return native.module.AvoidanceRows(*tables, self._moves_target.tolist(), vars(self._avoid), self._arrays)
+
+    def task_rows(self) -> tuple[Rows, Angles]:
+        """Task rows of the active pairs, and their weights; valid between two calls of ``update``."""
+        return self._tasks if self._near.pair.size else self._no_rows
 
     def push_m_s2(self, effector: str) -> Vector3:
         """Acceleration that keeps foot and shank of a swinging sole off everything but arms, never downwards."""

@@ -132,7 +132,7 @@ class CollisionPairs:
         for first, second in pairs:
             self._geometry.addCollisionPair(pin.CollisionPair(first, second))
         parts = self._geometry.geometryObjects
-        self._kinds, self.kind = tuple(kinds), np.array(kinds)
+        self.kind, self._kind_number = np.array(kinds), np.array([KINDS.index(kind) for kind in kinds], dtype=int)
         self._shape_pairs = np.array(pairs).reshape(-1, 2)
         self._spheres = [bounding_sphere(part) for part in parts]
         self._radius_m = np.array([radius for _, radius in self._spheres])
@@ -172,13 +172,12 @@ class CollisionPairs:
         """Select the pairs that may be nearer than ``near_m`` times their scale for monitoring."""
         centre = np.array([at.act(c) for at, (c, _) in zip(self._results.oMg, self._spheres, strict=True)])
         first, second = self._shape_pairs.T
-        sphere_gap_m = (
-            np.linalg.norm(centre[first] - centre[second], axis=1) - self._radius_m[first] - self._radius_m[second]
-        )
+        between_m = centre[first] - centre[second]
+        sphere_gap_m = np.sqrt((between_m * between_m).sum(axis=1)) - self._radius_m[first] - self._radius_m[second]
         motion_m = self.reach_m @ self._joint_travel
         self._lower_bound_m = np.maximum(self._lower_bound_m, sphere_gap_m + motion_m)
         self._watched = np.flatnonzero((self._lower_bound_m - motion_m < near_m * self.scale) & ~self._ignored)
-        self._levers = self.reach_m[self._watched]
+        self._levers, self._watched_scale = self.reach_m[self._watched], self.scale[self._watched]
 
     @property
     def watched_count(self) -> int:
@@ -187,21 +186,26 @@ class CollisionPairs:
 
     def nearest_pairs(self, acts_m: float, most: int) -> PairDistances:
         """Monitored pairs nearer than ``acts_m`` times their scale, at most the ``most`` nearest of each kind."""
-        floor_m = self._lower_bound_m[self._watched] - self._levers @ self._joint_travel
-        distances: dict[int, float] = {}
-        for k in self._watched[floor_m < acts_m * self.scale[self._watched]].tolist():
-            d = self._compute_distance(k)
-            self._lower_bound_m[k] = d + self.reach_m[k] @ self._joint_travel
-            if d < acts_m * self.scale[k]:
-                distances[k] = d
-        if not distances:
+        motion_m, limits_m = self._levers @ self._joint_travel, acts_m * self._watched_scale
+        may_act = np.flatnonzero(self._lower_bound_m[self._watched] - motion_m < limits_m)
+        if not may_act.size:
             return _NO_PAIRS
-        nearest = sorted(distances, key=lambda k: distances[k] / self.scale[k])
-        chosen = [k for kind in KINDS for k in [k for k in nearest if self._kinds[k] == kind][:most]]
-        p_1_m, p_2_m = np.empty((2, len(chosen), 3))
-        for i, k in enumerate(chosen):
+        pairs = self._watched[may_act]
+        distance_m = np.array([self._compute_distance(k) for k in pairs.tolist()])
+        self._lower_bound_m[pairs] = distance_m + motion_m[may_act]
+        acts = distance_m < limits_m[may_act]
+        pairs, distance_m = pairs[acts], distance_m[acts]
+        if not pairs.size:
+            return _NO_PAIRS
+        # by kind, within a kind the nearest first, and of each kind at most ``most``
+        order = np.lexsort((distance_m / self.scale[pairs], self._kind_number[pairs]))
+        number = self._kind_number[pairs[order]]
+        chosen = order[np.arange(len(order)) - np.searchsorted(number, number) < most]
+        pairs, distance_m = pairs[chosen], distance_m[chosen]
+        p_1_m, p_2_m = np.empty((2, len(pairs), 3))
+        for i, k in enumerate(pairs.tolist()):
             p_1_m[i], p_2_m[i] = self._distances[k].getNearestPoint1(), self._distances[k].getNearestPoint2()
-        return PairDistances(np.array(chosen, dtype=int), np.array([distances[k] for k in chosen]), p_1_m, p_2_m)
+        return PairDistances(pairs, distance_m, p_1_m, p_2_m)
 
     def _compute_distance(self, k: int) -> float:
         pin.computeDistance(self._geometry, self._results, k)

@@ -321,7 +321,8 @@ def _initial_posture(
             points, rotations = curve.poses_at(np.array([(starts_s - curve.starts_s) / curve.duration_s]))
             placements[name] = Placement(points[0], rotations[0])
     margins_rad = JointLimits.of_model(robot.model).margins_rad(settings.range_share, settings.joint_margin_rad)
-    posture = stand(robot, placements, plan.reference_at(starts_s).com_m, margins_rad=margins_rad)
+    com_m = plan.reference_at(starts_s).com_m
+    posture = stand(robot, placements, com_m, margins_rad=margins_rad, is_quick=phase > 0)
     if not posture.converged:
         where = "the first contacts" if phase == 0 else f"the contacts of phase {phase}"
         miss = f"{posture.worst} misses by {posture.error_m:.3f} m"

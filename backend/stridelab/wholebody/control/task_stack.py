@@ -284,7 +284,9 @@ class PhaseHierarchy:
     def _native_target(self, name: str, curve: SwingCurve, time_s: float) -> SwingTarget:
         """The target of an effector on its curve; the orientation of a hand has no detour."""
         target = self._swing_target(name, curve, time_s)
-        turning = target if self._surface[name] else curve.state_at(time_s - curve.starts_s)
+        turning = target
+        if not self._surface[name] and self._detours[name].offset.any():
+            turning = curve.state_at(time_s - curve.starts_s)
         moving = target.placement.position_m, target.velocity_m_s, target.acceleration_m_s2
         w, w_rate = turning.angular_velocity_rad_s, turning.angular_acceleration_rad_s2
         return *moving, turning.placement.rotation, w, w_rate

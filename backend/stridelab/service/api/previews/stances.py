@@ -9,6 +9,7 @@ The request contains the support regions of the scenario validation, so that the
      "phases": [{"contacts": [...], "region_m": [[x, y], ...], "com_m": [x, y, z] | null}, ...]}
 """
 
+import gc
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -54,7 +55,7 @@ def answer_request(question: Json) -> Json:
     check = _check_of(question["robot"])
     scenario = question.get("scenario")
     sequence, shoes = (None, []) if scenario is None else _built_sequence(json.dumps(scenario))
-    stances = stances_of(check, question["phases"])
+    stances = _cached_stances(question["robot"], json.dumps(question["phases"]))
     shown: int | None = question["posture_of"]
     order = sorted((k for k, stance in enumerate(stances) if stance is not None), key=lambda k: abs(k - (shown or 0)))
     answers: list[Json | None] = [None] * len(stances)
@@ -122,6 +123,12 @@ def stances_of(check: StanceCheck, phases: Sequence[Json]) -> list[Stance | None
 
 
 @lru_cache(maxsize=4)
+def _cached_stances(robot: str, phases: str) -> list[Stance | None]:
+    """``stances_of`` the phases (JSON), which a drag sends several times."""
+    return stances_of(_check_of(robot), json.loads(phases))
+
+
+@lru_cache(maxsize=4)
 def _built_sequence(scenario: str) -> tuple[ContactSequence, list[Json]]:
     """The sequence of a scenario (JSON) that has been validated, and the faults of shoes that a plan is refused for."""
     body = json.loads(scenario)
@@ -141,9 +148,11 @@ def _motion_check_of(robot: str) -> MotionCheck | None:
         return None
     loaded = load_robot(robot)
     try:
-        return MotionCheck(loaded, load_densities(loaded, DEFAULT_MEASURE))
+        check = MotionCheck(loaded, load_densities(loaded, DEFAULT_MEASURE))
     except StridelabError:
         return None
+    gc.freeze()  # what the process holds for good is not searched for garbage by every collection
+    return check
 
 
 def _contact_placements(check: StanceCheck, contacts: Sequence[Json]) -> Mapping[str, Placement] | None:
