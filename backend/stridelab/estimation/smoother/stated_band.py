@@ -39,6 +39,8 @@ from stridelab.estimation.smoother.state_space import ACCELERATION, MOMENT, SEGM
 
 STEP: Final = 0.01
 """Relative change of the squared sizes for the derivative."""
+LONGEST: Final = 600
+"""Samples for which the variance is computed one by one: more would take a quarter of the time of a long estimate."""
 VARYING_SHARE: Final = 0.4
 """Variance of the table's varying error over that of its weight."""
 REST_SHARE: Final = np.array([1.0, 0.2, 1.0])
@@ -60,10 +62,13 @@ def stated_variance_m2(
 ) -> Float[np.ndarray, "n 3"]:
     """Variance of the position per axis of the walking frame if the horizontal errors have the sizes ``errors``.
 
-    ``variance_m2`` is that of the smoother with ``sizes``, by which it weighs.
+    ``variance_m2`` is that of the smoother with ``sizes``, by which it weighs. A recording of more than ``LONGEST``
+    samples has one ratio of both in each direction, that of the ``LONGEST`` samples around the middle of its force.
     """
-    both = data.select_axes(HORIZONTAL)
-    weighed, met = (one.select_axes(HORIZONTAL) for one in (sizes, errors))
+    first = max(0, min(int(np.median(np.flatnonzero(data.seen))) - LONGEST // 2, len(data) - LONGEST))
+    both = data.slice_samples(first, first + LONGEST).select_axes(HORIZONTAL)
+    ends = (1.0, 1.0) if len(data) > LONGEST else sizes.ends
+    weighed, met = (replace(one, ends=ends).select_axes(HORIZONTAL) for one in (sizes, errors))
 
     def towards(old: Float[np.ndarray, "2 *c"], new: Float[np.ndarray, "2 *c"]) -> Float[np.ndarray, "4 *c"]:
         return np.concatenate([old, np.sqrt((1.0 - STEP) * old**2 + STEP * new**2)])
@@ -80,7 +85,11 @@ def stated_variance_m2(
     forward = filter_forward(space, both, gain_sets)
     _, known = smooth_backward(gain_sets, replace(forward, height_sd=np.zeros(2 * len(HORIZONTAL))), 1)
     stated_m2 = variance_m2.copy()
-    stated_m2[:, HORIZONTAL] += (known[:, 2:, 0, 0] - known[:, :2, 0, 0]) / STEP
+    before_m2, change_m2 = known[:, :2, 0, 0], (known[:, 2:, 0, 0] - known[:, :2, 0, 0]) / STEP
+    if len(data) > LONGEST:
+        stated_m2[:, HORIZONTAL] *= 1.0 + change_m2.mean(axis=0) / before_m2.mean(axis=0)
+    else:
+        stated_m2[:, HORIZONTAL] += change_m2
     return np.asarray(np.maximum(stated_m2, 0.0))
 
 
