@@ -1,6 +1,11 @@
 """The network is lost in the middle of something: the page says so once, keeps what it shows, and goes on by itself."""
 
+import contextlib
+import gc
 import re
+import socket
+import threading
+import time
 from collections.abc import Callable, Iterator
 from urllib.parse import urlsplit
 
@@ -12,6 +17,7 @@ from stridelab.schemas.streams import MarkerFrame, MarkerStreamConfiguration
 from stridelab.service.samples.scenario_bodies import ONE_STEP
 from support.browser.network import Network, network_to
 from support.browser.page import Service, Tab, until
+from support.browser.service_costs import Meter, metered
 from support.service.streams import frame, header
 
 NOTICED_WITHIN_MS = 20_000
@@ -160,3 +166,37 @@ def test_an_edit_is_stored_once_the_network_is_back(tab: Tab, service: Service, 
     expect(said).to_have_text("Phase 1 stored.")
     assert abs(service.client.scenario(scenario.id).phases[1].duration_s - lasts_s) < 1e-6
     service.client.delete_scenario(scenario.id)
+
+
+@pytest.mark.parametrize("proxy", [network_to, metered])
+def test_no_connection_is_left_open_when_the_network_ends(
+    proxy: Callable[[int], contextlib.AbstractContextManager[Network | Meter]],
+) -> None:
+    """A connection that is garbage while it is open is an error in a test that has nothing to do with it."""
+    is_open = True
+
+    def answer_at_length(listening: socket.socket) -> None:
+        while is_open:
+            with contextlib.suppress(OSError), listening.accept()[0] as accepted:
+                accepted.sendall(bytes(20_000_000))
+
+    def connect_again_and_again(port: int) -> None:
+        while is_open:
+            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), 1) as client:
+                client.sendall(b"GET")
+
+    with socket.create_server(("127.0.0.1", 0)) as listening, contextlib.ExitStack() as ended:
+        with proxy(listening.getsockname()[1]) as between:
+            port = int(urlsplit(between.url).port or 0)
+            reads_nothing = ended.enter_context(socket.create_connection(("127.0.0.1", port)))
+            threads = [threading.Thread(target=answer_at_length, args=(listening,))]
+            threads += [threading.Thread(target=connect_again_and_again, args=(port,)) for _ in range(3)]
+            for thread in threads:
+                thread.start()
+            assert reads_nothing.recv(1) == bytes(1)
+            time.sleep(0.3)  # until more is on its way than the sockets between them hold
+        is_open = False
+        listening.shutdown(socket.SHUT_RDWR)
+        for thread in threads:
+            thread.join()
+    gc.collect()

@@ -75,6 +75,32 @@ def test_tests_are_those_that_run_the_statement_or_read_its_name(tmp_path: Path)
     assert tests.tests_of("module.py", 2) == ["b", "c", "a"], "read by way of another constant"
 
 
+@pytest.mark.parametrize(
+    ("source", "is_tried"),
+    [
+        ("from package import module\n\nassert module.LIMIT == 0.5\n", True),
+        ("from package import module as other\n\nassert other.LIMIT == 0.5\n", True),
+        ("from package.module import LIMIT\n", True),
+        ("from package import module\n\nassert module.one(1.0)\n", False),
+        ("from package.another import LIMIT\n", False),
+    ],
+)
+def test_tests_that_name_a_constant_of_the_module_are_tried(tmp_path: Path, source: str, is_tried: bool) -> None:
+    """Also if they execute nothing: a page is compared with the size of a sample."""
+    package = tmp_path / "backend" / "stridelab" / "reproduction"
+    package.mkdir(parents=True)
+    (package / "module.py").write_text(MODULE)
+    (tmp_path / "test_page.py").write_text(source)
+    executed = {
+        "test_run.py::a": {"seconds": 3.0, "lines": [["module.py", 7]]},
+        "test_page.py::b[0.5]": {"seconds": 1.0, "lines": []},
+        "test_page.py::b[1.5]": {"seconds": 1.5, "lines": []},
+    }
+    tests = ExecutedTests(package, executed)
+    assert tests.tests_of("module.py", 2) == [*(["test_page.py::b"] if is_tried else []), "test_run.py::a"]
+    assert tests.tests_of("module.py", 9) == ["test_run.py::a"], "not for the functions"
+
+
 def test_results_are_stored_by_the_content_of_arguments() -> None:
     assert _key_of("f", (np.ones(2), "x"), {}) == _key_of("f", (np.ones(2), "".join("x")), {})
     assert _key_of("f", (np.ones(2),), {}) != _key_of("f", (np.ones(3),), {})

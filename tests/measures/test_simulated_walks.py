@@ -17,9 +17,10 @@ from pydantic import ValidationError
 import stridelab as sl
 from stridelab.errors import NotEstimable, UnreadableFile
 from stridelab.pipelines.gait_measures.pooled import gait_measures as measure_members
+from stridelab.pipelines.trial import clock_of, event_delays_of
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary, GaitMeasuresTask, MeasuresMember
-from stridelab.schemas.recordings import PlateSwitch
+from stridelab.schemas.recordings import EventDelays, PlateSwitch
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.kinds.gait_measures import run as gait_measures
 from stridelab.simulation.noise import NOISE_FREE
@@ -285,6 +286,16 @@ def test_the_plates_of_a_session_calibrate_the_events_of_a_recording_without(tmp
     members = [one.model_copy(update={"session_id": "day"}) for one in (*pair, member(tmp_path))]
     copied = measure_members(GaitMeasuresTask(members=members), tmp_path, quiet).recordings
     assert [one.steps for one in copied] == [calibrated.steps, truth.steps, truth.steps], "a copy adds nothing"
+    late = clock_of(truth.prepared.trial)
+    assert late is not None
+    strike = event_delays_of(truth.prepared.trial, late).strike
+    assert strike is not None
+    delays = EventDelays(strike=strike.model_copy(update={"late_s": strike.late_s + late.latency_s}))
+    by_facts = pair[0].model_copy(update={"session_id": "day", "session_delays": [delays]})
+    (known,) = measure_members(GaitMeasuresTask(members=[by_facts]), tmp_path, quiet).recordings
+    np.testing.assert_allclose(
+        [one.strike_s for one in known.steps], [one.strike_s for one in calibrated.steps], atol=0.001
+    )
 
     def off_s(steps: Sequence[GaitStep]) -> np.ndarray:
         return np.array([one.strike_s - own.strike_s for one, own in zip(steps, truth.steps, strict=True)])

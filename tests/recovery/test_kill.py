@@ -1,8 +1,12 @@
-"""kill -9 of the web server, the worker, the postmaster and everything: a job ends once, succeeded, with one result."""
+"""kill -9 of the web server, the worker, the postmaster and everything: a job ends once, succeeded, with one result.
+
+So it does where nothing is killed and the whole machine is suspended.
+"""
 
 import contextlib
 import os
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -64,6 +68,22 @@ def test_queued_job_survives_the_death_of(service: Service, member: str, tmp_pat
     assert starts_and_ends(diary, "j") == (1, 1)
     assert starts_and_ends(diary, "ahead")[1] == 1
     wait_until(service.healthy, 60, "a healthy service")
+
+
+def test_a_suspended_machine_costs_no_attempt(service: Service, tmp_path: Path) -> None:
+    """As with the lid of a laptop, for longer than a worker may be silent."""
+    diary = tmp_path / "diary"
+    job_id = service.jobs.submit("long-work", work_s=4.0, diary=str(diary), name="j")
+    service.jobs.until_running(job_id)
+    members = service.members()
+    for process in members:
+        process.suspend()
+    time.sleep(5.0)
+    for process in reversed(members):
+        process.resume()
+    record = service.jobs.until_final(job_id)
+    assert (record.state, record.attempt) == ("succeeded", 1)
+    assert starts_and_ends(diary, "j") == (1, 1)
 
 
 def test_everything_killed_at_once_and_started_again(tmp_path: Path) -> None:

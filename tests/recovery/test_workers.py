@@ -6,6 +6,8 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
+import psycopg
+
 from stridelab.service.jobs.store import JobRecord
 from support.service.processes import Jobs, assert_sound, worker
 
@@ -38,6 +40,23 @@ def test_zombie_publishes_nothing_and_a_survivor_takes_over(database_url: str, t
         assert (record.state, record.attempt) == ("succeeded", 2)
         assert_sound(database_url, tmp_path / "blobs", [job_id, taken])
     assert [line for line in diary.read_text().splitlines() if line.startswith("k")] == ["k start", "k start", "k end"]
+
+
+def test_a_clock_that_jumps_forward_costs_no_attempt(database_url: str, tmp_path: Path) -> None:
+    """Every heartbeat is an hour old at once: none of two workers takes the other's job, nor its own."""
+    jobs, diary = Jobs(database_url), tmp_path / "diary"
+    blobs = {"STRIDELAB_BLOB_URL": (tmp_path / "blobs").as_uri()}
+    with worker(database_url, tmp_path / "a", **blobs), worker(database_url, tmp_path / "b", **blobs):
+        job_ids = [jobs.submit("long-work", work_s=8.0, diary=str(diary), name=name) for name in "jk"]
+        for job_id in job_ids:
+            jobs.until_running(job_id)
+        for _ in range(4):
+            time.sleep(1.3)  # at other moments of the workers' intervals
+            with psycopg.connect(database_url) as connection:
+                connection.execute("UPDATE worker SET last_heartbeat = last_heartbeat - interval '1 hour'")
+        ended = [jobs.until_final(job_id) for job_id in job_ids]
+    assert [(record.state, record.attempt) for record in ended] == [("succeeded", 1)] * 2
+    assert sorted(diary.read_text().splitlines()) == ["j end", "j start", "k end", "k start"]
 
 
 def test_job_that_kills_its_workers_fails_in_the_end(database_url: str, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from stridelab.reproduction.chapter4 import fig_4_6, fig_4_7
 from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.reproduction.studies import cone_validation
 from stridelab.reproduction.studies.cone_validation import ConeCheck, Timed, check_cones, check_summary, thesis_cone
-from stridelab.reproduction.studies.random_contact_sets import stair_sets
+from stridelab.reproduction.studies.random_contact_sets import random_contacts, random_wrench, stair_sets
 from support.recorded_claims import assert_as_recorded
 
 
@@ -235,3 +235,20 @@ def test_two_three_and_four_bodies_alternate(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(cone_validation, "check_cone", check_cone)
     assert len(check_cones(7, 6)) == 7
     assert bodies == [(of, of, 6) for of in (2, 3, 4, 2, 3, 4, 2)]
+
+
+def test_a_random_wrench_is_that_of_a_robot_of_ninety_kilograms() -> None:
+    """Upright at the centre of mass on average; the drawn one has each deviation once: 200 N, 0.3 m and 20 N m."""
+
+    def wrench_at(deviations: float) -> np.ndarray:
+        rng = Mock(spec=np.random.Generator, normal=lambda mean, sd, n: np.full(n, mean + deviations * sd))
+        return random_wrench(rng, contacts)
+
+    contacts = random_contacts(np.random.default_rng(0), 2)
+    middle = contacts.position_m.mean(axis=0) + np.array([0.0, 0.0, 0.8])
+    still, drawn = wrench_at(0.0), wrench_at(1.0)
+    assert still[:2] == pytest.approx([0.0, 0.0])
+    assert still[2] == pytest.approx(90.0 * GRAVITY_M_S2, rel=0.05)
+    assert still[3:] == pytest.approx(np.cross(middle, still[:3]))
+    assert drawn[:3] - still[:3] == pytest.approx(np.full(3, 200.0))
+    assert drawn[3:] - np.cross(middle + 0.3, drawn[:3]) == pytest.approx(np.full(3, 20.0))

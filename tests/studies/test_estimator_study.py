@@ -171,6 +171,17 @@ def test_an_excerpt_starts_again_at_zero_and_keeps_what_was_measured(thesis: lis
     assert all(len(s.com_m) == 400 for s in part.geometric.segments.values())
 
 
+def test_an_excerpt_may_be_the_whole_trial_and_no_sample_more(thesis: list[StudyTrial]) -> None:
+    """The last sample stands for the time up to the next one."""
+    whole, end_s = thesis[0], 9.2
+    same = whole.excerpt_between(0.0, end_s)
+    np.testing.assert_array_equal(same.truth.com_m, whole.truth.com_m)
+    np.testing.assert_array_equal(same.wrench.force_n, whole.wrench.force_n)
+    for start_s, beyond_s in ((-0.1 / RATE_HZ, end_s), (0.0, end_s + 0.1 / RATE_HZ), (2.0, 2.0), (2.0, 1.0)):
+        with pytest.raises(InvalidInput, match="An excerpt must lie between"):
+            whole.excerpt_between(start_s, beyond_s)
+
+
 def test_what_does_not_exist_is_refused(thesis: list[StudyTrial]) -> None:
     refusals = {
         "gait-unknown": lambda: clean_motion("flying"),

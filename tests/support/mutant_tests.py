@@ -22,23 +22,36 @@ class ExecutedTests:
         for test, of in executed.items():
             for file, line in of["lines"]:
                 self._tests_at[file, line].add(test)
+        root = package.parents[2]
+        self._test_trees = {
+            file: ast.parse((root / file).read_text(encoding="utf-8"))
+            for file in sorted({test.partition("::")[0] for test in executed})
+            if (root / file).is_file()
+        }
 
     def tests_of(self, file: str, line: int) -> list[str]:
         """Tests that execute the statement at a line; if none does, its function, and then its module.
 
-        A statement outside of functions is executed by those that execute a function that reads its names.
+        A statement outside of functions is executed by those that execute a function that reads its names; tests of a
+        file that reads them from the module are added, with all their parameters, of which a name may be one.
         """
         path = _path_to(self._trees[file], line)
         functions = [node for node in path if isinstance(node, ast.FunctionDef)]
+        naming: set[str] = set()
         if not functions:
-            places = self._readers_of(_assigned_names(path))
+            names = _assigned_names(path)
+            places = self._readers_of(names)
+            module = Path(file).stem
+            files = [of for of, tree in self._test_trees.items() if _reads_of_module(tree, module, names)]
+            naming = {test for test in self._seconds if test.partition("::")[0] in files}
         else:
             places = [(file, _own_lines(path[-1])), (file, _body_lines(functions[-1]))]
             places = places[:1] if self._tests_in(places[:1]) else places[1:]
         tests = self._tests_in(places) or self._tests_in(
             [(file, _body_lines(node)) for node in ast.walk(self._trees[file]) if isinstance(node, ast.FunctionDef)]
         )
-        return self._in_order(tests)
+        in_order = self._in_order(tests | naming)
+        return list(dict.fromkeys(test.partition("[")[0] if test in naming else test for test in in_order))
 
     def _tests_in(self, places: Sequence[tuple[str, range]]) -> set[str]:
         return {test for file, lines in places for line in lines for test in self._tests_at.get((file, line), ())}
@@ -117,5 +130,19 @@ def _assigned_names(path: Sequence[ast.stmt]) -> set[str]:
 def _reads(tree: ast.AST, names: set[str]) -> bool:
     return any(
         (isinstance(node, ast.Name) and node.id in names) or (isinstance(node, ast.Attribute) and node.attr in names)
+        for node in ast.walk(tree)
+    )
+
+
+def _reads_of_module(tree: ast.AST, module: str, names: set[str]) -> bool:
+    """Whether a test reads one of the names from a module: imports it, or reads it as an attribute of the module."""
+    aliases = {module}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            aliases |= {alias.asname for alias in node.names if alias.name == module and alias.asname}
+            if (node.module or "").rpartition(".")[2] == module and any(alias.name in names for alias in node.names):
+                return True
+    return any(
+        isinstance(node, ast.Attribute) and node.attr in names and getattr(node.value, "id", None) in aliases
         for node in ast.walk(tree)
     )

@@ -37,7 +37,8 @@ STEPS_RELATIVE: Final = 2e-4
 """The same for the numbers on the way to claims, which are not rounded: two machines differed by 2e-6 at most."""
 EXACT: Final = ("thesis", "holds_from", "holds_to")
 """Fields that no computation of ours enters: a bound that is off by a thousandth is another bound."""
-EXACT_RELATIVE: Final = 1e-6
+EXACT_RELATIVE: Final = 1e-12
+"""Room for the last digit of a product; a bound that is as small as rounding errors is compared as well."""
 COMPUTED_BOUND: Final = re.compile(r"excess_nats$|rise_nats$")
 """Claims whose bound is a standard error of a learned density, which other processors do not repeat in every digit."""
 DIGITS: Final = 9
@@ -157,7 +158,8 @@ def _differ(one: Any, other: Any, relative: float = RELATIVE) -> bool:
         return _printed_differ(one, other)
     if not isinstance(one, float) or not isinstance(other, (int, float)):
         return bool(one != other)
-    return max(abs(one), abs(other)) >= ROUNDING and not math.isclose(one, other, rel_tol=relative)
+    size = max(abs(one), abs(other))
+    return (size >= ROUNDING or relative == EXACT_RELATIVE) and not math.isclose(one, other, rel_tol=relative)
 
 
 def _printed_differ(one: str, other: str) -> bool:

@@ -23,9 +23,10 @@ from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import PlateSwitches, Recording, Remark, Subject, Window
 from stridelab.recordings.static_pose import SAME_BODY_M, body_difference, stands_still
 from stridelab.recordings.technical_clusters import technical_landmarks
-from stridelab.schemas.recordings import PlateSwitch, SubjectFields, TrialClock
+from stridelab.schemas.recordings import EventDelay, EventDelays, PlateSwitch, SubjectFields, TrialClock
 from stridelab.schemas.sessions import SessionValues
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
+from stridelab.walking.event_calibration import EventDifferences, mean_differences
 
 
 @dataclass(frozen=True)
@@ -306,3 +307,26 @@ def clock_of(trial: Trial) -> TrialClock | None:
     except (StridelabError, ArithmeticError, ValueError):
         return None
     return TrialClock(latency_s=latency.latency_s, sd_s=latency.sd_s)
+
+
+def session_differences(trial: Trial, latency_s: float) -> EventDifferences:
+    """Mean differences of marker events from plate events of a recording with the latency ``latency_s`` of its force.
+
+    Empty if one foot is marked: the other may load its plate.
+    """
+    # It imports scipy.signal, which takes longer than the estimation of a walk.
+    from stridelab.walking.gait_events import plate_differences
+
+    return mean_differences(plate_differences(trial.recording, trial.match.landmarks, latency_s=latency_s))
+
+
+def event_delays_of(trial: Trial, clock: TrialClock | None) -> EventDelays:
+    """``session_differences`` as facts, which hold for any latency of the force; nothing instead of errors."""
+    latency_s = 0.0 if clock is None else clock.latency_s
+    try:
+        means = session_differences(trial, latency_s)
+    except (StridelabError, ArithmeticError, ValueError):
+        return EventDelays()
+    return EventDelays.model_validate(
+        {kind: EventDelay(late_s=one.late_s - latency_s, sd_s=one.own_s) for kind, of in means.items() for one in of}
+    )

@@ -11,6 +11,7 @@ from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.methods import Method
 from stridelab.schemas.population import MAX_RECORDINGS, LeftOut, refuse_repeated_recordings
 from stridelab.schemas.quality import Quality, TrialQuality
+from stridelab.schemas.recordings import EventDelays
 from stridelab.schemas.service import Language
 from stridelab.schemas.sessions import SessionId
 from stridelab.schemas.tasks import EstimateComTask
@@ -269,6 +270,10 @@ class MeasuresMember(Contract):
     task: EstimateComTask
     session_id: str | None = Field(
         default=None, description="recordings with the same one calibrate each other's events by markers"
+    )
+    session_delays: list[EventDelays] = Field(
+        default_factory=list,
+        description="of the session's recordings that are no members, without the latency of the force",
     )
 
 

@@ -108,6 +108,20 @@ class TrialClock(Contract):
     sd_s: float
 
 
+class EventDelay(Contract):
+    """How late events by markers are against those of plates; as a fact, with the latency of the force in it."""
+
+    late_s: float
+    sd_s: float
+
+
+class EventDelays(Contract):
+    """Mean delays of the strikes and lift-offs in whole stances on plates; null without one."""
+
+    strike: EventDelay | None = None
+    lift_off: EventDelay | None = None
+
+
 class RecordingFacts(Contract):
     """Result of parsing a file, stored with the row of the recording."""
 
@@ -122,6 +136,7 @@ class RecordingFacts(Contract):
     mass_from_force_kg: float | None = None
     mass_from_force_sd_kg: float | None = None
     clock: TrialClock | None = Field(default=None, description="null if force and markers cannot be compared")
+    event_delays: EventDelays = Field(default_factory=EventDelays, description="calibrate the events of its session")
     recorded_on: date | None = Field(default=None, description="day of the recording, if the file states it")
     still: bool = Field(default=False, description="the person stands still: a static trial")
     simulated: bool = Field(default=False, description="the file carries the segment table of a simulated body")

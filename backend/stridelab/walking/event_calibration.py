@@ -95,6 +95,15 @@ def common_difference(
     return shift_s, sqrt(variance)
 
 
+def mean_differences(differences: EventDifferences) -> dict[EventKind, list[PlateDifference]]:
+    """The differences of a recording that inform its session, of each kind as one: their weighted mean, if any.
+
+    Flat landings do not.
+    """
+    means = {kind: _weighted_mean([one for one in of if not one.lands_flat]) for kind, of in differences.items()}
+    return {kind: [] if mean is None else [PlateDifference(*mean)] for kind, mean in means.items()}
+
+
 def _weighted_mean(differences: Sequence[PlateDifference]) -> tuple[float, float] | None:
     """Mean of one recording weighted by the own errors, and its standard deviation; None without any to use."""
     used = [one for one in differences if abs(one.late_s) < MAX_SHIFT_S]

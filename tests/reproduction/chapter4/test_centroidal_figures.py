@@ -18,6 +18,7 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.reachability.card import Measure
 from stridelab.reproduction.chapter4 import fig_4_8, fig_4_9, numbers, table_4_1
 from stridelab.reproduction.studies.thesis_experiments import EXPERIMENTS, WALKERS, experiment_problem
+from stridelab.robots.loader import load_robot
 from support.recorded_claims import assert_as_recorded
 
 
@@ -136,11 +137,13 @@ def test_times_in_the_text_are_those_of_an_iteration_for_so_many_seconds(monkeyp
     def solve(problem: CentroidalProblem, solver: str) -> SimpleNamespace:
         problems.append(problem)
         assert solver == numbers.SOLVER
-        return SimpleNamespace(solve_time_s=next(times_s), iterations=10, time_s=np.array([0.0, 20.0]))
+        return SimpleNamespace(solve_time_s=next(times_s), iterations=10, time_s=np.array([0.0, 4.0, 20.0]))
 
     class Horizon:
         def __init__(self, problem: CentroidalProblem, horizon_s: float) -> None:
             assert 2.0 <= horizon_s <= 3.0, "seconds that the thesis names"
+            assert problem.sequence.duration_s == pytest.approx(8.0, abs=0.1), "the first experiment"
+            assert problem.mass_kg == load_robot("hrp2").mass_kg
 
         def iterate_replans(self, _: None) -> Iterator[SimpleNamespace]:
             plan = SimpleNamespace(solver="ipopt")
@@ -150,6 +153,8 @@ def test_times_in_the_text_are_those_of_an_iteration_for_so_many_seconds(monkeyp
     monkeypatch.setattr(numbers, "RecedingHorizon", Horizon)
     claims = {claim.key: claim for claim in numbers._solve_time_claims()}
     assert [isinstance(problem.control, ContactWrench) for problem in problems] == [True] * 3 + [False] * 3
+    assert {problem.mass_kg for problem in problems} == {load_robot("hrp2").mass_kg}
+    assert [problem.sequence.duration_s for problem in problems] == pytest.approx([24.0] * 6, abs=0.1), "stairs"
     assert claims["wrench_25_s"].ours == pytest.approx(25.0 * 1.0 / 10 / 20.0), "least of three"
     assert claims["forces_17_s"].ours == pytest.approx(17.0 * 2.0 / 10 / 20.0)
     assert claims["horizon_hz"].ours == pytest.approx(10.0)
@@ -277,3 +282,34 @@ def test_the_native_solver_has_circular_cones_and_ipopt_pyramids() -> None:
             control = table_4_1.problem_of_column(column, solver).control
             assert isinstance(control, ContactWrench) == (column.control == "u_c")
             assert isinstance(control, CircularCones) == (column.control == "u_f" and solver == "native")
+
+
+def test_a_grid_holds_the_density_and_the_path() -> None:
+    """To three standard deviations where the density is alone, 15 cm beyond the path where that goes farther."""
+    flat = np.ones(1), np.array([[1.0, 2.0]]), np.array([np.diag([0.1**2, 0.2**2])])
+    x, y, density = fig_4_9.density_on_grid(flat, np.array([[1.0, 1.2], [2.0, 2.1]]))
+    assert (x[0], x[-1]) == pytest.approx((1.0 - 3.0 * 0.1, 2.0 + 0.15))
+    assert (y[0], y[-1]) == pytest.approx((1.2 - 0.15, 2.0 + 3.0 * 0.2))
+    assert density.shape == (len(y), len(x))
+    assert len(x) % 2 == 1, "the middle is one of the points"
+    x, y, _ = fig_4_9.density_on_grid(flat, np.array([[0.0, 2.0], [0.5, 3.0]]))
+    assert (x[0], x[-1], y[-1]) == pytest.approx((-0.15, 1.3, 3.15))
+
+
+def test_all_plans_count_for_gaps_and_convergence() -> None:
+    """Invented plans of both solvers: the last but one has the largest gap, another one has not converged."""
+    columns = [(column, solver) for column in table_4_1.COLUMNS for solver in table_4_1.SOLVERS]
+    gaps = [1e-12] * (len(columns) - 2) + [3e-9, 1e-13]
+    times = [
+        table_4_1.TimedColumn(
+            column, solver,
+            Mock(spec=CentroidalPlan, iterations=10, time_s=np.array([0.0, 8.0]), converged=k != 5,
+                 verification=SimpleNamespace(dynamics_gap=gap)),
+            0.5, 0.1,
+        )
+        for k, ((column, solver), gap) in enumerate(zip(columns, gaps, strict=True))
+    ]  # fmt: skip
+    claims = {claim.key: claim for claim in table_4_1.time_claims(times)}
+    assert (claims["gap"].ours, claims["gap"].n) == (3e-9, 24)
+    assert (claims["converged"].ours, claims["converged"].holds_from) == (23.0, 24.0)
+    assert claims["converged"].outcome == "aim_missed"

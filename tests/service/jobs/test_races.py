@@ -75,17 +75,17 @@ def test_of_workers_that_race_for_an_orphan_one_gets_it(
     with_consumers(5, act)
 
 
-def test_a_clock_that_jumps_forward_costs_an_attempt_and_no_job(
+def test_a_job_taken_from_a_living_worker_costs_an_attempt_and_no_job(
     database_url: str, with_consumers: Callable[[int, Work], None]
 ) -> None:
-    """All running jobs are requeued at once; their workers are notified, and each job ends once."""
+    """Its worker is notified, and each job ends once."""
 
     async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
         one, other = consumers
         ids = {(await store.submit("work", {"n": n})).job_id for n in range(2)}
         before = [await take(one), await take(other)]
         await asyncio.to_thread(shift, database_url, 3600.0)
-        await one.send_heartbeat()  # the first to beat after the jump takes the other's job, not its own
+        await one.send_heartbeat()  # the clock has jumped forward; workers wait then, the store does not
         assert len(await attempts.requeue_lost(STALL_S)) == 1
         assert before[0] is not None
         assert before[1] is not None

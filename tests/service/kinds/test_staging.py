@@ -16,7 +16,7 @@ from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidTask
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.plans import PlanContactsInput, PlanContactsTask, PlanMotionInput, PlanMotionTask
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingTask
-from stridelab.schemas.recordings import RecordingFacts, SubjectFields
+from stridelab.schemas.recordings import EventDelay, EventDelays, RecordingFacts, SubjectFields, TrialClock
 from stridelab.schemas.robots import LearnReachabilityInput, LearnReachabilityTask
 from stridelab.schemas.tasks import EstimateComTask, SimulateRecordingTask
 from stridelab.service.filenames import LINKS_FILE, SIMULATED_FACTS_FILE
@@ -128,6 +128,33 @@ def test_members_name_the_session_of_their_recording(
     members = within(database_url, act)
     assert [one.session_id for one in members] == ["day", "day", None]
     assert len({one.folder for one in members}) == 3
+
+
+def test_members_get_the_delays_of_marker_events_from_the_rest_of_their_session(
+    database_url: str, blobs: BlobStore, folder: Path, tmp_path: Path
+) -> None:
+    """Without the latency of the force: that of the session, or of a file with other equipment. Copies count once."""
+    delays = EventDelays(strike=EventDelay(late_s=0.004, sd_s=0.003))
+    facts = FACTS.model_copy(update={"event_delays": delays, "clock": TrialClock(latency_s=0.010, sd_s=0.001)})
+    slower = facts.model_copy(update={"force_rate_hz": facts.force_rate_hz / 2, "clock": None})
+
+    async def act(connection: AsyncConnection) -> Any:
+        stored = {"one": FACTS, "two": facts, "copy": facts, "slow": slower}
+        for key, of in stored.items():
+            fields = {"session_id": "day", "facts": of.model_dump(mode="json")}
+            if key == "copy":
+                fields["sha256"] = hashlib.sha256(b"two").hexdigest()
+            await store_recording(connection, blobs, tmp_path / "a", key, **fields)
+        await store_recording(connection, blobs, tmp_path / "a", "other", facts=facts.model_dump(mode="json"))
+        alone = await staging.stage_members(connection, blobs, ["one"], None, folder)
+        both = await staging.stage_members(connection, blobs, ["one", "two", "slow", "other"], None, folder)
+        return alone, both
+
+    ((alone,), both) = within(database_url, act)
+    late_s = [one.strike.late_s for one in alone.session_delays]
+    assert late_s == pytest.approx([0.014, 0.004])
+    assert all(one.lift_off is None for one in alone.session_delays)
+    assert [one.session_delays for one in both] == [[], [], [], []], "members measure their own"
 
 
 def test_a_recording_deleted_meanwhile_is_named(database_url: str, blobs: BlobStore, folder: Path) -> None:

@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import threading
-from collections.abc import Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,7 +19,7 @@ class Network:
     outside_port: int = 0
     server: asyncio.Server | None = None
     lets_through: asyncio.Event = field(default_factory=asyncio.Event)
-    writers: set[asyncio.StreamWriter] = field(default_factory=set)
+    connections: "Connections" = field(default_factory=lambda: Connections())
 
     @property
     def url(self) -> str:
@@ -49,19 +49,16 @@ class Network:
     async def _cut(self) -> None:
         self.lets_through.set()
         if self.server is not None:
-            self.server.close()
-            self.server = None
-        for writer in list(self.writers):
-            writer.transport.abort()
+            server, self.server = self.server, None
+            await stop_listening(server)
+        self.connections.abort_all()
 
     async def _connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        with contextlib.suppress(OSError, asyncio.CancelledError):
-            await self.lets_through.wait()
-            inside, outside = await asyncio.open_connection("127.0.0.1", self.port)
-            self.writers |= {writer, outside}
-            await asyncio.gather(self._carry(reader, outside), self._carry(inside, writer), return_exceptions=True)
-            self.writers -= {writer, outside}
-        writer.close()
+        await self.connections.carry_both_ways(self._open_inside, self._carry, self._carry, reader, writer)
+
+    async def _open_inside(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        await self.lets_through.wait()
+        return await asyncio.open_connection("127.0.0.1", self.port)
 
     async def _carry(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
         try:
@@ -77,23 +74,77 @@ class Network:
 @contextlib.contextmanager
 def network_to(port: int) -> Iterator[Network]:
     """A network to the service on the loopback ``port``, in a thread of its own."""
+    with loop_in_thread() as loop:
+        network = Network(port, loop)
+        network.restore()
+        try:
+            yield network
+        finally:
+            network.cut()
+            asyncio.run_coroutine_threadsafe(network.connections.end_all(), loop).result(10)
+
+
+@contextlib.contextmanager
+def loop_in_thread() -> Iterator[asyncio.AbstractEventLoop]:
+    """An event loop that runs in a thread of its own."""
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever, daemon=True)
     thread.start()
-    network = Network(port, loop)
-    network.restore()
     try:
-        yield network
+        yield loop
     finally:
-        network.cut()
-        asyncio.run_coroutine_threadsafe(_end_tasks(), loop).result(10)
         loop.call_soon_threadsafe(loop.stop)
         thread.join(10)
         loop.close()
 
 
-async def _end_tasks() -> None:
-    others = asyncio.all_tasks() - {asyncio.current_task()}
-    for task in others:
-        task.cancel()
-    await asyncio.gather(*others, return_exceptions=True)
+Carry = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Coroutine[Any, Any, None]]
+"""Copies what one side sends to the other side, and closes that one."""
+Open = Callable[[], Coroutine[Any, Any, tuple[asyncio.StreamReader, asyncio.StreamWriter]]]
+
+
+class Connections:
+    """What a proxy has open. None is left open at the end: garbage with an open socket fails a later test."""
+
+    def __init__(self) -> None:
+        self._writers: set[asyncio.StreamWriter] = set()
+
+    async def carry_both_ways(
+        self, connect: Open, up: Carry, down: Carry, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        """Carry an accepted connection both ways until both sides are closed."""
+        mine = {writer}
+        self._writers.add(writer)
+        try:
+            with contextlib.suppress(OSError):
+                inside, outside = await connect()
+                mine.add(outside)
+                self._writers.add(outside)
+                await asyncio.gather(up(reader, outside), down(inside, writer), return_exceptions=True)
+        finally:
+            for one in mine:
+                one.close()
+            for one in mine:  # what it has not sent yet is sent before it is closed
+                with contextlib.suppress(OSError):
+                    await one.wait_closed()
+            self._writers -= mine
+
+    def abort_all(self) -> None:
+        """Close every connection at once, whatever it has not sent yet."""
+        for writer in list(self._writers):
+            writer.transport.abort()
+
+    async def end_all(self) -> None:
+        """Abort until all tasks have ended by themselves: one that is cancelled before it begins closes nothing."""
+        while others := asyncio.all_tasks() - {asyncio.current_task()}:
+            self.abort_all()
+            await asyncio.wait(others, timeout=0.02)
+
+
+async def stop_listening(server: asyncio.Server) -> None:
+    """Close ``server`` once what it has accepted is a connection; in Python 3.11 the other ones are never closed."""
+    loop = asyncio.get_running_loop()
+    for listening in server.sockets:
+        loop.remove_reader(listening.fileno())
+    await asyncio.sleep(0)
+    server.close()

@@ -15,7 +15,6 @@ import os
 import socket
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,6 +25,7 @@ from typing import Any
 import httpx
 import psutil
 
+from support.browser.network import Connections, loop_in_thread, stop_listening
 from support.service.database import TestDatabases
 from support.service.web_server import Served, served
 
@@ -114,39 +114,34 @@ class Meter:
 @contextlib.contextmanager
 def metered(port: int) -> Iterator[Meter]:
     """A door to the service on the loopback ``port``, in a thread of its own."""
-    loop = asyncio.new_event_loop()
-    thread = threading.Thread(target=loop.run_forever, daemon=True)
-    thread.start()
-    meter = Meter()
+    meter, connections = Meter(), Connections()
 
     async def through(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         wire = Wire()
         meter.wires.append(wire)
-        inside, outside = await asyncio.open_connection("127.0.0.1", port)
-        both = (_carry(reader, outside, wire, meter), _carry(inside, writer, wire, None))
-        with contextlib.suppress(asyncio.CancelledError):  # the end of the door
-            await asyncio.gather(*both, return_exceptions=True)
+        await connections.carry_both_ways(
+            lambda: asyncio.open_connection("127.0.0.1", port),
+            lambda source, sink: _carry(source, sink, wire, meter),
+            lambda source, sink: _carry(source, sink, wire, None),
+            reader,
+            writer,
+        )
 
     async def listen() -> asyncio.Server:
         return await asyncio.start_server(through, "127.0.0.1", 0)
 
-    server = asyncio.run_coroutine_threadsafe(listen(), loop).result(10)
-    try:
-        meter.url = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
-        yield meter
-    finally:
-        asyncio.run_coroutine_threadsafe(_end(server), loop).result(10)
-        loop.call_soon_threadsafe(loop.stop)
-        thread.join(10)
-        loop.close()
+    async def end_meter() -> None:
+        await stop_listening(server)
+        meter.up_at_most = None
+        await connections.end_all()
 
-
-async def _end(server: asyncio.Server) -> None:
-    server.close()
-    others = asyncio.all_tasks() - {asyncio.current_task()}
-    for task in others:
-        task.cancel()
-    await asyncio.gather(*others, return_exceptions=True)
+    with loop_in_thread() as loop:
+        server = asyncio.run_coroutine_threadsafe(listen(), loop).result(10)
+        try:
+            meter.url = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+            yield meter
+        finally:
+            asyncio.run_coroutine_threadsafe(end_meter(), loop).result(10)
 
 
 async def _carry(source: asyncio.StreamReader, sink: asyncio.StreamWriter, wire: Wire, up: Meter | None) -> None:

@@ -23,13 +23,12 @@ from stridelab.pipelines.gait_measures.recording import (
     measure_without_plates,
 )
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.recordings.foot_contact import find_marked_feet
+from stridelab.pipelines.trial import session_differences
 from stridelab.schemas import base
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import GaitMeasuresSummary, GaitMeasuresTask, MeasuresMember, MeasureValue, NotMeasured
 from stridelab.schemas.population import LeftOut
-from stridelab.walking.event_calibration import EventDifferences
-from stridelab.walking.gait_events import plate_differences
+from stridelab.walking.event_calibration import EventDifferences, PlateDifference
 
 REFERENCES: Final = ("hof2005", "donelan2002", "cavagna1976", "herr2008", "wang2014", "rosenstein1993", "bruijn2009")
 SIGNED: Final = frozenset(
@@ -108,20 +107,25 @@ def _calibrate_events(
     members: Sequence[MeasuresMember], measured: Sequence[MeasuredRecording]
 ) -> list[MeasuredRecording]:
     """Measure again, with the events by markers calibrated by the plates of the other recordings of the session."""
-    sessions = {one.recording_id: one.session_id for one in members}
-    tasks = {one.recording_id: one.task for one in members}
-    differences = {one.recording_id: _plate_differences(one) for one in measured if sessions[one.recording_id]}
+    member_of = {one.recording_id: one for one in members}
+    differences = {
+        one.recording_id: session_differences(one.prepared.trial, one.prepared.latency.applied_s)
+        for one in measured
+        if member_of[one.recording_id].session_id
+    }
     calibrated = []
     for one in measured:
+        member, own = member_of[one.recording_id], differences.get(one.recording_id, {})
+        candidates = [of for name, of in differences.items() if member_of[name].session_id == member.session_id]
+        candidates += _stored_differences(member)
         others: list[EventDifferences] = []
-        for name, own in differences.items():
-            same = name != one.recording_id and sessions[name] == sessions[one.recording_id]
-            if same and any(own.values()) and own not in (*others, differences[one.recording_id]):  # copies count once
-                others.append(own)
+        for other in candidates if member.session_id else ():
+            if any(other.values()) and other not in (own, *others):  # copies count once
+                others.append(other)
         if others and any("markers" in (c.strike_source, c.lift_off_source) for c in one.contacts):
             one = measure_steps(
                 one.recording_id,
-                tasks[one.recording_id],
+                member.task,
                 one.prepared,
                 one.estimate,
                 one.quality,
@@ -132,13 +136,14 @@ def _calibrate_events(
     return calibrated
 
 
-def _plate_differences(one: MeasuredRecording) -> EventDifferences:
-    """Differences of marker events from plate events; none if one foot is marked: the other may load its plate."""
-    recording, landmarks = one.prepared.trial.recording, one.prepared.trial.match.landmarks
-    feet = find_marked_feet(recording, landmarks)
-    if len(feet) < len(SIDES):
-        return {}
-    return plate_differences(recording, landmarks, latency_s=one.prepared.latency.applied_s, feet=feet)
+def _stored_differences(member: MeasuresMember) -> list[EventDifferences]:
+    return [
+        {
+            "strike": [PlateDifference(one.late_s, one.sd_s) for one in (delays.strike,) if one is not None],
+            "lift_off": [PlateDifference(one.late_s, one.sd_s) for one in (delays.lift_off,) if one is not None],
+        }
+        for delays in member.session_delays
+    ]
 
 
 def _summary(

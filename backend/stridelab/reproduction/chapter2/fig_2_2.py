@@ -107,7 +107,7 @@ def _least_moment_ratio(wrench: Wrench, point_m: Points) -> float:
     for turn in np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False):
         away = 0.01 * np.array([np.cos(turn), np.sin(turn), 0.0])
         beside.append(np.linalg.norm(transport(wrench, point_m + away).moment_nm, axis=1))
-    return float((np.min(beside, axis=0) / np.maximum(on_axis, 1e-9)).min())
+    return float((np.min(beside, axis=0) / on_axis).min())
 
 
 def _angle_between(u: Points, v: Points) -> Series:

@@ -143,7 +143,7 @@ def _remaining_bias_shares() -> tuple[float, float, float, float]:
 def _settling_time() -> tuple[float, Series]:
     """Settling time and offset of a forward pass from rest on an exact run with constant geometry bias."""
     trial = simulate_trial("running", "none", 0)
-    shift = np.array([OFFSET_M, 0.0, 0.0])
+    shift = OFFSET_M * np.eye(3)[0]
     biased: Points = trial.geometric.com_m + shift
     total = Wrench(trial.wrench.force_n, trial.wrench.moment_nm)
     exact = filter_inputs(trial.geometric.com_m, total, trial.mass_kg)
@@ -153,7 +153,7 @@ def _settling_time() -> tuple[float, Series]:
     fused = forward_pass(filters, inputs, replace(start, h3=np.zeros((2, 3))))
     offset = (fused - biased)[:, 0]
     late = np.flatnonzero(np.abs(offset) < 0.9 * OFFSET_M)
-    return float((late[-1] + 1) / RATE_HZ) if len(late) else 0.0, offset
+    return float((late[-1] + 1) / RATE_HZ), offset
 
 
 def _draw_panels(trial: StudyTrial, fused: ComEstimate, curve: Float[np.ndarray, "m"]) -> list[Panel]:

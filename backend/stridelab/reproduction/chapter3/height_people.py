@@ -41,7 +41,7 @@ GROUPS: Final = ((12, 1.74, 0.04), (4, 1.71, 0.04))
 """The thesis' people: number, mean and standard deviation of the stature (m), men and women (section 3.2.1)."""
 TRIALS: Final = 10
 """Trials per person in the thesis (section 3.2.1)."""
-DRAWS: Final = 2000
+DRAWS: Final = 10_000
 SEED: Final = 0
 UNLIKELY: Final = 0.05
 """Two-sided probability below which a coefficient of the thesis is not one of the model's."""

@@ -166,8 +166,7 @@ def fit_walk(walk: RecordedWalk) -> FittedWalk:
     landmarks = identify(list(walk.recording.markers_m)).landmarks
     steps = find_steps(walk.recording, landmarks, walk.windows, latency_s=latency_s)
     stated = walk.recording.walking_direction
-    ahead = (walk_frame(estimate.velocity_m_s)[0] if stated is None else stated) * [1.0, 1.0, 0.0]
-    ahead /= np.linalg.norm(ahead)
+    ahead = walk_frame(estimate.velocity_m_s)[0] if stated is None else stated
     return FittedWalk(walk, estimate, latency_s, ahead, fit_steps(estimate, steps, ahead, walk.windows))
 
 

@@ -58,7 +58,7 @@ def check_cone(contacts: PointContacts, bodies: int, points: int, rng: np.random
     """
     linear = LinearCone.from_contacts(contacts)
     cone, took = timed_cone(lambda: LinearCone.from_contacts(contacts).largest_lorentz())
-    nearest = np.argsort(-cone.facet_supports(linear.facets) @ [1.0, 1.0] / np.linalg.norm(linear.facets, axis=1))
+    nearest = np.argsort(-cone.facet_supports(linear.facets).sum(axis=1) / np.linalg.norm(linear.facets, axis=1))
     worst = cone.nearest_to_facets(linear.facets[nearest[: points // 2]])
     boundary = np.vstack([worst, cone.boundary_wrenches(rng.normal(size=(points - len(worst), cone.dimension)))])
     margins = [linear_margin(contacts, y, N_RAYS).margin_n / np.linalg.norm(y) for y in boundary]

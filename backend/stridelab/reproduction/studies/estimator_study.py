@@ -89,12 +89,14 @@ def simulate_trial(
     """
     preset = _preset_of(noise)
     source = clean_motion(gait, walk_seed)
-    rngs = [np.random.default_rng([seed, part]) for part in range(5)]
+    joints_rng, forces_rng, moments_rng, masses_rng, biases_rng = (
+        np.random.default_rng([seed, part]) for part in range(5)
+    )
     time_s = source.motion.time_s
     recorded = (time_s > -_EPS_S) & (time_s < source.plan.duration_s - _EPS_S)
     t, n = time_s[recorded], int(recorded.sum())
     exact = link_masses(source.robot.model)
-    body_model = exact.perturb(preset.mass_model, rngs[3]) if preset.mass_model > 0.0 else exact
+    body_model = exact.perturb(preset.mass_model, masses_rng) if preset.mass_model > 0.0 else exact
     q = source.motion.q[recorded]
     clean = link_poses(source.robot.model, q)
     noisy = clean
@@ -102,14 +104,14 @@ def simulate_trial(
         noisy_q = q.copy()
         sigma, joints = preset.configuration_rad, q.shape[1] - 7
         noisy_q[:, 7:] += coloured_noise(
-            rngs[0], n, joints, sigma, RATE_HZ, preset.high_pass_hz, preset.high_pass_order
+            joints_rng, n, joints, sigma, RATE_HZ, preset.high_pass_hz, preset.high_pass_order
         )
         noisy = link_poses(source.robot.model, noisy_q)
     truth = _masked_truth(source.truth, recorded)
     geometric = _geometric_com(source, noisy, body_model, t, preset.mass_model)
     biased = _com_of_links(clean, body_model)
     sd_x, sd_y, sd_z = (float(s) for s in (geometric.com_m - biased).std(axis=0))
-    force, moment = _noisy_wrench(source, t, preset, rngs[1], rngs[2], rngs[4])
+    force, moment = _noisy_wrench(source, t, preset, forces_rng, moments_rng, biases_rng)
     return StudyTrial(
         gait=gait,
         noise=preset,
@@ -207,20 +209,11 @@ def _noisy_wrench(
     plate = np.zeros_like(force)
     plate[:, :2] = sum(load.share[side][:, None] * load.cop_m[side] for side in SIDES)
     wrench = np.column_stack([force, moment, plate])
-    if noise.latency_s == 0.0:
-        measured = wrench[np.searchsorted(time_s, sample_times_s - _EPS_S)]
-    else:
-        measured = CubicSpline(time_s, wrench)(sample_times_s - noise.latency_s)
-    force, moment, plate = measured[:, :3].copy(), measured[:, 3:6].copy(), measured[:, 6:]
-    error_n, error_nm = np.zeros_like(force), np.zeros_like(force)
-    if noise.force_n > 0.0:
-        error_n += coloured_noise(
-            forces, len(force), 3, noise.force_n, RATE_HZ, noise.high_pass_hz, noise.high_pass_order
-        )
-    if noise.moment_nm > 0.0:
-        error_nm += coloured_noise(
-            moments, len(force), 3, noise.moment_nm, RATE_HZ, noise.high_pass_hz, noise.high_pass_order
-        )
+    force, moment, plate = np.split(CubicSpline(time_s, wrench)(sample_times_s - noise.latency_s), 3, axis=1)
+    error_n, error_nm = (
+        coloured_noise(rng, len(force), 3, sigma, RATE_HZ, noise.high_pass_hz, noise.high_pass_order)
+        for rng, sigma in ((forces, noise.force_n), (moments, noise.moment_nm))
+    )
     error_n += noise.plate_bias_n * biases.standard_normal(3)
     error_nm += noise.plate_bias_nm * biases.standard_normal(3)
     return force + error_n, moment + error_nm + np.cross(plate, error_n)

@@ -96,10 +96,10 @@ def _leg_moment(body: AnthropometricBody, side: str, hip: Points, ankle: Points,
     p, inertias = body.proportions, body.model.inertias
     down = ankle - hip
     reach = np.linalg.norm(down, axis=1, keepdims=True)
-    along = down / np.maximum(reach, 1e-9)
+    along = down / reach
     forward = ahead - (ahead * along).sum(axis=1, keepdims=True) * along
     forward /= np.linalg.norm(forward, axis=1, keepdims=True)
-    down_m = (p.thigh_m**2 - p.shank_m**2 + reach**2) / (2.0 * np.maximum(reach, 1e-9))
+    down_m = (p.thigh_m**2 - p.shank_m**2 + reach**2) / (2.0 * reach)
     knee = hip + down_m * along + np.sqrt(np.clip(p.thigh_m**2 - down_m**2, 0.0, None)) * forward
     moment = np.zeros_like(hip)
     for link, start, end, length in (("thigh", hip, knee, p.thigh_m), ("shank", knee, ankle, p.shank_m)):

@@ -50,8 +50,8 @@ class TermWeights:
         )
 
 
-THESIS: Final = Weights(com_acceleration=10.0, momentum_rate=10.0, likelihood=1.0, surface_force=FAINT)
-"""Weights of section 4.5.1, the same numbers for every body."""
+THESIS: Final = Weights(surface_force=FAINT)
+"""Weights of section 4.5.1, which are the defaults but for the forces: the same numbers for every body."""
 COMPARATORS: Final[Mapping[str, TermWeights | Weights]] = {
     "the thesis' weights": THESIS,
     "stridelab's defaults": Weights(),

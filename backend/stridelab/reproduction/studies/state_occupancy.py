@@ -30,7 +30,6 @@ from stridelab.reachability.learning.com_sampling import configuration_stream
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 
-DAMPING: Final = 1e-10
 MIRROR: Final = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 """Reflection at the sagittal plane of a velocity (or acceleration) and a momentum (or its rate), an axial vector."""
 
@@ -69,7 +68,7 @@ def sample_states(robot: Robot, effector: str, samples: int, seed: int, measure:
         pin.updateFramePlacements(model, data)
         drift = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED).vector
         pin.computeAllTerms(model, data, q, v)
-        pin.forwardDynamics(model, data, tau, J, drift, DAMPING)
+        pin.forwardDynamics(model, data, tau, J, drift)
         f, n = np.array(data.lambda_c[:3]), np.array(data.lambda_c[3:])
         c, T = pin.centerOfMass(model, data, q, v), data.oMf[frame]
         momentum = pin.computeCentroidalMomentum(model, data, q, v)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 from psycopg import OperationalError as DriverError
-from sqlalchemy import delete, func, insert, text, update
+from sqlalchemy import delete, insert, text
 from sqlalchemy.exc import InterfaceError, OperationalError
 
 from stridelab.service.jobs.events import CHANNEL
@@ -31,6 +31,13 @@ LANES: Final[tuple[Lane, ...]] = ("short", "long")
 DATABASE_UNAVAILABLE: Final = (OperationalError, InterfaceError, DriverError, TimeoutError)
 """Exceptions raised while the database is unavailable, for every driver in use."""
 
+_BEAT = text(
+    """
+    WITH earlier AS (SELECT id, last_heartbeat FROM worker WHERE id = :worker FOR UPDATE)
+    UPDATE worker SET last_heartbeat = now() FROM earlier WHERE worker.id = earlier.id
+    RETURNING CAST(extract(epoch FROM now() - earlier.last_heartbeat) AS double precision)
+    """
+)
 _UNANSWERED = text(
     """
     SELECT * FROM job
@@ -123,12 +130,18 @@ class QueueConsumer:
         """Close the connections."""
         await self._engine.dispose()
 
-    async def send_heartbeat(self) -> None:
-        """Send this worker's heartbeat; register it first if it is not registered (any more)."""
-        beat = update(worker).where(worker.c.id == self._worker).values(last_heartbeat=func.now())
+    async def send_heartbeat(self) -> float:
+        """Send this worker's heartbeat; returns the seconds since its last one by the clock of the database.
+
+        Registers the worker, and returns 0, if it is not registered (any more).
+        """
         async with self._registering, self._engine.connect() as connection:
-            if self._worker is None or (await connection.execute(beat)).rowcount == 0:
-                self._worker = (await connection.execute(insert(worker).returning(worker.c.id))).scalar_one()
+            if self._worker is not None:
+                silent_s = (await connection.execute(_BEAT, {"worker": self._worker})).scalar_one_or_none()
+                if silent_s is not None:
+                    return float(silent_s)
+            self._worker = (await connection.execute(insert(worker).returning(worker.c.id))).scalar_one()
+            return 0.0
 
     async def claim_attempt(self, lanes: Sequence[Lane]) -> Attempt | None:
         """Start the next waiting job of ``lanes`` on this worker; None if none waits.

@@ -63,7 +63,7 @@ class Worker:
         self._runners: list[AttemptRunner] = []
         self._wake_ups: list[asyncio.Event] = []
         self._stopping = asyncio.Event()
-        self._database_available_since: float | None = None
+        self._heartbeats_valid_since: float | None = None
 
     def stop(self) -> None:
         """Stop fetching, kill the children and hand the jobs back."""
@@ -166,7 +166,7 @@ class Worker:
                 pause_s = min(2 * pause_s, 2.0)
 
     def _mark_database_unavailable(self) -> None:
-        self._database_available_since = None
+        self._heartbeats_valid_since = None
 
     async def _pause_or_stop(self, seconds: float) -> None:
         with contextlib.suppress(asyncio.TimeoutError):
@@ -175,25 +175,28 @@ class Worker:
     async def _heartbeat_loop(self) -> None:
         while True:
             try:
-                await self._consumer.send_heartbeat()
+                await self._send_heartbeat()
                 with contextlib.suppress(OSError):  # a full disk affects only the health check
                     (self._limits.data_folder / HEARTBEAT_FILE).touch()
-                if self._database_available_since is None:
-                    self._database_available_since = time.monotonic()
                 await asyncio.sleep(self._limits.heartbeat_s)
             except DATABASE_UNAVAILABLE:
                 self._mark_database_unavailable()
                 await asyncio.sleep(0.3)
 
+    async def _send_heartbeat(self) -> None:
+        silent_s = await self._consumer.send_heartbeat()
+        # own heartbeat late: the machine was suspended, or the clock of the database jumped; that is no sign of death
+        if self._heartbeats_valid_since is None or silent_s > self._limits.stall_s / 2:
+            self._heartbeats_valid_since = time.monotonic()
+
     async def _reap_loop(self) -> None:
         while True:
             await asyncio.sleep(_REAP_S)
-            since = self._database_available_since
-            if since is None:
-                continue
-            # after an outage of the database all heartbeats are old: wait until every worker had time to send one
-            heard_all = time.monotonic() - since > 2 * self._limits.heartbeat_s
             try:
+                await self._send_heartbeat()  # first, or this worker could take its own jobs
+                since = self._heartbeats_valid_since
+                # after an outage all heartbeats are old: wait until every worker had time to send one
+                heard_all = since is not None and time.monotonic() - since > 2 * self._limits.heartbeat_s
                 lost = await self._attempts.requeue_lost(self._limits.stall_s if heard_all else None)
             except DATABASE_UNAVAILABLE:
                 self._mark_database_unavailable()

@@ -13,7 +13,7 @@ import numpy as np
 
 from stridelab.conventions import Mask, Series
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.trial import Trial, clock_of, examine_trial, read_source, subject_fields
+from stridelab.pipelines.trial import Trial, clock_of, event_delays_of, examine_trial, read_source, subject_fields
 from stridelab.recordings.marker_proposal import propose_marker_map
 from stridelab.recordings.plate_contacts import centre_of_pressure_m, loaded_intervals, wrench_track
 from stridelab.recordings.recording import Plate, Recording, Window
@@ -79,7 +79,7 @@ def recording_facts(trial: Trial) -> RecordingFacts:
     """The facts of the contract; ``windows_s`` are the intervals in which all contact force is measured."""
     recording, match = trial.recording, trial.match
     direction = recording.walking_direction
-    weight = trial.force_mass
+    weight, clock = trial.force_mass, clock_of(trial)
     return RecordingFacts(
         duration_s=recording.duration_s,
         n_frames=recording.n_frames,
@@ -90,7 +90,8 @@ def recording_facts(trial: Trial) -> RecordingFacts:
         subject=subject_fields(recording.subject),
         mass_from_force_kg=trial.force_mass_kg,
         mass_from_force_sd_kg=None if weight is None else weight.sd_kg,
-        clock=clock_of(trial),
+        clock=clock,
+        event_delays=event_delays_of(trial, clock),
         recorded_on=date.fromisoformat(recording.recorded_on) if recording.recorded_on else None,
         still=stands_still(recording),
         simulated=bool(recording.carried),

@@ -23,7 +23,7 @@ from stridelab.schemas.scenarios import Scenario, ScenarioSource
 from stridelab.schemas.sweeps import SweepTask
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.kinds.base import Blobs, Json, Stage
-from stridelab.service.kinds.session_staging import session_of
+from stridelab.service.kinds.session_staging import other_recordings, session_delays, session_of
 from stridelab.service.storage.tables import recording, scenario, subject
 from stridelab.service.stored_marker_sets import source_marker_sets
 from stridelab.service.stored_robots import await_links, stage_links, stage_robot
@@ -55,15 +55,29 @@ async def stage_estimate_com(connection: AsyncConnection, blobs: Blobs, input: C
 async def stage_members(
     connection: AsyncConnection, blobs: Blobs, recording_ids: Sequence[str], method: Method | None, folder: Path
 ) -> list[MeasuresMember]:
-    """Fetch the files of ``estimate-com`` of every recording into a separate folder. Raises as ``recording_row``."""
+    """Fetch the files of ``estimate-com`` of every recording into a separate folder. Raises as ``recording_row``.
+
+    Other recordings of their sessions give the delays of their events.
+    """
     members = []
-    for recording_id in recording_ids:
+    rows = [await recording_row(connection, recording_id) for recording_id in recording_ids]
+    files = {row["sha256"] for row in rows}
+    for recording_id, row in zip(recording_ids, rows, strict=True):
         name = f"recording-{len(list(folder.glob('recording-*'))):03d}"
         (folder / name).mkdir()
         one = EstimateComInput(recording_id=recording_id, method=method)
         task = EstimateComTask.model_validate(await stage_estimate_com(connection, blobs, one, folder / name))
-        session_id = (await recording_row(connection, recording_id))["session_id"]
-        members.append(MeasuresMember(recording_id=recording_id, folder=name, task=task, session_id=session_id))
+        others = [other for other in await other_recordings(connection, row) if other["sha256"] not in files]
+        delays = session_delays(row, others, None if task.session is None else task.session.latency_s)
+        members.append(
+            MeasuresMember(
+                recording_id=recording_id,
+                folder=name,
+                task=task,
+                session_id=row["session_id"],
+                session_delays=delays,
+            )
+        )
     return members
 
 
