@@ -202,22 +202,23 @@ def test_mean_and_band_are_those_of_gaussian_conditioning(passed, axis):
     assert np.abs(np.sqrt(covariance[:, axis, 0, 0]) / sd - 1).max() < 1e-5
 
 
+@pytest.mark.parametrize("times", [1.0, 10.0])
 @pytest.mark.parametrize("axis", [0, 1])
-def test_the_stated_variance_is_that_of_the_same_gains_under_other_errors(passed, axis):
+def test_the_stated_variance_is_that_of_the_same_gains_under_other_errors(passed, axis, times):
     data, _, result, forward = passed
     errors = replace(
         SIZES,
         table_varying_m=same(0.001),
         swing_m_s=0.3 * SIZES.swing_m_s,
         overtone_m_s=0.6 * SIZES.overtone_m_s,
-        bias=SIZES.bias * [1.0, 0.5, 2.0, 1.0, 1.0],
+        bias=SIZES.bias * [1.0, 0.5, 2.0 * times, 1.0, 1.0],
     )
     variance = smooth_backward(result, forward, 1)[1][..., 0, 0]
     stated = stated_variance_m2(SIZES, errors, data, RATE_HZ, variance)[:, axis]
     weighed, met = written_out(axis, data), written_out(axis, data, errors)
     gain = np.linalg.solve(weighed.y @ weighed.y.T, weighed.y @ weighed.c.T).T
     expected = np.sum((met.c - gain @ met.y) ** 2, axis=1)
-    assert np.abs(stated / expected - 1.0).max() < 0.02
+    assert np.abs(stated / expected - 1.0).max() < 0.003
     assert np.abs(variance[:, axis] / expected - 1.0).max() > 0.05  # which is not that of the weights
 
 

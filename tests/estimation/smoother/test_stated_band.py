@@ -80,3 +80,17 @@ def test_the_estimate_and_the_covariance_of_its_weights_do_not_depend_on_the_sta
     assert other.state_covariance is not None
     assert np.array_equal(usual.state_covariance.matrices, other.state_covariance.matrices)
     assert (usual.sd_m[:, 0] < other.sd_m[:, 0]).all()
+
+
+def test_a_long_recording_has_the_same_band_from_a_part_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its ratio is that of the whole within 3 %."""
+    drawn = draw_recording(78, "walk", None, 9.0, 100.0)
+    bands_m = []
+    for longest in (900, stated_band.LONGEST):
+        monkeypatch.setattr(stated_band, "LONGEST", longest)
+        estimate = SMOOTHER.estimate(drawn.geometric, drawn.wrench_at(drawn.true_latency_s), drawn.mass_kg)
+        bands_m.append(estimate.sd_m[:, :2].mean(axis=0))
+    assert len(estimate.time_s) == 900 > stated_band.LONGEST
+    assert np.abs(bands_m[1] / bands_m[0] - 1.0).max() < 0.03
+    assert estimate.state_covariance is not None
+    assert (bands_m[0] < 0.95 * np.sqrt(estimate.state_covariance.matrices[:, :2, 0, 0]).mean(axis=0)).all()
