@@ -78,6 +78,36 @@ def choose_one_of_several_descriptions(page: Page) -> None:
     page.unroute("**/api/v1/robots")
 
 
+def choose_an_installed_robot(page: Page) -> None:
+    """Upload a robot of an installed package in place of a file; its name is proposed."""
+    sent: list[bytes] = []
+
+    def refuse(route: Route) -> None:
+        if route.request.method != "POST":
+            route.fallback()
+            return
+        sent.append(route.request.post_data_buffer or b"")
+        problem = {"title": "Unreadable", "detail": "No soles.", "code": "robot-not-humanoid", "errors": []}
+        route.fulfill(status=422, json=problem, content_type="application/problem+json")
+
+    listed = {"items": [{"package": "arms-data", "version": "2.0", "descriptions": ["a/Two_Arms.urdf"]}], "next": None}
+    page.route("**/api/v1/robots", refuse)
+    page.route("**/api/v1/robots/packages", lambda route: route.fulfill(json=listed))
+    page.reload()
+    page.get_by_label("or of an installed package").select_option("Two_Arms.urdf")
+    expect(page.get_by_label("File", exact=True)).to_be_disabled()
+    expect(page.get_by_label("Name")).to_have_value("two-arms")
+    page.get_by_role("button", name="Upload").click()
+    expect(page.get_by_text("No soles.")).to_be_visible()
+    for part in (b'name="package"\r\n\r\narms-data', b'name="description"\r\n\r\na/Two_Arms.urdf'):
+        assert part in sent[0]
+    assert b'name="file"' not in sent[0]
+    page.get_by_label("or of an installed package").select_option("none")
+    expect(page.get_by_label("File", exact=True)).to_be_enabled()
+    page.unroute("**/api/v1/robots")
+    page.unroute("**/api/v1/robots/packages")
+
+
 def test_the_list_asks_for_what_only_a_loaded_robot_tells(tab: Tab) -> None:
     page = tab.go("/robots")
     card = page.locator('[data-robot="boxes"]')
@@ -85,7 +115,9 @@ def test_the_list_asks_for_what_only_a_loaded_robot_tells(tab: Tab) -> None:
     expect(card.locator("[data-height]")).to_have_text("0.880 m")
     expect(card.locator("[data-densities]")).to_have_text("uniform, conditioned")
     expect(page.locator('[data-robot="rare"]')).to_contain_text("The package <rare> is not installed.")
+    expect(page.get_by_label("or of an installed package")).to_be_hidden()
     choose_one_of_several_descriptions(page)
+    choose_an_installed_robot(page)
     page.get_by_role("link", name="Boxes", exact=True).click()
     expect(page.get_by_role("heading", name="Boxes", level=1)).to_be_visible()
     # the browser's own word on the refusal, which may arrive after the page has shown it

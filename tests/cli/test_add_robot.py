@@ -72,3 +72,37 @@ def test_a_robot_is_commissioned_again_with_its_corrected_card(tmp_path: Path, m
     missing = CliRunner().invoke(app, [*arguments, "other"])
     assert missing.exit_code != 0
     assert "There is no robot other" in missing.output
+
+
+def test_a_robot_of_an_installed_package_is_added_by_its_name(tmp_path: Path) -> None:
+    listed = CliRunner().invoke(app, ["add-robot", "--list"])
+    assert listed.exit_code == 0, listed.output
+    assert "example-robot-data 5." in listed.output
+    assert "  romeo_description/urdf/romeo.urdf\n" in listed.output
+    arguments = ["--robots", str(tmp_path / "own"), "--no-commission"]
+    added = CliRunner().invoke(app, ["add-robot", "example-robot-data/alexander_v1.lowerBodyOnly", *arguments])
+    assert added.exit_code == 0, added.output
+    card = (tmp_path / "own" / "robots" / "alexander-v1-lowerbodyonly.toml").read_text(encoding="utf-8")
+    assert '"title" = "alexander_v1.lowerBodyOnly of example-robot-data 5.' in card
+
+
+def test_without_a_file_the_name_is_needed(tmp_path: Path) -> None:
+    refused = CliRunner().invoke(app, ["add-robot", "--robots", str(tmp_path / "own")])
+    assert refused.exit_code not in (0, 1)
+    assert "--name: missing" in refused.output
+
+
+@pytest.mark.parametrize(
+    ("named", "words"),
+    [
+        ("example-robot-dat/romeo", "the nearest is example-robot-data"),
+        ("example-robot-data/rome", "romeo_description/urdf/romeo.urdf: one of the nearest names"),
+        ("missing.zip", "There is no file missing.zip"),
+        ("../missing/robot", "There is no file ../missing/robot"),
+    ],
+)
+def test_what_is_neither_a_file_nor_installed_is_named(tmp_path: Path, named: str, words: str) -> None:
+    refused = CliRunner().invoke(app, ["add-robot", named, "--name", "small", "--robots", str(tmp_path / "own")])
+    assert refused.exit_code not in (0, 1)
+    assert words in refused.output
+    assert not (tmp_path / "own").exists()

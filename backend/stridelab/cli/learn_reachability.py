@@ -6,7 +6,8 @@
 import json
 import re
 import shutil
-from pathlib import Path
+import tempfile
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -30,6 +31,7 @@ from stridelab.schemas.robots import (
 from stridelab.service.local_runs import validate_options
 
 if TYPE_CHECKING:
+    from stridelab.robots.proposal.packages import InstalledPackage
     from stridelab.robots.proposal.propose import Proposal
 
 
@@ -90,11 +92,21 @@ def add_robot(
     file: Annotated[
         Path | None,
         typer.Argument(
-            help="A zip of one URDF or MJCF file and its meshes, or such a file without meshes. Without it, the robot "
-            "of this name is commissioned again, with its card as it is now."
+            help="A zip of one URDF or MJCF file and its meshes, such a file without meshes, or an installed package "
+            "and its description, as example-robot-data/romeo (--list). Without it, the robot of this name is "
+            "commissioned again, with its card as it is now."
         ),
     ] = None,
-    name: Annotated[str, typer.Option("--name", help="Name of the robot: small letters, digits and hyphens.")],
+    name: Annotated[
+        str,
+        typer.Option(
+            "--name",
+            help="Name of the robot: small letters, digits and hyphens; that of its file if omitted.",
+        ),
+    ] = "",
+    listing: Annotated[
+        bool, typer.Option("--list", help="List the robots of installed packages; nothing is added.")
+    ] = False,
     robots: Annotated[
         Path, typer.Option("--robots", help="Folder of robots of your own.", envvar=ROBOTS_VARIABLE)
     ] = Path("robots"),
@@ -112,27 +124,40 @@ def add_robot(
 ) -> None:
     """Propose the card of your own humanoid, then learn its densities and plan, certify and replay a level walk."""
     from stridelab.robots.card import robot_names
+    from stridelab.robots.proposal.packages import pack_description
     from stridelab.robots.proposal.propose import card_toml, propose_card, rebuild_description
 
-    request = validate_options(CommissionRobotInput, {"robot": name, "samples": samples, "search_s": search_s})
+    if listing:
+        show_packages()
+        return
+    installed = None if file is None or file.is_file() else _find_installed(file.as_posix(), description)
+    if file is not None:
+        name = name or re.sub(r"[^a-z0-9]+", "-", (file if installed is None else installed[1]).stem.lower()).strip("-")
     if not re.fullmatch(NAME_PATTERN, name):
-        raise InvalidInput("invalid-request", "The robot's name is invalid.", [Fault("name", "invalid")])
+        fault = Fault("--name", "invalid" if name else "missing")
+        raise InvalidInput("invalid-request", "A robot's name has 2 to 40 small letters, digits and hyphens.", [fault])
+    request = validate_options(CommissionRobotInput, {"robot": name, "samples": samples, "search_s": search_s})
     own = robots / "robots"
     if file is None:
         if not (own / f"{name}.toml").is_file():
             raise NotFound("robot-not-found", f"There is no robot {name} in {robots}; name its file.")
         _commission_own_robot(request, robots)
         return
-    if not file.is_file():
-        raise NotFound("file-not-found", f"There is no file {file}.", [Fault(str(file), "missing")])
     if (own / f"{name}.toml").exists() and force:
         _remove_robot(robots, name)
     if name in robot_names() or (own / f"{name}.toml").exists() or (own / name).exists():
         raise Conflict("robot-name-taken", f"There is a robot named {name}; choose another name, or use --force.")
     own.mkdir(parents=True, exist_ok=True)
+    title = file.stem
     try:
-        assumed = rebuild_description(file, file.name, name, own, description)
-        proposal = propose_card(name, file.stem[:60], own, assumed)
+        with tempfile.TemporaryDirectory() as scratch:
+            if installed is not None:
+                package, inside = installed
+                title = f"{inside.stem} of {package.name} {package.version}"
+                file, description = Path(scratch, f"{inside.stem}.zip"), str(inside)
+                pack_description(package, inside, file)
+            assumed = rebuild_description(file, file.name, name, own, description)
+        proposal = propose_card(name, title[:60], own, assumed)
     except BaseException:
         shutil.rmtree(own / name, ignore_errors=True)
         raise
@@ -140,6 +165,38 @@ def add_robot(
     show_proposal(proposal, own / f"{name}.toml")
     if commission:
         _commission_own_robot(request, robots)
+
+
+def _find_installed(text: str, description: str) -> "tuple[InstalledPackage, PurePosixPath]":
+    """The package and the description that ``text`` names, as ``package`` or ``package/description``.
+
+    Raises ``NotFound`` (``file-not-found``) for what looks like a path, ``InvalidInput`` as ``find_package`` and
+    ``find_description``.
+    """
+    from stridelab.robots.proposal.packages import find_description, find_package
+
+    package, _, inside = text.partition("/")
+    if not package or package.startswith(".") or (not inside and text.lower().endswith((".zip", ".urdf", ".xml"))):
+        raise NotFound("file-not-found", f"There is no file {text}.", [Fault(text, "missing")])
+    try:
+        installed = find_package(package)
+    except InvalidInput as error:
+        message = f"There is no file {text}. {error.message}"
+        raise InvalidInput(error.code, message, error.faults) from error
+    return installed, find_description(installed, description or inside)
+
+
+def show_packages() -> None:
+    """Print the descriptions of robots in installed packages."""
+    from stridelab.robots.proposal.packages import installed_packages
+
+    packages = installed_packages()
+    if not packages:
+        out.print("No installed package has the description of a robot with twelve moving joints.")
+    for package in packages.values():
+        out.print(f"[bold]{escape(package.name)}[/] {escape(package.version)}")
+        for path in package.listed:
+            out.print(f"  {escape(str(path))}")
 
 
 def _commission_own_robot(request: CommissionRobotInput, robots: Path) -> None:

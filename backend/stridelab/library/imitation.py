@@ -46,7 +46,7 @@ def imitate(
         progress: Called with a fraction from 0 to 1 and a message.
 
     Raises:
-        NotEstimable: The recording is no level walk (``stairs``, ``running``, ``turning``, ``standing``), too short
+        NotEstimable: The recording is no straight walk (``running``, ``turning``, ``standing``), too short
             (``too-few-footholds``), or no pace is certified (``imitation-not-certified``); the faults say why.
         NotFound: ``robot-not-found``.
     """

@@ -1,6 +1,8 @@
 """Locates the description files of a robot, in an installed data package or in ``models/robots``."""
 
 import importlib.util
+import os
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -11,6 +13,16 @@ from stridelab.robots.card import RobotCard
 
 ROBOTS_FOLDER: Final = Path("share", "example-robot-data", "robots")
 """Folder of the data below the prefix into which the package example-robot-data is installed."""
+
+
+PREFIXES_VARIABLE: Final = "AMENT_PREFIX_PATH"
+"""Environment variable with the prefixes of ROS packages, which lie in their folders ``share``."""
+
+
+def shared_folders() -> list[str]:
+    """Folders of installed ROS packages: below ``AMENT_PREFIX_PATH``, and below the prefix of Python."""
+    prefixes = [*filter(None, os.environ.get(PREFIXES_VARIABLE, "").split(os.pathsep)), sys.prefix]
+    return [str(Path(prefix, "share")) for prefix in prefixes]
 
 
 @dataclass(frozen=True)

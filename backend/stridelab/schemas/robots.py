@@ -158,6 +158,14 @@ class OwnRobot(Contract):
     commission: "CommissionRobotSummary | None" = None
 
 
+class RobotPackage(Contract):
+    """An installed package with descriptions of robots, by their paths below the folder that all of them share."""
+
+    package: str
+    version: str
+    descriptions: list[str]
+
+
 class RobotPreparation(Contract):
     """Progress of the display files of a robot: facts, display meshes, and densities.
 

@@ -27,6 +27,8 @@ _UPLOAD: Final = "stridelab.service.kinds.robots.upload"
 READ_ROBOT: Final = f"{_UPLOAD}:read_robot"
 PROPOSE_CARD: Final = f"{_UPLOAD}:propose"
 CHECK_CARD: Final = f"{_UPLOAD}:check_card"
+LIST_PACKAGES: Final = f"{_UPLOAD}:list_packages"
+PACK_INSTALLED: Final = f"{_UPLOAD}:pack_installed"
 """Import paths of the children of uploads: the service itself imports no rigid-body library."""
 
 

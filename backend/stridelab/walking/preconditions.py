@@ -37,8 +37,10 @@ def require_walk(
     landmarks: Mapping[str, str],
     contacts: Sequence[Contact],
     feet: Sequence[Foot] | None = None,
+    *,
+    level: bool = True,
 ) -> None:
-    """Raise ``NotEstimable`` unless the subject walks straight ahead on level ground.
+    """Raise ``NotEstimable`` unless the subject walks straight ahead, on level ground or, without ``level``, on stairs.
 
     ``contacts`` are those of ``find_contacts``; ``feet`` are both by default. Of one foot a flight is not seen, but the
     pelvis of a run is. Codes: ``feet-not-marked``, ``standing``, ``stairs``, ``running``, ``turning``; ``faults`` list
@@ -53,7 +55,8 @@ def require_walk(
             "them, so it is unknown when a foot swings.",
         )
     _require_walking(recording, landmarks, contacts)
-    _require_level_ground(recording, feet, contacts)
+    if level:
+        _require_level_ground(recording, feet, contacts)
     _require_no_flight(contacts)
     _require_no_bounce(recording, landmarks, contacts)
     _require_straight_walk(recording, landmarks, feet, contacts)
@@ -104,8 +107,7 @@ def _require_walking(recording: Recording, landmarks: Mapping[str, str], contact
 
 
 def _require_level_ground(recording: Recording, feet: Sequence[Foot], contacts: Sequence[Contact]) -> None:
-    by_side = {foot.side: foot for foot in feet}
-    heights_m = [_height_m(recording, by_side, contact) for contact in contacts]
+    heights_m = contact_heights_m(recording, feet, contacts)
     rises = [abs(b - a) for a, b in itertools.pairwise(heights_m) if np.isfinite(a) and np.isfinite(b)]
     if not rises or max(rises) <= RISE_M:
         return
@@ -116,6 +118,12 @@ def _require_level_ground(recording: Recording, feet: Sequence[Foot], contacts: 
         f"{max(rises):.2f} m apart from one to the next.",
         [Fault("contacts", f"at {listed} m")],
     )
+
+
+def contact_heights_m(recording: Recording, feet: Sequence[Foot], contacts: Sequence[Contact]) -> list[float]:
+    """Height of the lowest marker of the foot in the middle of each contact; NaN where none is visible."""
+    by_side = {foot.side: foot for foot in feet}
+    return [_height_m(recording, by_side, contact) for contact in contacts]
 
 
 def _height_m(recording: Recording, feet: Mapping[Side, Foot], contact: Contact) -> float:

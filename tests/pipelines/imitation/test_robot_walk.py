@@ -9,7 +9,7 @@ import pytest
 
 from stridelab.errors import InvalidInput
 from stridelab.pipelines.imitation.person_tracks import tracks_of_robot
-from stridelab.pipelines.imitation.recorded_walk import Foothold, RecordedWalk, walk_of_motion
+from stridelab.pipelines.imitation.recorded_walk import Foothold, RecordedWalk, rises_of, walk_of_motion
 from stridelab.pipelines.imitation.robot_walk import LEAST_FOOTHOLDS, RobotScale, scale_walk
 from stridelab.pipelines.plan_problem import validate_scenario
 from stridelab.robots.loader import load_robot
@@ -106,6 +106,72 @@ def test_the_last_stride_is_repeated_where_few_steps_are_recorded() -> None:
     assert all(a != b for a, b in pairwise(sides))
     assert np.diff([hold.position_m[0] for hold in walk.footholds]) == pytest.approx(np.full(5, 0.3), abs=1e-3)
     assert len(walk.swing_s) == len(walk.double_support_s) == LEAST_FOOTHOLDS
+
+
+def climbing(rise_m: float, steps: int = 5) -> RecordedWalk:
+    """A walk with a foot on every stair but the first two footholds, whose heights the markers give within 1 cm."""
+    truth = FlatFootedWalk(steps=steps, width_m=0.3)
+    noise = 0.01 * np.cos(np.arange(steps + 1))
+    heights = 1.3 + rise_m * np.maximum(np.arange(steps + 1) - 1, 0) + noise
+    return walk_of_motion(truth.motion, truth.contacts, truth.gait_steps, HIPS_M, heights.tolist())
+
+
+@pytest.mark.parametrize("rise_m", [0.17, -0.15])
+def test_footholds_at_several_heights_are_treads(rise_m: float) -> None:
+    recorded = climbing(rise_m)
+    rises_m = rises_of(recorded.footholds)
+    assert rises_m[0] == 0.0, "within 5 cm is one tread"
+    assert rises_m[1:] == pytest.approx(np.full(4, rise_m), abs=0.02)
+    assert min(hold.height_m for hold in recorded.footholds) == 0.0
+    assert not recorded.is_level
+    scale = RobotScale.of_robot(load_robot("talos"))
+    walk = scale_walk(recorded, scale, step_share=0.5)
+    assert walk.rise_m == pytest.approx(0.5 * walk.length_scale * rise_m, abs=0.005)
+    assert walk.deepened_m > 0.0
+    body = walk.scenario("Stairs", 0.5)
+    boxes = [
+        (box["center_m"][0] - box["size_m"][0] / 2, box["center_m"][0] + box["size_m"][0] / 2,
+         box["center_m"][2] + box["size_m"][2] / 2)
+        for box in body["terrain"]
+    ]  # fmt: skip
+    assert [one[1] for one in boxes[:-1]] == pytest.approx([one[0] for one in boxes[1:]], abs=1e-5)
+    assert len(boxes) == 5
+    for phase in body["phases"]:
+        for contact in phase["contacts"]:
+            x, _, z = contact["position_m"]
+            (top,) = [(low, high) for low, high, height in boxes if low < x < high and abs(height - z) < 1e-5]
+            assert top[0] < x - scale.heel_m
+            assert x + scale.toe_m < top[1]
+    first, last = body["phases"][0]["contacts"], body["phases"][-1]["contacts"]
+    for ends in (first, last):
+        assert ends[0]["position_m"][2] == ends[1]["position_m"][2]
+    sequence, _ = validate_scenario(Scenario.model_validate(body))
+    assert [len(phase.contacts) for phase in sequence.phases] == [2, 1] * 6 + [2]
+
+
+def test_repeated_strides_go_on_climbing() -> None:
+    walk = scale_walk(climbing(0.17, steps=3), HALF)
+    assert walk.repeated == 2
+    rises = np.diff([hold.height_m for hold in walk.footholds])
+    assert rises[1:] == pytest.approx(np.full(4, 0.5 * 0.17), abs=0.01)
+
+
+def test_the_person_climbs_beside_the_robot() -> None:
+    """The CoM is as high above the tread as the person's, scaled; its way up has the share of the stairs."""
+    recorded = replace(climbing(0.17), com_height_m=0.9)
+    truth, share = FlatFootedWalk(width_m=0.3), 0.5
+    heights = np.array([hold.height_m for hold in recorded.footholds])
+    strikes = recorded.strikes_s[1:]
+    com = truth.motion.com_m.copy()
+    com[:, 2] = 0.9 + 3.0 + np.interp(truth.motion.time_s, strikes, 0.5 * (heights[1:] + heights[:-1]))
+    walk = scale_walk(recorded, HALF, step_share=share)
+    durations_s = [one["duration_s"] for one in walk.scenario("walk", 0.5)["phases"]]
+    columns = tracks_of_robot(truth.motion.time_s, {"com": com}, recorded, walk, 0.5, durations_s)
+    ends_s = np.cumsum(durations_s)
+    for k in range(2, len(recorded.footholds)):
+        middle = 0.5 * (walk.footholds[k].height_m + walk.footholds[k - 1].height_m)
+        at_strike = np.interp(ends_s[2 * k - 1], columns["time_s"], columns["com_z_m"])
+        assert at_strike == pytest.approx(0.5 * 0.9 + middle, abs=0.01)
 
 
 def test_the_scenario_stands_at_both_ends_and_steps_in_turn() -> None:

@@ -56,6 +56,8 @@ OFFSETS_M = {
     "geometry": (0.006, 0.0, 0.004),
 }
 """Constant error of each method along x, y and z, in no order that a page would choose."""
+EMPTY_LISTS = ("/stream/markers", "/live", "/robots/packages")
+"""Addresses where the fake has nothing to list."""
 
 
 def truth_m(time_s: np.ndarray) -> np.ndarray:

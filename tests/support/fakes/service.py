@@ -221,7 +221,7 @@ class FakeService:
             Route(f"{api}/scenarios/compose", courses.compose, methods=["POST"]),
             Route(f"{api}/scenarios/{{id}}", self._scenario, methods=["GET", "PUT"]),
             Route(f"{api}/solvers", self._solvers),
-            *(Route(f"{api}/{name}", lambda _: JSONResponse({"items": []})) for name in ("stream/markers", "live")),
+            *(Route(api + name, lambda _: _answer({"items": []})) for name in results.EMPTY_LISTS),
             Route(f"{api}/robots", self._robots),
             Route(f"{api}/robots/{{name}}", self._robot),
             Route(f"{api}/robots/{{name}}/preparation", self._preparation),

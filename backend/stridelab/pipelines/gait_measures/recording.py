@@ -67,8 +67,10 @@ class MeasuredRecording:
     quality: TrialQuality
 
 
-def measure_recording(recording_id: str, task: EstimateComTask, folder: Path) -> MeasuredRecording:
-    """Measures of one recording.
+def measure_recording(
+    recording_id: str, task: EstimateComTask, folder: Path, *, level: bool = True
+) -> MeasuredRecording:
+    """Measures of one recording; without ``level`` also of a walk on stairs, where margins and energies mean nothing.
 
     Without plates, body mass or an interval with all force on plates the CoM is that of the geometry alone, unless a
     method is requested. Raises the errors of ``estimate-com``, and ``NotEstimable`` if the recording is no walk
@@ -90,6 +92,7 @@ def measure_recording(recording_id: str, task: EstimateComTask, folder: Path) ->
         replace(estimate, remarks=(*estimate.remarks, *remarks)),
         quality,
         mass_kg=prepared.mass.known_kg,
+        level=level,
     )
 
 
@@ -102,6 +105,7 @@ def measure_steps(
     *,
     mass_kg: float | None,
     session: Sequence[EventDifferences] = (),
+    level: bool = True,
 ) -> MeasuredRecording:
     """Contacts, steps and measures of an estimate; ``session`` as in ``find_contacts``. Raises as above."""
     recording, landmarks = prepared.trial.recording, prepared.trial.match.landmarks
@@ -110,7 +114,7 @@ def measure_steps(
     contacts = find_contacts(
         recording, landmarks, latency_s=prepared.latency.applied_s, plates=both, feet=feet, session=session
     )
-    require_walk(recording, landmarks, contacts, feet)
+    require_walk(recording, landmarks, contacts, feet, level=level)
     if both:
         steps = find_steps(recording, landmarks, prepared.windows, contacts=contacts)
     else:

@@ -34,6 +34,14 @@ MEASURES: Final = (
 )
 """Measures of gait in the table, in this order."""
 WHEEL: Final[Mapping[str, str]] = {"wheel_R": "m", "wheel_r": "m", "wheel_z0": "m", "wheel_omega": "rad/s"}
+OF_LEVEL_GROUND: Final = (
+    "com_height",
+    "com_vertical_excursion",
+    "margin_of_stability_ml_min",
+    "margin_of_stability_ap_contact",
+    *WHEEL,
+)
+"""Quantities that stairs do not have: heights above one floor, and margins of a pendulum of this height."""
 CURVE_POINTS: Final = 101
 _POWER: Final[Mapping[str, float]] = {"m": 1.0, "s": 0.5, "m/s": 0.5, "rad/s": -0.5, "1": 0.0}
 """Power of s with which a quantity of a unit scales."""
@@ -41,23 +49,30 @@ _POWER: Final[Mapping[str, float]] = {"m": 1.0, "s": 0.5, "m/s": 0.5, "rad/s": -
 
 @dataclass(frozen=True)
 class Walker:
-    """A walk to compare: its motion, its steps, and the wheels fitted to them."""
+    """A walk to compare: its motion, its steps, and the wheels fitted to them.
+
+    ``rises_m`` are those from foothold to foothold on stairs, empty on level ground.
+    """
 
     motion: WalkMotion
     steps: tuple[GaitStep, ...]
     fits: tuple[StepFit, ...]
+    rises_m: tuple[float, ...] = ()
 
     @classmethod
-    def of_motion(cls, motion: WalkMotion, steps: Sequence[GaitStep]) -> "Walker":
-        """Fit a wheel to every step that allows it."""
-        return cls(motion, tuple(steps), tuple(_fitted_wheels(motion, steps)))
+    def of_motion(cls, motion: WalkMotion, steps: Sequence[GaitStep], rises_m: Sequence[float] = ()) -> "Walker":
+        """Fit a wheel to every step that allows it, on level ground."""
+        return cls(motion, tuple(steps), () if rises_m else tuple(_fitted_wheels(motion, steps)), tuple(rises_m))
 
 
 def compare_walks(person: Walker, robot: Walker, ratio: float) -> list[ComparedQuantity]:
     """The rows of the table; ``ratio`` is s."""
     sides = [_values(person), _values(robot)]
     rows = []
-    for name in ("com_height", *MEASURES, *WHEEL):
+    names = ["com_height", *MEASURES, *WHEEL]
+    if person.rises_m:
+        names = ["step_rise", *(name for name in names if name not in OF_LEVEL_GROUND)]
+    for name in names:
         (unit, own), (_, other) = (side.get(name, ("", [])) for side in sides)
         unit = unit or sides[1].get(name, ("1", []))[0]
         mean = float(np.mean(own)) if own else None
@@ -86,19 +101,13 @@ def compared_curves(person: Walker, robot: Walker, ratio: float) -> dict[str, np
     for name, walker, s in (("person", person, ratio), ("robot", robot, 1.0)):
         of_steps = (_curves_of_step(walker.motion, step, share) for step in walker.steps)
         curves = [curve for curve in of_steps if curve is not None]
+        if walker.rises_m:
+            curves = [curve | {"margin_m": np.full_like(share, np.nan)} for curve in curves]
         powers = {"com_height_m": s, "com_sideways_m": s, "com_speed_m_s": sqrt(s), "margin_m": s}
         for column, factor in powers.items():
             tracks = [curve[column] for curve in curves]
             columns[f"{name}_{column}"] = factor * np.mean(tracks, axis=0) if tracks else np.full(len(share), np.nan)
     return columns
-
-
-def mean_wheel(fits: Sequence[StepFit]) -> tuple[float, float, float] | None:
-    """Means of R, r and z0 over the fits; None without any."""
-    if not fits:
-        return None
-    R, r, z0 = np.mean([[f.path.wheel.R_m, f.path.wheel.r_m, f.path.wheel.z0_m] for f in fits], axis=0).tolist()
-    return R, r, z0
 
 
 def _values(walker: Walker) -> dict[str, tuple[str, list[float]]]:
@@ -108,6 +117,7 @@ def _values(walker: Walker) -> dict[str, tuple[str, list[float]]]:
         values.setdefault(measure.name, (measure.unit, []))[1].append(measure.value)
     heights = [float(walker.motion.com_m[walker.motion.samples(s.start_s, s.end_s), UP].mean()) for s in walker.steps]
     values["com_height"] = ("m", heights)
+    values["step_rise"] = ("m", [rise for rise in walker.rises_m if rise != 0.0])
     wheels = [(f.path.wheel.R_m, f.path.wheel.r_m, f.path.wheel.z0_m, abs(f.omega_rad_s)) for f in walker.fits]
     for k, (name, unit) in enumerate(WHEEL.items()):
         values[name] = (unit, [wheel[k] for wheel in wheels])

@@ -14,7 +14,7 @@ from stridelab.pipelines.gait_measures.recording import MeasuredRecording, measu
 from stridelab.pipelines.imitation.comparison import Walker, compare_walks, compared_curves
 from stridelab.pipelines.imitation.pace_search import Imitation, Trial, find_pace
 from stridelab.pipelines.imitation.person_tracks import person_columns
-from stridelab.pipelines.imitation.recorded_walk import RecordedWalk, recorded_walk
+from stridelab.pipelines.imitation.recorded_walk import RecordedWalk, recorded_walk, rises_of
 from stridelab.pipelines.imitation.robot_motion import robot_motion, robot_steps, steady_steps
 from stridelab.pipelines.imitation.robot_walk import RobotScale
 from stridelab.pipelines.imitation.wheel_trials import judge_wheel
@@ -59,7 +59,9 @@ class ImitationResult:
 def imitate(task: ImitateTask, folder: Path, progress: ProgressCallback) -> ImitationResult:
     """Let ``task.input.robot`` imitate ``task.recording``, whose file is in ``folder``.
 
-    Raises the errors of ``gait-measures``, with ``stairs`` for a walk that is not level, and of ``recorded_walk``;
+    On stairs, the person's wheel and what depends on the height above a level floor are left out.
+
+    Raises the errors of ``gait-measures`` but ``stairs``, and those of ``recorded_walk``;
     ``NotFound`` (``robot-not-found``, ``reachability-not-learned``), ``InvalidInput`` (``feet-missing``),
     ``NotEstimable`` (``imitation-not-certified``).
     """
@@ -67,7 +69,7 @@ def imitate(task: ImitateTask, folder: Path, progress: ProgressCallback) -> Imit
     robot = load_robot(request.robot)
     scale = RobotScale.of_robot(robot)
     progress(0.02, "measuring the walk")
-    measured = measure_recording(request.recording_id, task, folder)
+    measured = measure_recording(request.recording_id, task, folder, level=False)
     recorded = recorded_walk(measured)
     name = f"Walk of {measured.filename}"[:80]
     imitation = find_pace(
@@ -82,11 +84,13 @@ def imitate(task: ImitateTask, folder: Path, progress: ProgressCallback) -> Imit
     if best.result is None or best.result.motion is None or best.replay is None:
         raise AssertionError("a trial that passes has a motion and a replay")
     progress(0.82, "comparing")
-    own = Walker.of_motion(measured.motion, measured.steps)
+    own = Walker.of_motion(measured.motion, measured.steps, rises_of(recorded.footholds))
     moved = robot_motion(robot, best.replay)
     all_steps = robot_steps(best.result.plan.sequence, best.replay, moved)
-    other = Walker.of_motion(moved, steady_steps(all_steps))
-    trials = judge_wheel(own, best, lambda share, text: progress(0.82 + 0.07 * share, text)) if request.wheel else ()
+    other = Walker.of_motion(moved, steady_steps(all_steps), rises_of(best.walk.footholds))
+    trials: tuple[WheelTrial, ...] = ()
+    if request.wheel and not own.rises_m:
+        trials = judge_wheel(own, best, lambda share, text: progress(0.82 + 0.07 * share, text))
     summary = _summary(task, measured, recorded, scale, imitation, own, other, trials)
     return ImitationResult(
         measured,
@@ -153,6 +157,12 @@ def _remarks(imitation: Imitation) -> tuple[Remark, ...]:
     if any(one.step_share > attempt.step_share for one in imitation.attempts):
         message = f"The steps are {attempt.step_share:.0%} of the person's, scaled: longer ones were not certified."
         remarks.append(Remark("steps-shortened", message))
+    if walk.deepened_m > 0.0:
+        message = (
+            f"Steps from tread to tread are {1e2 * walk.deepened_m:.0f} cm longer than the scaled ones, as the shoes "
+            f"need; the stairs rise by {1e2 * walk.rise_m:.1f} cm."
+        )
+        remarks.append(Remark("treads-deepened", message))
     if walk.repeated:
         message = f"The recording has {len(walk.footholds) - walk.repeated} footholds; its last stride is repeated."
         remarks.append(Remark("stride-repeated", message))

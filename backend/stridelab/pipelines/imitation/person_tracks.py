@@ -1,7 +1,8 @@
 """The recorded person in the scene and on the clock of the robot that imitates the walk.
 
 The body is scaled by the ratio s of the heights of the hips; its way ahead, that of the CoM, by the share of the steps
-in addition. Times are those of the person times ``sqrt(s) / pace``, with the mean offset of the strikes.
+in addition, and so is its way up or down stairs. Times are those of the person times ``sqrt(s) / pace``, with the mean
+offset of the strikes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Points, Series
-from stridelab.measures.walk_motion import AHEAD, WalkMotion
+from stridelab.measures.walk_motion import AHEAD, UP, WalkMotion
 from stridelab.pipelines.gait_measures.recording import MeasuredRecording
 from stridelab.pipelines.imitation.recorded_walk import RecordedWalk
 from stridelab.pipelines.imitation.robot_walk import RobotWalk, straightening_frame
@@ -64,12 +65,26 @@ def tracks_of_robot(
     turn_rad, origin_m = straightening_frame(recorded.footholds)
     R = np.array([[cos(turn_rad), sin(turn_rad), 0.0], [-sin(turn_rad), cos(turn_rad), 0.0], [0.0, 0.0, 1.0]])
     com_ahead_m = (points[COM] @ R.T)[:, AHEAD] - origin_m[AHEAD]
+    floor_m = 0.0 if recorded.is_level else _median_floor_m(time_s, points[COM], recorded)
+    com_up_m = 0.0 if recorded.is_level else points[COM][:, UP] - floor_m - recorded.com_height_m
     columns = {"time_s": plan_s[inside]}
     for name, track in points.items():
         placed = track @ R.T - [*origin_m, 0.0]
         placed[:, AHEAD] += (walk.step_share - 1.0) * com_ahead_m
+        placed[:, UP] += (walk.step_share - 1.0) * com_up_m - floor_m
         columns |= {f"{name}_{axis}_m": walk.length_scale * placed[inside, k] for k, axis in enumerate("xyz")}
     return columns
+
+
+def _median_floor_m(time_s: Series, com_m: Points, recorded: RecordedWalk) -> float:
+    """Height of the lowest foothold: the CoM at the strikes is ``com_height_m`` above the mean of two footholds."""
+    heights = [hold.height_m for hold in recorded.footholds]
+    at_strikes = [
+        np.interp(strike_s, time_s, com_m[:, UP]) - 0.5 * (heights[k - 1] + heights[k])
+        for k, strike_s in enumerate(recorded.strikes_s)
+        if k > 0 and np.isfinite(strike_s)
+    ]
+    return float(np.median(at_strikes)) - recorded.com_height_m
 
 
 def _in_walk(motion: WalkMotion, time_s: Series, track: Points) -> Float[np.ndarray, "n 3"]:

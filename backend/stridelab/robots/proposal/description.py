@@ -21,7 +21,6 @@ MAX_ELEMENTS: Final = 60_000
 MAX_DEPTH: Final = 40
 MAX_OFFSET_M: Final = 20.0
 """Longest distance between two joints; larger ones are usually millimetres."""
-MAX_EFFORT_NM: Final = 1e5
 MAX_ROTOR_KG_M2: Final = 10.0
 """Largest reflected rotor inertia (``armature``, from MJCF) that is taken over."""
 UNLIMITED: Final = 1e6

@@ -119,7 +119,7 @@ def _merge_close(
     return vertices[first], faces[kept]
 
 
-def _hull(vertices: Points) -> tuple[Points, Faces]:
+def _hull(vertices: Points) -> tuple[Float[np.ndarray, "n_hull 3"], Faces]:
     """Convex hull with outward triangles; a flat mesh gets a thickness of 1 mm."""
     try:
         hull = ConvexHull(vertices)

@@ -13,7 +13,7 @@ from stridelab.schemas.tasks import EstimateComTask
 
 
 class ImitateInput(EstimateComInput):
-    """Input of ``imitate``: a recorded walk on level ground with the fields of ``estimate-com``, and the robot."""
+    """Input of ``imitate``: a recorded walk, level or on stairs, with the fields of ``estimate-com``, and the robot."""
 
     robot: Annotated[str, Field(min_length=1, max_length=60)]
     step_share: Annotated[float, Field(ge=0.1, le=1.5)] | None = Field(

@@ -14,7 +14,6 @@ MAX_LEFT_M_S: Final = 0.2
 MAX_TURN_RAD_S: Final = 0.5
 STEER_HOLD_S: Final = 1.0
 """How long a command to walk is followed unless it is renewed."""
-LIVE_PHASES: Final = ("planning", "running", "paused", "fallen", "failed")
 LivePhase = Literal["planning", "running", "paused", "fallen", "failed"]
 _Part = Annotated[float, Field(ge=-MAX_IMPULSE_NS, le=MAX_IMPULSE_NS)]
 _Vector = tuple[float, float, float]

@@ -71,13 +71,15 @@ class Sandbox:
     """Exceptions for a child.
 
     It may start ``programs`` (under the same limits), be a ``server`` on a TCP port, connect to the TCP port
-    ``connects``, or read the files ``reads`` of the caller, for which it keeps the caller's account.
+    ``connects``, read installed files below ``folders``, or read the files ``reads`` of the caller, for which it keeps
+    the caller's account.
     """
 
     programs: bool = False
     server: bool = False
     connects: int | None = None
     reads: Sequence[str] = ()
+    folders: Sequence[str] = ()
 
 
 STRICT: Final = Sandbox()
@@ -166,6 +168,7 @@ def _landlock_rules(sandbox: Sandbox, folder: Path | None) -> list[Rule]:
     if sandbox.programs:  # programs read their own memory below /proc; Landlock denies access to that of others
         rules.append((Path("/proc"), READ_FILE))
     rules += [(Path(file), READ_FILE) for file in sandbox.reads]
+    rules += [(Path(shared), READ) for shared in sandbox.folders if Path(shared).is_dir()]
     if folder is not None:
         rules.append((folder, WRITABLE_FOLDER))
     return rules

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.conventions import Angles, Vector3
+from stridelab.conventions import Angles
 from stridelab.dynamics.spatial import length_of
 from stridelab.errors import InvalidInput
 from stridelab.robots.robot import Robot
@@ -115,13 +115,6 @@ class ReplayStepper:
         """Remove pushes that have ended."""
         self.simulation.apply_forces([(body, np.zeros(3)) for body, _ in self._pushed])
         self._pushed = [(body, push) for body, push in self._pushed if push.end_s > self.time_s]
-
-    def pushing_forces_n(self) -> dict[int, Vector3]:
-        """Force (N, world axes) of the pushes at this time, by index of the body."""
-        forces: dict[int, Vector3] = {}
-        for body, push in self._pushed:
-            forces[body] = forces.get(body, np.zeros(3)) + push.force_n(self.time_s)
-        return {body: force_n for body, force_n in forces.items() if force_n.any()}
 
     def set_delay(self, delay_s: float, expected_delay_s: float = 0.0) -> None:
         """Let stabiliser and joint control read everything ``delay_s`` late from now on, or predict it."""

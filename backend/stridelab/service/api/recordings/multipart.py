@@ -26,11 +26,15 @@ PART_LIMIT: Final = 20
 
 @dataclass(frozen=True)
 class Limits:
-    """Size limits of an upload, in bytes; ``long_fields`` maps text fields to larger limits of their own."""
+    """Size limits of an upload, in bytes; ``long_fields`` maps text fields to larger limits of their own.
+
+    Without ``required``, a form may have no file.
+    """
 
     file_bytes: int
     free_disk_bytes: int
     files: int = 1
+    required: bool = True
     total_bytes: int | None = None
     long_fields: Mapping[str, int] = field(default_factory=dict)
 
@@ -190,9 +194,9 @@ class _IncomingForm:
         """
         if not self._complete:
             raise InvalidInput("malformed-request", "The multipart form is damaged or cut off.")
-        if not self._files:
+        if not self._files and self._limits.required:
             raise InvalidInput("file-missing", "The form has no field 'file'.", [Fault("file", "missing")])
-        if self._limits.files == 1 and self._files[0].size == 0:
+        if self._limits.files == 1 and self._files and self._files[0].size == 0:
             raise InvalidInput("empty-file", "The file is empty: it has 0 bytes.", [Fault("file", "0 bytes")])
         return ReceivedForms(tuple(one.to_received_file() for one in self._files), self._fields)
 

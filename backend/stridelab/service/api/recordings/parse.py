@@ -17,6 +17,7 @@ from stridelab.service.api.dependencies import Parts
 from stridelab.service.filenames import PARSER_CRASHED, child_output_file
 from stridelab.service.kinds.registry import PARSE_UPLOAD, PROPOSE_MARKERS, READ_POSE
 from stridelab.service.processes.running_child import IsolatedOutcome
+from stridelab.service.processes.sandbox import STRICT, Sandbox
 from stridelab.service.stored_marker_sets import source_marker_sets
 
 log = structlog.get_logger(__name__)
@@ -131,6 +132,7 @@ async def run_reader(
     where: str,
     timeout_s: float | None = None,
     limiter: anyio.CapacityLimiter | None = None,
+    sandbox: Sandbox = STRICT,
 ) -> IsolatedOutcome:
     """Run ``function`` on ``task`` in a confined child within the limits of parsing, or in turn of ``limiter``.
 
@@ -144,6 +146,7 @@ async def run_reader(
             timeout_s=timeout_s or parts.settings.parse_timeout_s,
             memory_mb=parts.settings.parse_memory_mb,
             low_priority=False,
+            sandbox=sandbox,
         )
     if outcome.error_class is not None:
         raise outcome.as_error()

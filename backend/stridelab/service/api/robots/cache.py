@@ -21,7 +21,7 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.errors import NotFound, StridelabError, Unavailable
 from stridelab.robots.card import robot_names
-from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation
+from stridelab.schemas.robots import Measure, RobotFacts, RobotPackage, RobotPreparation
 from stridelab.service.api.robots.children import DESCRIBE, LINKS, REACH, Progress, RobotChildren
 from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.processes.sandbox import STRICT, Sandbox
@@ -118,6 +118,7 @@ class RobotCache:
     _in_background: set[str] = field(default_factory=set)
 
     engine: AsyncEngine | None = None
+    packages: SingleFlight[list[RobotPackage]] = field(default_factory=lambda: SingleFlight(keep=True))
 
     def __post_init__(self) -> None:
         self._children = RobotChildren(self.pool, self.spool, self.memory_mb, self.sandbox)

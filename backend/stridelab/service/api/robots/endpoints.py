@@ -16,16 +16,26 @@ from stridelab.robots.card import robot_card, robot_names
 from stridelab.robots.data_files import data_files
 from stridelab.schemas.base import Page
 from stridelab.schemas.reachability import RobotReachability
-from stridelab.schemas.robots import NAME_PATTERN, Measure, OwnRobot, RobotFacts, RobotPreparation, RobotSummary
+from stridelab.schemas.robots import (
+    NAME_PATTERN,
+    Measure,
+    OwnRobot,
+    RobotFacts,
+    RobotPackage,
+    RobotPreparation,
+    RobotSummary,
+)
 from stridelab.service.api.dependencies import AppParts, CallerOf, Parts
 from stridelab.service.api.downloads import send_blob
 from stridelab.service.api.openapi import failure_responses, file_response, form_body
-from stridelab.service.api.recordings.multipart import Limits, receive_form
+from stridelab.service.api.recordings.multipart import Limits, receive_forms
 from stridelab.service.api.recordings.service import spool_folder
 from stridelab.service.api.robots.cache import RobotCache, require_robot
 from stridelab.service.api.robots.own import (
+    add_installed_robot,
     add_robot,
     delete_robot,
+    list_installed,
     own_reachability,
     own_robot,
     own_summaries,
@@ -59,13 +69,16 @@ _FORM: Final = form_body(
             "format": "binary",
             "description": "a .zip of one URDF (.urdf) or MJCF (.xml) and its meshes, or such a file without meshes",
         },
+        "package": {
+            "type": "string",
+            "description": "in place of a file: an installed package of `GET /robots/packages`",
+        },
         "name": {"type": "string", "pattern": NAME_PATTERN},
         "description": {
             "type": "string",
-            "description": "which description of a zip with several is read: its path in the zip, or its end",
+            "description": "which description of a zip or package with several is read: its path in it, or its end",
         },
     },
-    "file",
     "name",
 )
 _CARD: Final[Any] = {
@@ -102,7 +115,8 @@ async def list_robots(parts: AppParts) -> Page[RobotSummary]:
         s409="There is a robot of this name (`robot-name-taken`).",
         s413="The file exceeds the size limit (`upload-too-large`) or your storage limit (`storage-limit`).",
         s422="The archive, its description or a mesh cannot be read, the zip holds several descriptions and none is "
-        "chosen (`robot-several-descriptions`, with their paths), the description is invalid "
+        "chosen (`robot-several-descriptions`, with their paths), no such package is installed "
+        "(`robot-package-unknown`, naming the nearest), the description is invalid "
         "(`robot-description-invalid`), or the robot does not walk on two soles (`robot-not-humanoid`).",
         s507="No disk space is left (`disk-full`).",
     ),
@@ -110,20 +124,40 @@ async def list_robots(parts: AppParts) -> Page[RobotSummary]:
 async def upload_robot(parts: AppParts, caller: CallerOf, request: Request, response: Response) -> OwnRobot:
     """Upload a humanoid as a zip of a URDF and its meshes, or as a URDF without meshes, and get a proposed card.
 
+    With `package` in place of `file`, the description is that of a package which is installed on the server.
+
     Soles, hands, joint groups, a rest posture, limits, rotor inertias and the pairs for the self-collision check are
     estimated from the description. `assumed` lists the fields that it does not state. Correct the card with
     `PUT /robots/{name}/card`, then submit `commission-robot`.
     """
-    limits = Limits(parts.settings.max_upload_mb * 1_000_000, parts.settings.min_free_disk_mb * 1_000_000)
+    settings = parts.settings
+    limits = Limits(settings.max_upload_mb * 1_000_000, settings.min_free_disk_mb * 1_000_000, required=False)
     folder = spool_folder(parts)
     try:
-        form = await receive_form(request, folder / "upload", limits)
+        form = await receive_forms(request, folder, limits)
         name = _name_of_form(form.fields)
-        stored = await add_robot(parts, caller, form, name, form.fields.get("description", ""))
+        if "package" in form.fields and form.files:
+            raise InvalidInput("invalid-request", "Send a file or the name of a package.", [Fault("package", "given")])
+        if "package" in form.fields:
+            stored = await add_installed_robot(parts, caller, form.fields, name, folder)
+        elif form.files:
+            stored = await add_robot(parts, caller, form.files[0], name, form.fields.get("description", ""))
+        else:
+            raise InvalidInput("file-missing", "The form has no field 'file'.", [Fault("file", "missing")])
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     response.headers["Location"] = f"/api/v1/robots/{stored.name}"
     return stored
+
+
+@router.get("/packages", summary="List robots of installed packages")
+async def list_packages(parts: AppParts) -> Page[RobotPackage]:
+    """List the packages that are installed on the server and hold descriptions of robots with twelve moving joints.
+
+    Python packages, and ROS packages in the folders `share` of the Python prefix and of `AMENT_PREFIX_PATH`. Send one
+    of them with `POST /robots`; whether it is a humanoid on two soles is decided when it is read.
+    """
+    return Page[RobotPackage](items=await list_installed(parts))
 
 
 @router.get("/{name}/card", summary="Card of one's own robot", responses=_OWN)
@@ -247,9 +281,9 @@ async def _own_row(parts: Parts, name: str) -> Mapping[str, Any] | None:
 
 def _name_of_form(fields: Mapping[str, str]) -> str:
     """The field ``name``. Raises ``InvalidInput`` (``invalid-request``)."""
-    unknown = sorted(fields.keys() - {"name", "description"})
+    unknown = sorted(fields.keys() - {"name", "description", "package"})
     if unknown:
-        message = "The form has the fields file, name and description only."
+        message = "The form has the fields file, package, name and description only."
         raise InvalidInput("invalid-request", message, [Fault(field[:60], "unknown") for field in unknown])
     name = fields.get("name", "")
     if not re.fullmatch(NAME_PATTERN, name):

@@ -1,32 +1,39 @@
 """Robots of users: upload, change of the card, deletion."""
 
+import hashlib
 import io
+import tempfile
 import uuid
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+import anyio
 from sqlalchemy import delete, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.errors import Conflict, Fault, InvalidInput, NotFound, StridelabError, UnreadableFile
+from stridelab.errors import Conflict, Fault, InvalidInput, NotFound, StridelabError, TooLarge, UnreadableFile
 from stridelab.robots.card import robot_names
+from stridelab.robots.data_files import shared_folders
 from stridelab.schemas.jobs import FINAL_STATES
-from stridelab.schemas.robots import Measure, OwnRobot, RobotFacts, RobotSummary
+from stridelab.schemas.robots import Measure, OwnRobot, RobotFacts, RobotPackage, RobotSummary
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.quotas import refuse_full
-from stridelab.service.api.recordings.multipart import ReceivedForm
+from stridelab.service.api.recordings.multipart import ReceivedFile
 from stridelab.service.api.recordings.parse import ROBOT_FAILURES, run_reader
 from stridelab.service.auth import audit
 from stridelab.service.auth.callers import Caller, require_owner
-from stridelab.service.filenames import BUNDLE_FILE, LINKS_FILE, child_output_file
+from stridelab.service.filenames import BUNDLE_FILE, INSTALLED_FILE, LINKS_FILE, child_output_file, safe_filename
+from stridelab.service.processes.sandbox import STRICT, Sandbox
 from stridelab.service.storage.content_addressed import lock_blob
 from stridelab.service.storage.file_removal import may_remove
 from stridelab.service.storage.publication import publish_files
 from stridelab.service.storage.tables import job, robot, scenario
 from stridelab.service.stored_robots import (
     CHECK_CARD,
+    LIST_PACKAGES,
+    PACK_INSTALLED,
     PROPOSE_CARD,
     READ_ROBOT,
     ROBOT_FOLDER,
@@ -39,7 +46,58 @@ PROPOSAL_TIMEOUT_S: Final = 90.0
 """Time limit of the proposal, which reads rebuilt files only."""
 
 
-async def add_robot(parts: Parts, caller: Caller, form: ReceivedForm, name: str, description: str = "") -> OwnRobot:
+PACKAGES_TIMEOUT_S: Final = 30.0
+"""Time limit of listing or packing installed robots, which may lie on a slow shared disk."""
+RESERVED_NAMES: Final = ("human", "packages")
+"""Names that mean something else: the simulated person, and the list of packages."""
+
+
+async def list_installed(parts: Parts) -> list[RobotPackage]:
+    """Robots in installed packages, listed once by a confined child.
+
+    Raises ``UnreadableFile`` if the child fails or takes too long.
+    """
+
+    async def list_packages() -> list[RobotPackage]:
+        with tempfile.TemporaryDirectory(dir=parts.spool) as folder:
+            value = await _run_child(parts, LIST_PACKAGES, {}, Path(folder), PACKAGES_TIMEOUT_S, _installed())
+        return [RobotPackage.model_validate(one) for one in value["summary"]["packages"]]
+
+    return await parts.robots.packages.get("", list_packages)
+
+
+async def add_installed_robot(
+    parts: Parts, caller: Caller, fields: Mapping[str, str], name: str, folder: Path
+) -> OwnRobot:
+    """Pack the description of an installed package in a confined child, and add it as an upload.
+
+    Raises ``InvalidInput`` (``robot-package-unknown``, ``robot-description-missing``, ``robot-several-descriptions``,
+    ``robot-package-too-large``), ``TooLarge`` (``upload-too-large``), and as ``add_robot``.
+    """
+    await _refuse_taken(parts, name)
+    task = {key: fields[key] for key in ("package", "description") if key in fields}
+    value = await _run_child(parts, PACK_INSTALLED, task, folder, PACKAGES_TIMEOUT_S, _installed())
+    packed = child_output_file(folder, INSTALLED_FILE)
+    size = packed.stat().st_size
+    if size > parts.settings.max_upload_mb * 1_000_000:
+        message = f"The robot has more than {parts.settings.max_upload_mb:g} MB, the limit of this service."
+        raise TooLarge("upload-too-large", message, [Fault("package", "too large")])
+    digest = await anyio.to_thread.run_sync(_sha256, packed)
+    file = ReceivedFile(packed, safe_filename(value["summary"]["filename"]), size, digest)
+    return await add_robot(parts, caller, file, name, value["summary"]["inside"])
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _installed() -> Sandbox:
+    """What a child that reads installed packages may read besides Python's own folders."""
+    return Sandbox(folders=shared_folders())
+
+
+async def add_robot(parts: Parts, caller: Caller, form: ReceivedFile, name: str, description: str = "") -> OwnRobot:
     """Read an uploaded robot in confined children and store it with its proposed card.
 
     ``description`` is the path, or its end, of the one that is read from a zip with several.
@@ -205,7 +263,7 @@ def _still_assumed(assumed: Mapping[str, str], before: Mapping[str, Any], after:
 
 
 async def _refuse_taken(parts: Parts, name: str) -> None:
-    if name in (*robot_names(), "human"):
+    if name in (*robot_names(), *RESERVED_NAMES):
         raise _name_taken(name)
     async with parts.engine.connect() as connection:
         if await find_robot(connection, name) is not None:
@@ -218,14 +276,12 @@ def _name_taken(name: str) -> Conflict:
 
 
 async def _run_child(
-    parts: Parts, target: str, task: Mapping[str, Any], folder: Path, timeout_s: float
+    parts: Parts, target: str, task: Mapping[str, Any], folder: Path, timeout_s: float, sandbox: Sandbox = STRICT
 ) -> dict[str, Any]:
+    limiter = parts.robot_readers
     try:
-        return dict(
-            (
-                await run_reader(parts, target, task, folder, ROBOT_FAILURES, "file", timeout_s, parts.robot_readers)
-            ).value
-        )
+        outcome = await run_reader(parts, target, task, folder, ROBOT_FAILURES, "file", timeout_s, limiter, sandbox)
+        return dict(outcome.value)
     except (InvalidInput, UnreadableFile, Conflict):
         raise
     except StridelabError as error:

@@ -12,11 +12,13 @@ from stridelab.contacts.effector_geometry import plain_shapes
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.robots.assembly import assemble_robot
 from stridelab.robots.data_files import data_files
+from stridelab.robots.proposal.packages import find_description, find_package, installed_packages, pack_description
 from stridelab.robots.proposal.propose import card_fields, propose_card, rebuild_description
 from stridelab.robots.robot import Robot
 from stridelab.robots.visuals import glb, link_meshes
 from stridelab.schemas.base import Contract
-from stridelab.service.filenames import BUNDLE_FILE, LINKS_FILE, STAGED_ROBOT
+from stridelab.schemas.robots import RobotPackage
+from stridelab.service.filenames import BUNDLE_FILE, INSTALLED_FILE, LINKS_FILE, STAGED_ROBOT
 from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.robots.description import robot_facts
 from stridelab.service.kinds.robots.staged import MODELS_FOLDER, own_card, pack_files, write_card
@@ -42,10 +44,39 @@ class ProposeCardTask(Contract):
     assumed: dict[str, str]
 
 
+class PackInstalledTask(Contract):
+    """Task of packing: an installed package, and the path, or its end, of one of its descriptions."""
+
+    package: str
+    description: str = ""
+
+
 class CheckCardTask(Contract):
     """Task of checking the staged card."""
 
     name: str
+
+
+def list_packages(task: Contract, _folder: Path, _progress: ProgressCallback) -> Outcome:
+    """List the installed packages with descriptions of robots, as ``RobotPackage``; ``task`` is empty."""
+    packages = [
+        RobotPackage(package=one.name, version=one.version, descriptions=[str(path) for path in one.listed])
+        for one in installed_packages().values()
+    ]
+    return Outcome({"packages": [one.model_dump(mode="json") for one in packages]}, (), ())
+
+
+def pack_installed(task: PackInstalledTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Pack a robot of an installed package as ``INSTALLED_FILE``; the summary has a ``filename`` and its path in it.
+
+    Raises as ``find_package``, ``find_description`` and ``pack_description``.
+    """
+    progress(0.0, "reading the package")
+    package = find_package(task.package)
+    inside = find_description(package, task.description)
+    pack_description(package, inside, folder / INSTALLED_FILE)
+    filename = f"{inside.stem} of {package.name} {package.version}.zip"
+    return Outcome({"filename": filename, "inside": str(inside)}, (), ())
 
 
 def read_robot(task: ReadRobotTask, folder: Path, progress: ProgressCallback) -> Outcome:

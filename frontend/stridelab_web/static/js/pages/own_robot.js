@@ -6,8 +6,15 @@ import { labelOf } from "../shared/field_labels.js";
 const upload = document.querySelector("form[data-add-robot]");
 if (upload) {
   const choice = upload.querySelector("[data-choice]");
+  const installed = upload.querySelector("[data-installed] select");
   upload.querySelector('input[name="file"]').addEventListener("change", () => offerDescriptions(choice, []));
+  offerInstalled(upload, choice);
   onSubmit(upload, async (data) => {
+    if (installed.value) {
+      const [name, path] = JSON.parse(installed.value);
+      data.set("package", name);
+      data.set("description", path);
+    }
     try {
       const { name } = await call("POST", "/robots", data);
       location.assign(`/robots/${encodeURIComponent(name)}`);
@@ -21,6 +28,36 @@ if (upload) {
       );
       return "The zip holds several descriptions: choose one, and upload again.";
     }
+  });
+}
+
+// Offers the robots of packages that are installed on the server in place of a file, and their names as names.
+/** @param {any} form @param {any} choice */
+async function offerInstalled(form, choice) {
+  const file = form.querySelector('input[name="file"]');
+  const name = form.querySelector('input[name="name"]');
+  const label = form.querySelector("[data-installed]");
+  const select = label.querySelector("select");
+  const { items } = await call("GET", "/robots/packages");
+  for (const one of items) {
+    const options = one.descriptions.map((/** @type {string} */ path) => {
+      const value = JSON.stringify([one.package, path]);
+      return createElement("option", { value, title: path }, path.slice(path.lastIndexOf("/") + 1));
+    });
+    select.append(createElement("optgroup", { label: `${one.package} ${one.version}` }, ...options));
+  }
+  label.hidden = items.length === 0;
+  let proposed = "";
+  select.addEventListener("change", () => {
+    const isInstalled = select.value !== "";
+    file.disabled = isInstalled;
+    file.required = !isInstalled;
+    offerDescriptions(choice, []);
+    if (name.value && name.value !== proposed) return;
+    const path = isInstalled ? JSON.parse(select.value)[1] : "";
+    const stem = path.slice(path.lastIndexOf("/") + 1).replace(/\.\w+$/, "");
+    proposed = stem.toLowerCase().replace(/[^a-z0-9]+/g, "-");
+    name.value = proposed;
   });
 }
 
