@@ -21,7 +21,8 @@ from stridelab.recordings.recording import Remark, Window, WrenchTrack
 class StateCovariance:
     """Covariance of position and velocity per axis and sample; the axes are the rows of ``frame``, uncorrelated.
 
-    Entries in m^2, m^2/s and m^2/s^2.
+    Entries in m^2, m^2/s and m^2/s^2. That of the smoother follows from the sizes by which it weighs its inputs;
+    ``ComEstimate.sd_m`` is that of the errors to be expected, mostly smaller.
     """
 
     frame: Rotation

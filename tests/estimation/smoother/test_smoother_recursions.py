@@ -19,6 +19,7 @@ from stridelab.estimation.smoother.measurements import plate_bias_remarks, plate
 from stridelab.estimation.smoother.noise_levels import LEARNED, adult_momentum_m_s, learn_sizes, log_likelihoods
 from stridelab.estimation.smoother.online_filter import CausalFilter
 from stridelab.estimation.smoother.state_space import ACCELERATION, Sizes, resonator_model, state_space
+from stridelab.estimation.smoother.stated_band import stated_variance_m2
 
 RATE_HZ = 50.0
 DT = 1 / RATE_HZ
@@ -104,9 +105,9 @@ class Dense:
     y: np.ndarray
 
 
-def written_out(axis: int, data: Signals) -> Dense:
+def written_out(axis: int, data: Signals, s: Sizes = SIZES) -> Dense:
     """The equations of the model's docstring, one after the other."""
-    s, e = SIZES, Noise()
+    e = Noise()
     turned = bool(s.turned[axis])
     b0, ab, mu, factor = (e.draw(sd) for sd in s.bias[axis, :4])
     alpha, beta = np.exp(-2 * np.pi * s.marker_corner_hz[0] * DT), np.exp(-2 * np.pi * s.plate_corner_hz[0] * DT)
@@ -199,6 +200,26 @@ def test_mean_and_band_are_those_of_gaussian_conditioning(passed, axis):
     sd = np.sqrt(np.diag(dense.c @ dense.c.T - gain @ dense.y @ dense.c.T))
     assert np.abs(mean[:, axis, 0] - expected).max() < 1e-7
     assert np.abs(np.sqrt(covariance[:, axis, 0, 0]) / sd - 1).max() < 1e-5
+
+
+@pytest.mark.parametrize("times", [1.0, 10.0])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_stated_variance_is_that_of_the_same_gains_under_other_errors(passed, axis, times):
+    data, _, result, forward = passed
+    errors = replace(
+        SIZES,
+        table_varying_m=same(0.001),
+        swing_m_s=0.3 * SIZES.swing_m_s,
+        overtone_m_s=0.6 * SIZES.overtone_m_s,
+        bias=SIZES.bias * [1.0, 0.5, 2.0 * times, 1.0, 1.0],
+    )
+    variance = smooth_backward(result, forward, 1)[1][..., 0, 0]
+    stated = stated_variance_m2(SIZES, errors, data, RATE_HZ, variance)[:, axis]
+    weighed, met = written_out(axis, data), written_out(axis, data, errors)
+    gain = np.linalg.solve(weighed.y @ weighed.y.T, weighed.y @ weighed.c.T).T
+    expected = np.sum((met.c - gain @ met.y) ** 2, axis=1)
+    assert np.abs(stated / expected - 1.0).max() < 0.003
+    assert np.abs(variance[:, axis] / expected - 1.0).max() > 0.05  # which is not that of the weights
 
 
 def test_the_likelihood_is_that_of_the_same_gaussian_up_to_a_constant(passed):

@@ -46,6 +46,7 @@ from stridelab.estimation.smoother.noise_levels import (
 )
 from stridelab.estimation.smoother.online_filter import OnlineSmoother
 from stridelab.estimation.smoother.state_space import ACCELERATION, Sizes, state_space
+from stridelab.estimation.smoother.stated_band import error_sizes, stated_variance_m2
 from stridelab.recordings.recording import WrenchTrack
 
 
@@ -106,7 +107,8 @@ class Smoother:
         acceleration = np.where(walk.seen[:, None], measured, smoothed_derivatives(c, rate_hz)[1])
         height = covariance[:, 2, 0, 0]
         np.maximum(height, geometric.sd_m[2] ** 2, out=height)  # the height is unobservable
-        sd = np.sqrt(np.maximum(covariance[..., 0, 0], 0.0) @ walk.frame**2)
+        errors = error_sizes(sizes, priors, walk, data, forward, mass_kg)
+        sd = np.sqrt(stated_variance_m2(sizes, errors, data, rate_hz, covariance[..., 0, 0]) @ walk.frame**2)
         answer = slice(0, len(c)) if self.beyond_window else span.within
         return ComEstimate(
             method=self.name,

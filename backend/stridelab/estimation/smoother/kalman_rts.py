@@ -240,7 +240,7 @@ def smooth_backward(
     r[:, L:] = forward.rest.information @ forward.rest.innovation
     big[:, L:, L:] = forward.rest.information
     rs = np.empty_like(push)
-    covariance = np.empty((n, 3, rows, rows))
+    covariance = np.empty((n, len(forward.constants), rows, rows))
     previous, settled, last = -1, False, covariance[0]
     for k in range(n - 1, -1, -1):
         i = int(use[k])
