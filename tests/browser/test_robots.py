@@ -55,14 +55,14 @@ def choose_one_of_several_descriptions(page: Page) -> None:
     errors = [{"where": path, "message": "one of several"} for path in paths]
     problem = {"title": "Unreadable", "detail": "Several.", "code": "robot-several-descriptions", "errors": errors}
 
-    def refuse(route: Route) -> None:
+    def refuse_upload(route: Route) -> None:
         if route.request.method != "POST":
             route.fallback()
             return
         sent.append(route.request.post_data_buffer or b"")
         route.fulfill(status=422, json=problem, content_type="application/problem+json")
 
-    page.route("**/api/v1/robots", refuse)
+    page.route("**/api/v1/robots", refuse_upload)
     page.get_by_label("File").set_input_files([{"name": "small.zip", "mimeType": "application/zip", "buffer": b"PK"}])
     page.get_by_label("Name").fill("small")
     expect(page.get_by_label("Description")).to_be_hidden()
@@ -82,7 +82,7 @@ def choose_an_installed_robot(page: Page) -> None:
     """Upload a robot of an installed package in place of a file; its name is proposed."""
     sent: list[bytes] = []
 
-    def refuse(route: Route) -> None:
+    def refuse_upload(route: Route) -> None:
         if route.request.method != "POST":
             route.fallback()
             return
@@ -91,7 +91,7 @@ def choose_an_installed_robot(page: Page) -> None:
         route.fulfill(status=422, json=problem, content_type="application/problem+json")
 
     listed = {"items": [{"package": "arms-data", "version": "2.0", "descriptions": ["a/Two_Arms.urdf"]}], "next": None}
-    page.route("**/api/v1/robots", refuse)
+    page.route("**/api/v1/robots", refuse_upload)
     page.route("**/api/v1/robots/packages", lambda route: route.fulfill(json=listed))
     page.reload()
     page.get_by_label("or of an installed package").select_option("Two_Arms.urdf")

@@ -11,7 +11,7 @@ force within friction. The postures are those of the robot standing over its sol
 each hand contact; the minimum is used.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, MutableMapping
 from typing import Final
 
 import numpy as np
@@ -57,8 +57,15 @@ def max_normal_force_n(robot: Robot, q: Float[np.ndarray, "nq"], contact: Contac
     return float(max(0.0, max_forces_n.min()))
 
 
-def hand_bounds_n(robot: Robot, sequence: ContactSequence) -> dict[str, float]:
-    """Bounds for ``PathBounds.normal_force_max_n``; hands whose contacts no posture reaches have none."""
+def hand_bounds_n(
+    robot: Robot, sequence: ContactSequence, known_n: MutableMapping[bytes, float] | None = None
+) -> dict[str, float]:
+    """Bounds for ``PathBounds.normal_force_max_n``; hands whose contacts no posture reaches have none.
+
+    ``known_n`` are bounds of stances from earlier calls for this robot, infinite where no posture reaches; new ones are
+    added.
+    """
+    known_n = {} if known_n is None else known_n
     bounds: dict[str, float] = {}
     for phase, name in _hand_contact_phases(robot, sequence):
         placements = {
@@ -73,11 +80,23 @@ def hand_bounds_n(robot: Robot, sequence: ContactSequence) -> dict[str, float]:
         }
         if not soles:
             continue
-        posture = stand(robot, placements, standing_com_m(soles, standing_height_m(robot), robot.effectors))
-        if posture.error_m < CONTACT_TOLERANCE_M:
-            max_force_n = max(MIN_BOUND_N, max_normal_force_n(robot, posture.q, sequence.phases[phase].contacts[name]))
-            bounds[name] = min(max_force_n, bounds.get(name, np.inf))
+        key = _stance_key(name, {**soles, **sequence.phases[phase].contacts})
+        if key not in known_n:
+            posture = stand(robot, placements, standing_com_m(soles, standing_height_m(robot), robot.effectors))
+            reaches, contact = posture.error_m < CONTACT_TOLERANCE_M, sequence.phases[phase].contacts[name]
+            known_n[key] = max(MIN_BOUND_N, max_normal_force_n(robot, posture.q, contact)) if reaches else np.inf
+        if known_n[key] < np.inf:
+            bounds[name] = min(known_n[key], bounds.get(name, np.inf))
     return bounds
+
+
+def _stance_key(hand: str, contacts: Mapping[str, Contact]) -> bytes:
+    """Equal for the same hand and placements."""
+    parts = [hand.encode()]
+    for name in sorted(contacts):
+        place = contacts[name].placement
+        parts += [name.encode(), np.r_[place.position_m, place.rotation.ravel(), contacts[name].friction].tobytes()]
+    return b"".join(parts)
 
 
 def _hand_contact_phases(robot: Robot, sequence: ContactSequence) -> Iterator[tuple[int, str]]:

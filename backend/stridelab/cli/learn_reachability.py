@@ -195,7 +195,7 @@ def show_packages() -> None:
         out.print("No installed package has the description of a robot with twelve moving joints.")
     for package in packages.values():
         out.print(f"[bold]{escape(package.name)}[/] {escape(package.version)}")
-        for path in package.listed:
+        for path in package.shortest_paths:
             out.print(f"  {escape(str(path))}")
 
 

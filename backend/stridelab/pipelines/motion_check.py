@@ -25,7 +25,8 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.sequence import Contact, ContactSequence
-from stridelab.errors import NotEstimable, StridelabError
+from stridelab.contacts.terrain import Terrain
+from stridelab.errors import InvalidInput, NotEstimable, StridelabError
 from stridelab.pipelines.plan_problem import control_of
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.part_names import part_words
@@ -35,6 +36,7 @@ from stridelab.schemas.plans import PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
 from stridelab.wholebody.certificate.certificate import Check
 from stridelab.wholebody.certificate.clearance import self_collision, terrain_distances, thin_samples
+from stridelab.wholebody.control.collision_avoidance import AvoidanceSettings, CollisionAvoidance
 from stridelab.wholebody.control.controller import ControllerRun, WholeBodyController
 from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.leg_stretch import lower_for_legs
@@ -83,6 +85,9 @@ class MotionCheck:
         self._collision = SelfCollision(robot, all_shapes=True)
         self._cache: OrderedDict[bytes, MotionResult] = OrderedDict()
         self._paused: OrderedDict[bytes, Generator[None, None, None]] = OrderedDict()
+        self._avoidances: OrderedDict[str, CollisionAvoidance] = OrderedDict()
+        self._hand_bounds_n: dict[bytes, float] = {}
+        self._latest: tuple[ContactSequence, list[bytes]] | None = None
 
     def continue_check(
         self, scenario: Scenario, sequence: ContactSequence, is_over: Callable[[], bool]
@@ -92,7 +97,9 @@ class MotionCheck:
         A check that is not over goes on in the next call with the same scenario. After the first phase that fails no
         further one is checked; those have no result.
         """
-        keys = _phase_keys(sequence)
+        if self._latest is None or self._latest[0] is not sequence:
+            self._latest = sequence, _phase_keys(sequence)
+        keys = self._latest[1]
         whole = b"".join(keys)
         if not self._is_done(keys):
             search = self._paused.pop(whole, None) or self._check_phases(scenario, sequence, keys)
@@ -118,7 +125,7 @@ class MotionCheck:
     ) -> Generator[None, None, None]:
         """Plan and follow each run of phases without a result; pauses after every part."""
         for first, last in _open_spans([key not in self._cache for key in keys]):
-            begin, end = max(first - PADDING, 0), min(last + 1 + PADDING, len(keys))
+            begin, end = _planned_span(sequence, first, last)
             part = replace(
                 sequence,
                 phases=sequence.phases[begin:end],
@@ -149,7 +156,7 @@ class MotionCheck:
         """The plan of ``plan-motion`` in parts; the last part is the plan or the reason why there is none."""
         robot, request = self.robot, PlanMotionInput(scenario=scenario)
         control = control_of(request)
-        bounds_n = hand_bounds_n(robot, sequence) if control.has_point_forces else {}
+        bounds_n = hand_bounds_n(robot, sequence, self._hand_bounds_n) if control.has_point_forces else {}
         yield None
         posed = from_rest_to_rest(robot, sequence, self._proxies)
         problem = replace(posed, control=control, bounds=PathBounds(None, bounds_n), node_rate_hz=request.node_rate_hz)
@@ -164,7 +171,10 @@ class MotionCheck:
             yield NotEstimable("plan-not-converged", plan.status)
             return
         yield None
-        yield lower_for_legs(robot, problem, plan, partial(solve, solver="native"))[1]
+        try:
+            yield lower_for_legs(robot, problem, plan, partial(solve, solver="native"))[1]
+        except InvalidInput as error:  # a foot that lifts off and lands nowhere, which plan-motion refuses as well
+            yield error
 
     def _first_fault(
         self, sequence: ContactSequence, motion: WholeBodyMotion, new: slice
@@ -198,8 +208,9 @@ class MotionCheck:
     ) -> Generator[tuple[int, MotionResult] | None, None, None]:
         """Follow the plan through the phases ``first`` to ``last``; the last part is the phase that fails, or None."""
         robot, sequence, controller = self.robot, plan.sequence, WholeBodyController(rate_hz=RATE_HZ)
+        avoidance = self._take_avoidance(sequence.terrain)
         try:
-            run = ControllerRun(controller, robot, sequence, plan, span=(first, last))
+            run = ControllerRun(controller, robot, sequence, plan, span=(first, last), avoidance=avoidance)
             checked = 0
             for i in range(len(run.times)):
                 run.run_sample(i)
@@ -218,6 +229,18 @@ class MotionCheck:
             yield stop.phase, MotionResult(False, reason, tuple(_joint_of_limit(name) for name in stop.names))
         except NotEstimable as error:
             yield first, MotionResult(False, error.message)
+        finally:
+            self._avoidances[repr(sequence.terrain)] = avoidance
+            if len(self._avoidances) > MAX_PAUSED:
+                self._avoidances.popitem(last=False)
+
+    def _take_avoidance(self, terrain: Terrain) -> CollisionAvoidance:
+        """The pairs of an earlier run on the same terrain, or new ones; no other run gets them until they are back."""
+        avoidance = self._avoidances.pop(repr(terrain), None)
+        if avoidance is None:
+            return CollisionAvoidance(self.robot, terrain, AvoidanceSettings())
+        avoidance.begin_run()
+        return avoidance
 
 
 def _fault_of(checks: Iterable[Check]) -> tuple[int, MotionResult] | None:
@@ -252,6 +275,27 @@ def _open_spans(is_open: list[bool]) -> list[tuple[int, int]]:
     """First and last index of every run of True."""
     edges = np.flatnonzero(np.diff([False, *is_open, False]))
     return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
+
+
+def _planned_span(sequence: ContactSequence, first: int, last: int) -> tuple[int, int]:
+    """The phases that are planned, ``PADDING`` on both sides, and more until no effector swings there."""
+    n = len(sequence.phases)
+    begin, end = max(first - PADDING, 0), min(last + 1 + PADDING, n)
+    while begin > 0 and _has_swing(sequence, begin):
+        begin -= 1
+    while end < n and _has_swing(sequence, end - 1):
+        end += 1
+    return begin, end
+
+
+def _has_swing(sequence: ContactSequence, phase: int) -> bool:
+    """Whether an effector moves from one contact to another in ``phase``."""
+    return any(
+        name not in sequence.phases[phase].contacts
+        and sequence.last_contact(name, phase) is not None
+        and sequence.next_contact(name, phase) is not None
+        for name in sequence.effectors
+    )
 
 
 def _phase_keys(sequence: ContactSequence) -> list[bytes]:

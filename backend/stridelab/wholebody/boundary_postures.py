@@ -53,7 +53,7 @@ def require_boundary_postures(robot: Robot, plan: CentroidalPlan) -> None:
             for name, contact in phase.contacts.items()
         }
         best: IkResult | None = None
-        for q_start in _starts(robot, placements, com_m, q):
+        for q_start in _search_starts(robot, placements, com_m, q):
             posture = stand_in_com_region(
                 robot, placements, room, com_m, q_start, margins_rad, is_near=q_start is not None and q_start is q
             )
@@ -64,11 +64,11 @@ def require_boundary_postures(robot: Robot, plan: CentroidalPlan) -> None:
         if best is None:
             raise AssertionError("a search has at least one start")
         if _error_of(best) > MISS_M:
-            raise _refusal(robot, plan, k, time_s, best)
+            raise _unreachable_boundary(robot, plan, k, time_s, best)
         q = best.q if best.converged else None
 
 
-def _starts(
+def _search_starts(
     robot: Robot, placements: dict[str, Placement], com_m: Vector3, q: Float[np.ndarray, "nq"] | None
 ) -> Iterator[Float[np.ndarray, "nq"] | None]:
     """The posture of the boundary before, the reference posture (None), and perturbed ones, always the same."""
@@ -87,7 +87,7 @@ def _error_of(posture: IkResult) -> float:
     return max(posture.error_m, posture.error_rad)
 
 
-def _refusal(robot: Robot, plan: CentroidalPlan, k: int, time_s: float, posture: IkResult) -> NotEstimable:
+def _unreachable_boundary(robot: Robot, plan: CentroidalPlan, k: int, time_s: float, posture: IkResult) -> NotEstimable:
     phase = min(k, len(plan.sequence.phases) - 1)
     when = f"where phase {phase} begins" if k == phase else f"at the end of phase {phase}"
     miss = f"by {1e3 * posture.error_m:.0f} mm"

@@ -108,7 +108,7 @@ def test_the_last_stride_is_repeated_where_few_steps_are_recorded() -> None:
     assert len(walk.swing_s) == len(walk.double_support_s) == LEAST_FOOTHOLDS
 
 
-def climbing(rise_m: float, steps: int = 5) -> RecordedWalk:
+def recorded_climb(rise_m: float, steps: int = 5) -> RecordedWalk:
     """A walk with a foot on every stair but the first two footholds, whose heights the markers give within 1 cm."""
     truth = FlatFootedWalk(steps=steps, width_m=0.3)
     noise = 0.01 * np.cos(np.arange(steps + 1))
@@ -118,7 +118,7 @@ def climbing(rise_m: float, steps: int = 5) -> RecordedWalk:
 
 @pytest.mark.parametrize("rise_m", [0.17, -0.15])
 def test_footholds_at_several_heights_are_treads(rise_m: float) -> None:
-    recorded = climbing(rise_m)
+    recorded = recorded_climb(rise_m)
     rises_m = rises_of(recorded.footholds)
     assert rises_m[0] == 0.0, "within 5 cm is one tread"
     assert rises_m[1:] == pytest.approx(np.full(4, rise_m), abs=0.02)
@@ -150,7 +150,7 @@ def test_footholds_at_several_heights_are_treads(rise_m: float) -> None:
 
 
 def test_repeated_strides_go_on_climbing() -> None:
-    walk = scale_walk(climbing(0.17, steps=3), HALF)
+    walk = scale_walk(recorded_climb(0.17, steps=3), HALF)
     assert walk.repeated == 2
     rises = np.diff([hold.height_m for hold in walk.footholds])
     assert rises[1:] == pytest.approx(np.full(4, 0.5 * 0.17), abs=0.01)
@@ -158,7 +158,7 @@ def test_repeated_strides_go_on_climbing() -> None:
 
 def test_the_person_climbs_beside_the_robot() -> None:
     """The CoM is as high above the tread as the person's, scaled; its way up has the share of the stairs."""
-    recorded = replace(climbing(0.17), com_height_m=0.9)
+    recorded = replace(recorded_climb(0.17), com_height_m=0.9)
     truth, share = FlatFootedWalk(width_m=0.3), 0.5
     heights = np.array([hold.height_m for hold in recorded.footholds])
     strikes = recorded.strikes_s[1:]

@@ -58,7 +58,7 @@ def test_descriptions_with_the_joints_of_two_legs_are_listed(prefix: Path) -> No
     packages = installed_packages()
     assert "arms" not in packages
     assert packages["small-description"].version == "1.2.3"
-    assert [str(path) for path in packages["small-description"].listed] == ["mjcf/small.xml", "urdf/small.urdf"]
+    assert [str(path) for path in packages["small-description"].shortest_paths] == ["mjcf/small.xml", "urdf/small.urdf"]
 
 
 def test_a_name_means_an_installed_description_or_names_the_nearest(prefix: Path) -> None:

@@ -19,9 +19,29 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from stridelab.errors import StridelabError
+from stridelab.service.kinds.robots.upload import ReadRobotTask, read_robot
 from stridelab.service.processes.child import limit_memory
 
 DONE = "done"
+
+
+def read_and_measure(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
+    """Read an uploaded robot as the service does: the code of its refusal, processor time and peak memory."""
+    code = None
+    began_s, _ = _processor_s_and_peak_bytes()
+    try:
+        read_robot(ReadRobotTask.model_validate(task), folder, progress)
+    except StridelabError as refusal:
+        code = refusal.code
+    ended_s, peak_bytes = _processor_s_and_peak_bytes()
+    return {"code": code, "processor_s": ended_s - began_s, "peak_bytes": peak_bytes}
+
+
+def _processor_s_and_peak_bytes() -> tuple[float, int]:
+    """Processor time of this process and of its own children, and the largest resident memory of any of them."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in used), 1024 * max(one.ru_maxrss for one in used)
 
 
 def attempts(task: dict[str, Any], folder: Path, _progress: Any) -> dict[str, str]:

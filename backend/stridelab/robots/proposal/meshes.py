@@ -78,7 +78,7 @@ class MeshConverter:
             message = f"The mesh is {extent_m:.3g} m wide; lengths must be in metres (see the scale of the mesh)."
             raise _unreadable(filename, message)
         if is_collision:
-            vertices, faces = _hull(vertices)
+            vertices, faces = _convex_hull(vertices)
         else:
             if len(faces) > SHOWN_TRIANGLES:
                 vertices, faces = _merge_close(vertices, faces, min(MERGED_M, extent_m / MERGED_SHARES))
@@ -119,7 +119,7 @@ def _merge_close(
     return vertices[first], faces[kept]
 
 
-def _hull(vertices: Points) -> tuple[Float[np.ndarray, "n_hull 3"], Faces]:
+def _convex_hull(vertices: Points) -> tuple[Float[np.ndarray, "n_hull 3"], Faces]:
     """Convex hull with outward triangles; a flat mesh gets a thickness of 1 mm."""
     try:
         hull = ConvexHull(vertices)

@@ -43,7 +43,7 @@ class InstalledPackage:
     descriptions: tuple[PurePosixPath, ...]
 
     @property
-    def listed(self) -> tuple[PurePosixPath, ...]:
+    def shortest_paths(self) -> tuple[PurePosixPath, ...]:
         """The paths of ``descriptions`` below the folder that all of them share."""
         shared = posixpath.commonpath([str(path.parent) for path in self.descriptions])
         return tuple(path.relative_to(shared) for path in self.descriptions)
@@ -53,7 +53,7 @@ class InstalledPackage:
 def installed_packages() -> Mapping[str, InstalledPackage]:
     """Installed packages with descriptions of at least ``MIN_JOINTS`` moving joints, by normalised name."""
     packages: dict[str, InstalledPackage] = {}
-    for name, version, files in (*_distributions(), *_shared_packages()):
+    for name, version, files in (*_python_packages(), *_shared_packages()):
         normalised = _normalise_name(name)
         described = tuple(sorted(path for path, file in files.items() if _may_walk(file)))
         if described and normalised not in packages and normalised != _OWN:
@@ -80,11 +80,11 @@ def find_description(package: InstalledPackage, wanted: str) -> PurePosixPath:
     """
     ends = PurePosixPath(wanted.replace("\\", "/")).parts
 
-    def fits(path: PurePosixPath) -> bool:
+    def ends_as_wanted(path: PurePosixPath) -> bool:
         return not ends or path.parts[-len(ends) :] == ends or path.with_suffix("").parts[-len(ends) :] == ends
 
-    listed = dict(zip(package.listed, package.descriptions, strict=True))
-    choice = [short for short, path in listed.items() if fits(path)]
+    listed = dict(zip(package.shortest_paths, package.descriptions, strict=True))
+    choice = [short for short, path in listed.items() if ends_as_wanted(path)]
     exact = [short for short in choice if str(short) == wanted]
     if len(choice) == 1 or exact:
         return listed[(exact or choice)[0]]
@@ -176,7 +176,7 @@ def _find_file(
     return None
 
 
-def _distributions() -> Iterator[tuple[str, str, dict[PurePosixPath, Path]]]:
+def _python_packages() -> Iterator[tuple[str, str, dict[PurePosixPath, Path]]]:
     """Name, version, and descriptions and meshes of each Python distribution, beside it or below the prefix."""
     for distribution in metadata.distributions():
         roots = (Path(sys.prefix), Path(os.path.normpath(str(distribution.locate_file("")))))

@@ -185,9 +185,13 @@ class Worker:
 
     async def _send_heartbeat(self) -> None:
         silent_s = await self._consumer.send_heartbeat()
-        # own heartbeat late: the machine was suspended, or the clock of the database jumped; that is no sign of death
-        if self._heartbeats_valid_since is None or silent_s > self._limits.stall_s / 2:
+        if self._heartbeats_valid_since is None:
             self._heartbeats_valid_since = time.monotonic()
+        elif silent_s > self._limits.stall_s / 2:
+            # own heartbeat late: the machine was suspended, or the clock of the database jumped, which is no sign of
+            # death; each worker has the stall time for its next heartbeat, as ever
+            longer_s = max(0.0, self._limits.stall_s - 2 * self._limits.heartbeat_s)
+            self._heartbeats_valid_since = time.monotonic() + longer_s
 
     async def _reap_loop(self) -> None:
         while True:

@@ -70,7 +70,7 @@ class AvoidanceSettings:
 
 
 class CollisionAvoidance:
-    """Avoidance tasks of one robot on one terrain, during one run."""
+    """Avoidance tasks of one robot on one terrain, during one run at a time."""
 
     def __init__(self, robot: Robot, terrain: Terrain, avoid: AvoidanceSettings) -> None:
         self._avoid, self._calls = avoid, 0
@@ -89,6 +89,11 @@ class CollisionAvoidance:
         self._moves_target = self._pairs.kind == "hand"
         self._watched_hands: frozenset[int] = frozenset()
         self._no_rows = Rows(np.zeros((0, robot.model.nv)), np.zeros(0)), np.zeros(0)
+
+    def begin_run(self) -> None:
+        """Forget the run before, whose shapes and pairs are reused."""
+        self._pairs.forget_motion()
+        self._watched_hands, self._calls = frozenset(), 0
 
     def watch_hands(self, swinging: Iterable[str]) -> None:
         """Monitor the hands among the ``swinging`` effectors, and no other hands, from the next ``update`` on."""

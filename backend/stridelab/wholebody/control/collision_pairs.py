@@ -141,11 +141,15 @@ class CollisionPairs:
         self._results = self._geometry.createData()
         self._distances = list(self._results.distanceResults)  # references, updated in place
         self.scale = self._distance_scales(robot, acts_m, shrunk)
+        self.forget_motion()
+
+    def forget_motion(self) -> None:
+        """Return to the state before the first ``update_placements``, so that another motion can begin."""
         self._ignored = self.kind == "hand"
         self._watched = np.zeros(0, dtype=int)
         # distance plus levers times the joint motion until then: minus those of now it is a lower bound
-        self._lower_bound_m = np.full(len(pairs), -np.inf)
-        self._joint_travel = np.zeros(robot.model.nv)
+        self._lower_bound_m = np.full(len(self.kind), -np.inf)
+        self._joint_travel = np.zeros(self.reach_m.shape[1])
         self._q: Float[np.ndarray, "nq"] | None = None
 
     def sides_of(self, joints: Collection[int]) -> Float[np.ndarray, "n"]:

@@ -99,7 +99,8 @@ class ControllerRun:
 
     ``span`` are the first and the last phase that are followed, by default all. A run that begins later than the first
     phase starts from a posture on the contacts there, at the speed of the plan. Raises ``InvalidInput``
-    (``sample-time``) if they are shorter than one sample.
+    (``sample-time``) if they are shorter than one sample. ``avoidance``, if given, is one of this robot, terrain and
+    settings whose last run is over (``begin_run``).
     """
 
     def __init__(
@@ -110,6 +111,7 @@ class ControllerRun:
         plan: CentroidalPlan,
         allocate: Allocate = np.zeros,
         span: tuple[int, int] | None = None,
+        avoidance: CollisionAvoidance | None = None,
     ) -> None:
         self._controller, self._robot, self._sequence = controller, robot, sequence
         first, last = (0, len(sequence.phases) - 1) if span is None else span
@@ -124,7 +126,9 @@ class ControllerRun:
         self._phases = sequence.phases_at(self.times + 1e-9)
         self._bases = Heading.of_sequence(sequence).orientations_at(self._phases, self.times)
         avoid = controller.settings.avoid
-        self._avoidance = None if avoid is None else CollisionAvoidance(robot, sequence.terrain, avoid)
+        if avoidance is None and avoid is not None:
+            avoidance = CollisionAvoidance(robot, sequence.terrain, avoid)
+        self._avoidance = avoidance
         self._q, self._v = _initial_posture(robot, sequence, plan, controller.settings, first), np.zeros(robot.model.nv)
         if first > 0:
             self._v = self._initial_velocity(first, plan.reference_at(starts_s).com_v_m_s)

@@ -53,8 +53,7 @@ def answer_request(question: Json) -> Json:
     until_s = time.monotonic() + (question.get("within_s") or TIME_LIMIT_S)
     check = _check_of(question["robot"])
     scenario = question.get("scenario")
-    sequence = None if scenario is None else _built_sequence(json.dumps(scenario))
-    shoes = [] if sequence is None else _shoe_faults(check, sequence)
+    sequence, shoes = (None, []) if scenario is None else _built_sequence(json.dumps(scenario))
     stances = stances_of(check, question["phases"])
     shown: int | None = question["posture_of"]
     order = sorted((k for k, stance in enumerate(stances) if stance is not None), key=lambda k: abs(k - (shown or 0)))
@@ -122,16 +121,13 @@ def stances_of(check: StanceCheck, phases: Sequence[Json]) -> list[Stance | None
     return stances
 
 
-def _shoe_faults(check: StanceCheck, sequence: ContactSequence) -> list[Json]:
-    """Faults of shoes without room, which a plan would be refused for."""
-    return [{"where": fault.where, "message": fault.message} for fault in shoe_faults(check.robot, sequence)]
-
-
-@lru_cache(maxsize=1)
-def _built_sequence(scenario: str) -> ContactSequence:
-    """The sequence of a scenario (JSON) that has been validated, which takes several times as long as the rest."""
+@lru_cache(maxsize=4)
+def _built_sequence(scenario: str) -> tuple[ContactSequence, list[Json]]:
+    """The sequence of a scenario (JSON) that has been validated, and the faults of shoes that a plan is refused for."""
     body = json.loads(scenario)
-    return build_validated(body, effector_shapes(body["robot"]))
+    sequence = build_validated(body, effector_shapes(body["robot"]))
+    faults = shoe_faults(_check_of(body["robot"]).robot, sequence)
+    return sequence, [{"where": fault.where, "message": fault.message} for fault in faults]
 
 
 @cache

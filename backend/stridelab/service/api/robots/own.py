@@ -60,7 +60,7 @@ async def list_installed(parts: Parts) -> list[RobotPackage]:
 
     async def list_packages() -> list[RobotPackage]:
         with tempfile.TemporaryDirectory(dir=parts.spool) as folder:
-            value = await _run_child(parts, LIST_PACKAGES, {}, Path(folder), PACKAGES_TIMEOUT_S, _installed())
+            value = await _run_child(parts, LIST_PACKAGES, {}, Path(folder), PACKAGES_TIMEOUT_S, _package_sandbox())
         return [RobotPackage.model_validate(one) for one in value["summary"]["packages"]]
 
     return await parts.robots.packages.get("", list_packages)
@@ -76,7 +76,7 @@ async def add_installed_robot(
     """
     await _refuse_taken(parts, name)
     task = {key: fields[key] for key in ("package", "description") if key in fields}
-    value = await _run_child(parts, PACK_INSTALLED, task, folder, PACKAGES_TIMEOUT_S, _installed())
+    value = await _run_child(parts, PACK_INSTALLED, task, folder, PACKAGES_TIMEOUT_S, _package_sandbox())
     packed = child_output_file(folder, INSTALLED_FILE)
     size = packed.stat().st_size
     if size > parts.settings.max_upload_mb * 1_000_000:
@@ -92,7 +92,7 @@ def _sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _installed() -> Sandbox:
+def _package_sandbox() -> Sandbox:
     """What a child that reads installed packages may read besides Python's own folders."""
     return Sandbox(folders=shared_folders())
 

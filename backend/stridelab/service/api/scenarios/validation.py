@@ -4,9 +4,11 @@ It takes a few milliseconds of numpy in a thread. Numeric modules are imported o
 without them; pinocchio and CasADi are never imported here.
 """
 
+import json
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Final
 
 import anyio
 
@@ -21,6 +23,8 @@ from stridelab.service.api.robots.cache import RobotCache
 if TYPE_CHECKING:
     from stridelab.contacts.effector_geometry import EffectorShape
     from stridelab.contacts.validation.static_equilibrium import StaticEquilibrium
+
+CACHE_SIZE: Final = 16
 
 
 async def validate_scenario(scenario: Scenario, limiter: anyio.CapacityLimiter, robots: RobotCache) -> ScenarioCheck:
@@ -62,14 +66,25 @@ async def compose_task(course: Course, limiter: anyio.CapacityLimiter, robots: R
 def validate_sync(scenario: Scenario, own_shapes: Mapping[str, Any] | None = None) -> ScenarioCheck:
     """Validate ``scenario`` in the calling thread, without loading the robot.
 
-    ``own_shapes`` are the stored effectors of a user's robot, None for a bundled one.
+    ``own_shapes`` are the stored effectors of a user's robot, None for a bundled one. The last results are cached: an
+    editor sends a scenario again until the whole body is checked.
     """
-    from stridelab.contacts.validation.validate import validate_scenario as examine
-
     try:
-        effectors = _robot_effectors(scenario.robot, own_shapes)
+        _robot_effectors(scenario.robot, own_shapes)
     except StridelabError as error:  # unknown robot or invalid card
         return _invalid_check(scenario, FaultItem(where="robot", message=error.message))
+    fields = set(Scenario.model_fields)  # a stored scenario has more
+    return _cached_check(
+        scenario.model_dump_json(include=fields), None if own_shapes is None else json.dumps(own_shapes)
+    )
+
+
+@lru_cache(maxsize=CACHE_SIZE)
+def _cached_check(scenario_json: str, shapes_json: str | None) -> ScenarioCheck:
+    from stridelab.contacts.validation.validate import validate_scenario as examine
+
+    scenario = Scenario.model_validate_json(scenario_json)
+    effectors = _robot_effectors(scenario.robot, None if shapes_json is None else json.loads(shapes_json))
     report = examine(scenario.model_dump(mode="json"), effectors)
     faults = [FaultItem(where=fault.where, message=fault.message) for fault in report.faults[:MAX_FAULTS]]
     return ScenarioCheck(

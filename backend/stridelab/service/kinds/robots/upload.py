@@ -60,7 +60,7 @@ class CheckCardTask(Contract):
 def list_packages(task: Contract, _folder: Path, _progress: ProgressCallback) -> Outcome:
     """List the installed packages with descriptions of robots, as ``RobotPackage``; ``task`` is empty."""
     packages = [
-        RobotPackage(package=one.name, version=one.version, descriptions=[str(path) for path in one.listed])
+        RobotPackage(package=one.name, version=one.version, descriptions=[str(path) for path in one.shortest_paths])
         for one in installed_packages().values()
     ]
     return Outcome({"packages": [one.model_dump(mode="json") for one in packages]}, (), ())
