@@ -1,14 +1,14 @@
 """Compare the stated errors of gait measures with the true ones on simulated walks, and write the tables of the docs.
 
 Walks with an even seed go over a walkway with a plate below every footprint, the others over two plates; the walks over
-two plates are measured two more times by their markers alone, without and with motion of the skin. The simulated
+two plates are measured a second time by their markers alone. The markers move with the skin. The simulated
 feet roll without toes, so that speeds of their markers do not time their load: events by markers are the instants of
 the load with errors as they are measured on people (``walking.event_calibration.MARKER_ERROR``).
 
 make_measures_coverage.py                 400 walks, then the tables of docs/theory/gait-measures.md
 make_measures_coverage.py --number 20     only so many of them
 make_measures_coverage.py --first 0       seeds from 0 on (below 9000: to tune on)
-make_measures_coverage.py --labs skin     walks in these laboratories only; their tables are printed, not written
+make_measures_coverage.py --labs markers  walks in these laboratories only; their tables are printed, not written
 make_measures_coverage.py --halves        every other walk with the factors that hold 95 % of the rest, and the reverse
 
 Values computed before are read from --out and are not computed again.
@@ -62,12 +62,11 @@ from stridelab.walking.steps import GaitStep, find_steps, footprint_direction
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "gait-measures.md"
 BEGIN, END = "<!-- coverage table -->", "<!-- end of the coverage table -->"
-Lab = Literal["walkway", "two_plates", "markers", "skin"]
+Lab = Literal["walkway", "two_plates", "markers"]
 LABS: dict[Lab, str] = {
     "walkway": "A plate below every footprint",
     "two_plates": "Two plates in a row",
     "markers": "The same walks by their markers alone",
-    "skin": "By markers alone, on skin that moves",
 }
 THRESHOLD_N = 20.0
 """Load at which a plate counts a foot as on it; the true events are defined by the same load."""
@@ -110,7 +109,7 @@ def main() -> None:
 
 def labs_of(seed: int, only: Sequence[Lab] | None) -> list[Lab]:
     """The laboratories in which the walk with this seed is measured, of ``only`` if given."""
-    labs: tuple[Lab, ...] = ("two_plates", "markers", "skin") if seed % 2 else ("walkway",)
+    labs: tuple[Lab, ...] = ("two_plates", "markers") if seed % 2 else ("walkway",)
     return [lab for lab in labs if only is None or lab in only]
 
 
@@ -145,9 +144,8 @@ def compare_walk(seed: int, lab: Lab) -> list[Row]:
     known = {(measure.name, measure.side, measure.step): measure.value for measure in truth}
     with tempfile.TemporaryDirectory() as name:
         place: LabName = "walkway" if lab == "walkway" else "two_plates"
-        recording = record(walk, noise, seed, lab=place, skin_moves=lab == "skin").recording
-        by_markers = lab in ("markers", "skin")
-        write_c3d(Path(name) / "trial.c3d", replace(recording, plates=()) if by_markers else recording)
+        recording = record(walk, noise, seed, lab=place, skin_moves=True).recording
+        write_c3d(Path(name) / "trial.c3d", replace(recording, plates=()) if lab == "markers" else recording)
         source = RecordingSource(file="trial.c3d", filename="trial.c3d")
         task = EstimateComTask(recording=source, input=EstimateComInput(recording_id="walk"))
         contacts = true_contacts(walk, walk.duration_s)
