@@ -144,7 +144,7 @@ def compare_walk(seed: int, lab: Lab) -> list[Row]:
     known = {(measure.name, measure.side, measure.step): measure.value for measure in truth}
     with tempfile.TemporaryDirectory() as name:
         place: LabName = "walkway" if lab == "walkway" else "two_plates"
-        recording = record(walk, noise, seed, lab=place, skin_moves=True).recording
+        recording = record(walk, noise, seed, lab=place, skin_moves=noise != NOISE_FREE).recording
         write_c3d(Path(name) / "trial.c3d", replace(recording, plates=()) if lab == "markers" else recording)
         source = RecordingSource(file="trial.c3d", filename="trial.c3d")
         task = EstimateComTask(recording=source, input=EstimateComInput(recording_id="walk"))
