@@ -1,13 +1,14 @@
 """Compare the stated errors of gait measures with the true ones on simulated walks, and write the tables of the docs.
 
 Walks with an even seed go over a walkway with a plate below every footprint, the others over two plates; the walks over
-two plates are measured a second time by their markers alone. The simulated
+two plates are measured a second time by their markers alone. The markers move with the skin. The simulated
 feet roll without toes, so that speeds of their markers do not time their load: events by markers are the instants of
 the load with errors as they are measured on people (``walking.event_calibration.MARKER_ERROR``).
 
 make_measures_coverage.py                 400 walks, then the tables of docs/theory/gait-measures.md
 make_measures_coverage.py --number 20     only so many of them
 make_measures_coverage.py --first 0       seeds from 0 on (below 9000: to tune on)
+make_measures_coverage.py --labs markers  walks in these laboratories only; their tables are printed, not written
 make_measures_coverage.py --halves        every other walk with the factors that hold 95 % of the rest, and the reverse
 
 Values computed before are read from --out and are not computed again.
@@ -49,6 +50,7 @@ from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.marker_sets import identify
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
+from stridelab.simulation.force_plates import LabName
 from stridelab.simulation.ground_truth import true_motion
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record
@@ -80,6 +82,7 @@ def main() -> None:
     parser.add_argument("--number", type=int, default=400)
     parser.add_argument("--first", type=int, default=9000, help="first seed")
     parser.add_argument("--halves", action="store_true", help="factors of either half of the walks, on the other half")
+    parser.add_argument("--labs", nargs="+", choices=LABS, help="only these laboratories; tables are printed")
     request = parser.parse_args()
     stored: dict[tuple[int, str], list[Row]] = {}
     if request.out.is_file():
@@ -89,19 +92,25 @@ def main() -> None:
     request.out.parent.mkdir(parents=True, exist_ok=True)
     with request.out.open("a", encoding="utf-8") as out:
         for seed in seeds:
-            for lab in labs_of(seed):
+            for lab in labs_of(seed, request.labs):
                 if (seed, lab) not in stored:
                     stored[seed, lab] = rows = compare_walk(seed, lab)
                     out.write(json.dumps([seed, lab, rows]) + "\n")
                     out.flush()
                     sys.stderr.write(f"walk {seed}, {lab}: {len(rows)} values\n")
-    walks = {lab: [stored[seed, lab] for seed in seeds if lab in labs_of(seed)] for lab in LABS}
-    write_tables({lab: halves_scaled(rows) for lab, rows in walks.items()} if request.halves else walks)
+    walks = {lab: [stored[seed, lab] for seed in seeds if lab in labs_of(seed, request.labs)] for lab in LABS}
+    if request.halves:
+        walks = {lab: halves_scaled(rows) for lab, rows in walks.items()}
+    if request.labs:
+        sys.stdout.write("\n".join(table_of(LABS[lab], walks[lab]) for lab in request.labs))
+    else:
+        write_tables(walks)
 
 
-def labs_of(seed: int) -> tuple[Lab, ...]:
-    """The laboratories in which the walk with this seed is measured."""
-    return ("two_plates", "markers") if seed % 2 else ("walkway",)
+def labs_of(seed: int, only: Sequence[Lab] | None) -> list[Lab]:
+    """The laboratories in which the walk with this seed is measured, of ``only`` if given."""
+    labs: tuple[Lab, ...] = ("two_plates", "markers") if seed % 2 else ("walkway",)
+    return [lab for lab in labs if only is None or lab in only]
 
 
 @lru_cache(maxsize=1)
@@ -134,7 +143,8 @@ def compare_walk(seed: int, lab: Lab) -> list[Row]:
     true_steps, truth = true_measures(seed)
     known = {(measure.name, measure.side, measure.step): measure.value for measure in truth}
     with tempfile.TemporaryDirectory() as name:
-        recording = record(walk, noise, seed, lab="two_plates" if lab == "markers" else lab).recording
+        place: LabName = "walkway" if lab == "walkway" else "two_plates"
+        recording = record(walk, noise, seed, lab=place, skin_moves=noise != NOISE_FREE).recording
         write_c3d(Path(name) / "trial.c3d", replace(recording, plates=()) if lab == "markers" else recording)
         source = RecordingSource(file="trial.c3d", filename="trial.c3d")
         task = EstimateComTask(recording=source, input=EstimateComInput(recording_id="walk"))

@@ -23,9 +23,9 @@ from stridelab.measures import (
 )
 from stridelab.measures.energy_exchange import STEP_ERRORS, step_energies
 from stridelab.measures.rolling_wheel import CORRELATION_S, VERTICAL_SHARE, wheel_sd
-from stridelab.measures.spatiotemporal import timing_sd
+from stridelab.measures.spatiotemporal import HALF_STRIDE_CHANGE, timing_sd
 from stridelab.measures.stated_errors import FACTORS, calibrate_errors
-from stridelab.measures.walk_motion import MARKER_SD_M
+from stridelab.measures.walk_motion import FOOT_SKIN_SD_M, MARKER_SD_M, PELVIS_SKIN_SD_M, WalkMotion
 from stridelab.recordings.recording import Side
 from stridelab.walking.curtate_cycloid import Wheel
 from stridelab.walking.event_calibration import EventError
@@ -138,17 +138,22 @@ def test_energy_in_opposite_phase_is_recovered_and_in_phase_is_not(phase_rad: fl
     assert values(measures, "external_work") == pytest.approx([work] * (STEPS_IN_WALK - 2), abs=5e-3)
 
 
-def swinging(known_from: int, sd_m_s: float = 0.004) -> tuple[list[Measure], list[Measure]]:
-    """Energies of single steps of a walk, and of the same one whose first step is known from a sample on."""
+def swinging_walk(sd_m_s: float) -> WalkMotion:
+    """A walk whose CoM rises and falls by 2 cm, with a velocity of this deviation."""
     motion = plain_walk()
-    turn = 2 * np.pi * motion.time_s / STEP_S
     com = motion.com_m.copy()
-    com[:, 2] = HEIGHT_M + 0.02 * np.cos(turn)
+    com[:, 2] = HEIGHT_M + 0.02 * np.cos(2 * np.pi * motion.time_s / STEP_S)
     variance = np.zeros((len(com), 3, 2, 2))
     variance[:, :, 1, 1] = sd_m_s**2
-    whole = plain_walk(com_m=com, covariance=variance)
+    return plain_walk(com_m=com, covariance=variance)
+
+
+def swinging(known_from: int, sd_m_s: float = 0.004) -> tuple[list[Measure], list[Measure]]:
+    """Energies of single steps of a walk, and of the same one whose first step is known from a sample on."""
+    whole = swinging_walk(sd_m_s)
+    assert whole.covariance is not None
     first = whole.samples(plain_steps()[1].lift_off_s, plain_steps()[1].next_lift_off_s)
-    hidden = variance.copy()
+    hidden = whole.covariance.copy()
     hidden[first.start : first.start + known_from, 2, 1, 1] = 0.05**2
     return step_energies(whole, plain_steps()), step_energies(replace(whole, covariance=hidden), plain_steps())
 
@@ -270,7 +275,7 @@ def test_the_errors_of_a_wheel_hold_for_errors_of_the_path_that_are_correlated_i
         fit = fit_path(time_s, exact + error, STEP_S)
         omega = np.polyfit(time_s, fit.theta_rad, 1)[0]
         rows.append([fit.wheel.R_m, fit.wheel.r_m, fit.wheel.z0_m, omega])
-    ratios = np.std(rows, axis=0) / wheel_sd(time_s, fit_path(time_s, exact, STEP_S), sd_m)
+    ratios = np.std(rows, axis=0) / wheel_sd(time_s, fit_path(time_s, exact, STEP_S), (sd_m, VERTICAL_SHARE * sd_m))
     assert np.abs(ratios - 1.0).max() < 4.0 / math.sqrt(2 * n)
 
 
@@ -286,7 +291,41 @@ def test_a_step_s_length_is_as_uncertain_as_its_heel_is_fast_at_the_strike() -> 
     errors = {"strike_error": EventError(0.0, 0.01), "prior_strike_error": EventError(0.0, 0.01)}
     steps = [replace(step, **errors) for step in plain_steps()]
     sd = [m.sd for m in spatiotemporal(plain_walk(), steps) if m.name == "step_length"][2]
-    assert sd == pytest.approx(math.hypot(math.sqrt(2.0) * MARKER_SD_M, 1.5 * 0.01), rel=0.02)
+    assert sd == pytest.approx(
+        math.hypot(math.sqrt(2.0) * math.hypot(MARKER_SD_M, FOOT_SKIN_SD_M), 1.5 * 0.01), rel=0.02
+    )
+
+
+def test_the_change_of_a_skin_wave_over_half_a_stride_enters_the_speed_of_a_step() -> None:
+    """Drawn waves of three harmonics; over a whole stride they do not change, so that its length is without them."""
+    rng = np.random.default_rng(3)
+    harmonic = np.arange(1, 4)
+    waves = rng.normal(size=(20_000, 3)) / harmonic, rng.normal(size=(20_000, 3)) / harmonic
+    at = [waves[0] @ np.cos(np.pi * k * harmonic) + waves[1] @ np.sin(np.pi * k * harmonic) for k in (0, 1, 2)]
+    assert np.std(at[1] - at[0]) / np.std(at[0]) == pytest.approx(HALF_STRIDE_CHANGE, rel=0.03)
+    np.testing.assert_allclose(at[2], at[0], atol=1e-12)
+    certain = {name: EventError(0.0, 0.0) for name in ("lift_off_error", "next_lift_off_error")}
+    steps = [replace(step, **certain) for step in plain_steps()]
+    sd = [m.sd for m in spatiotemporal(plain_walk(), steps) if m.name == "walking_speed"][2]
+    duration_s = steps[2].next_lift_off_s - steps[2].lift_off_s
+    change_m = math.hypot(math.sqrt(2.0) * MARKER_SD_M, HALF_STRIDE_CHANGE * PELVIS_SKIN_SD_M)
+    assert sd == pytest.approx(change_m / duration_s)
+
+
+def test_by_markers_alone_a_step_s_energies_have_the_factor_of_a_stride() -> None:
+    motion = swinging_walk(0.004)
+    alone = replace(motion, by_markers=True)
+    raw = {one.name: one.sd for one in step_energies(alone, plain_steps()) if one.step == 1}
+    stated = {
+        m.name: m.sd for m in calibrate_errors(alone, plain_steps(), step_energies(alone, plain_steps())) if m.step == 1
+    }
+    for name, sd in raw.items():
+        assert sd is not None
+        assert stated[name] == pytest.approx(FACTORS[name][2] * sd)
+        assert FACTORS[name][2] == FACTORS[name.removeprefix("step_")][2]
+    for one in step_energies(motion, plain_steps()):
+        if one.step == 1:
+            assert one.sd == pytest.approx(STEP_ERRORS[one.name][0] * (raw[one.name] or 0.0))
 
 
 def test_stated_errors_are_scaled_by_the_force_that_is_measured() -> None:

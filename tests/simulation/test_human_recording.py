@@ -129,6 +129,25 @@ def test_noise_is_as_large_as_stated(steady_walk: Walk) -> None:
     assert skin.std() == pytest.approx(0.002, rel=0.02)
 
 
+def test_moving_skin_repeats_with_the_stride_and_moves_the_thigh_most(steady_walk: Walk) -> None:
+    strikes = sorted(s.strike_s - steady_walk.plan.record_from_s for s in steady_walk.plan.stances if s.side == "left")
+    sizes: dict[str, list[float]] = {"L_FLE": [], "L_FAL": [], "L_FCC": []}
+    for seed in range(20):
+        still = record(steady_walk, NOISE_FREE, seed).recording
+        moving = record(steady_walk, NOISE_FREE, seed, skin_moves=True).recording
+        for one, other in zip(still.plates, moving.plates, strict=True):
+            np.testing.assert_array_equal(one.force_n, other.force_n)
+        for label, size in sizes.items():
+            moved_m = moving.markers_m[label] - still.markers_m[label]
+            size.append(float(np.linalg.norm(moved_m, axis=1).max()))
+            inside = [s for s in strikes if 0.0 < s < still.time_s[-1]]
+            at_strikes = [[np.interp(s, still.time_s, moved_m[:, axis]) for axis in range(3)] for s in inside]
+            assert np.ptp(at_strikes, axis=0).max() < 0.1 * np.ptp(moved_m, axis=0).max()
+    thigh, shank, foot = (float(np.median(size)) for size in sizes.values())
+    assert 0.010 < shank < thigh < 0.030, "bone pins and fluoroscopy: 15 to 27 mm"
+    assert foot < 0.005
+
+
 def test_same_seed_same_recording(steady_walk: Walk) -> None:
     noise = MeasurementNoise(configuration_rad=0.01, mass_model=0.1, latency_s=0.01)
     first, again, other = (record(steady_walk, noise, seed) for seed in (1, 1, 2))

@@ -31,7 +31,8 @@ STEP_ERRORS: Final[Mapping[str, tuple[float, float]]] = {
 }
 """Factor of the propagated deviation of a single step, as in ``stated_errors``, and the deviation per missing share of
 the step, of the work as a share of it. Factors: 68 simulated walks with odd seeds below 136 over three plates; missing
-ends: the exact motion of ten walks with odd seeds below 20, of which up to 8 % was left out. Other seeds test both."""
+ends: the exact motion of ten walks with odd seeds below 20, of which up to 8 % was left out. Other seeds test both. By
+the markers alone nothing is missing, and the factor is that of a stride (``stated_errors.FACTORS``)."""
 
 
 def energy_exchange(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measure]:
@@ -60,7 +61,8 @@ def step_energies(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measure
         missing = 1.0 - float(np.mean(known))
         if missing <= MAX_MISSING_SHARE:
             samples = np.arange(span.start, span.stop)[known]
-            measures += [_with_missing_ends(one, missing) for one in _energies(motion, samples, "step_", step, number)]
+            of_step = _energies(motion, samples, "step_", step, number)
+            measures += of_step if motion.by_markers else [_with_missing_ends(one, missing) for one in of_step]
     return [measure for measure in measures if math.isfinite(measure.value)]
 
 

@@ -5,7 +5,7 @@ r"""The curtate cycloid of each step: R, r, z0 and omega of the wheel that rolls
 is fitted to the path of the CoM from lift-off to the next lift-off (``walking.path_fit``); omega is the slope of the
 line through the angles theta_k. The errors are not the formal ones of a fit, which take residuals for independent.
 Those of the path have the standard deviation s of the posture-dependent error of the segment table, a third of it
-vertically, and the correlation
+vertically, or by the markers alone that of their CoM, the same in both directions, and the correlation
 
     rho(t) = exp(-|t| / 0.3 s)
 
@@ -36,7 +36,7 @@ from stridelab.walking.steps import GaitStep
 CORRELATION_S: Final = 0.3
 """Correlation time of the varying error of the path, that of ``SmootherPriors.table_varying_s``."""
 VERTICAL_SHARE: Final = 1 / 3
-"""Varying vertical error over the horizontal one, as in the smoother."""
+"""Varying vertical error over the horizontal one, as in the smoother; by the markers alone they are equal."""
 
 
 def rolling_wheel(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measure]:
@@ -75,7 +75,8 @@ def _wheel_measures(motion: WalkMotion, span: slice, fit: PathFit, step: GaitSte
     omega = float(np.polyfit(time_s - time_s[0], fit.theta_rad, 1)[0])
     sd: list[float | None] = [None] * 4
     if motion.covariance is not None:
-        R_sd, r_sd, z0_sd, omega_sd = wheel_sd(time_s, fit, motion.varying_sd_m)
+        vertical_m = motion.varying_sd_m * (1.0 if motion.by_markers else VERTICAL_SHARE)
+        R_sd, r_sd, z0_sd, omega_sd = wheel_sd(time_s, fit, (motion.varying_sd_m, vertical_m))
         sd = [R_sd, r_sd, math.hypot(z0_sd, motion.height_sd_m), omega_sd]
     names = ("wheel_radius", "point_radius", "hub_height", "angular_speed")
     values = (wheel.R_m, wheel.r_m, wheel.z0_m, omega)
@@ -85,10 +86,10 @@ def _wheel_measures(motion: WalkMotion, span: slice, fit: PathFit, step: GaitSte
     ]
 
 
-def wheel_sd(time_s: Series, fit: PathFit, varying_sd_m: float) -> tuple[float, float, float, float]:
+def wheel_sd(time_s: Series, fit: PathFit, path_sd_m: tuple[float, float]) -> tuple[float, float, float, float]:
     """Standard deviations of R, r, z0 (m) and omega (rad/s) for path errors that are correlated in time.
 
-    ``varying_sd_m`` is the horizontal standard deviation of the path within a step.
+    ``path_sd_m`` are the standard deviations of the path within a step, ahead and up.
     """
     ahead, up = parameter_rows(fit.theta_rad, fit.wheel.branch)
     tangent = fit.wheel.tangent_m(fit.theta_rad)
@@ -101,11 +102,11 @@ def wheel_sd(time_s: Series, fit: PathFit, varying_sd_m: float) -> tuple[float, 
     to_slope = t / (t @ t)
     correlation = np.exp(-np.abs(t[:, None] - t) / CORRELATION_S)
     variances = np.zeros(4)
-    for axis, scale in ((0, 1.0), (1, VERTICAL_SHARE)):
+    for axis, sd_m in enumerate(path_sd_m):
         by_error: Float[np.ndarray, "4 n"] = to_parameters * normal[:, axis]
         model = along[:, :1] * (ahead @ by_error) + along[:, 1:] * (up @ by_error)
         angle = (np.diag(along[:, axis]) - model) / length[:, None]
         effects = np.vstack([by_error[1:], to_slope @ angle])
-        variances += (scale * varying_sd_m) ** 2 * np.einsum("in,nm,im->i", effects, correlation, effects)
+        variances += sd_m**2 * np.einsum("in,nm,im->i", effects, correlation, effects)
     R_sd, r_sd, z0_sd, omega_sd = (float(value) for value in np.sqrt(variances))
     return R_sd, r_sd, z0_sd, omega_sd

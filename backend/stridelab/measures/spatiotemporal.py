@@ -10,19 +10,36 @@ Events have a common error (the same in all events of a kind) and an own error (
 
 so that an error common to two strikes drops out of the time between them. The weight is the derivative of the measure;
 that of a position at an event is its velocity there, as a difference over the event's own uncertainty.
+
+Markers move with the skin, in the rhythm of the stride: that drops out of the length of a stride, but not of the
+length, width and speed of a step, at whose ends the skin is elsewhere.
 """
 
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 
 from stridelab.conventions import Points
 from stridelab.measures.measure import Measure
-from stridelab.measures.walk_motion import AHEAD, LEFT, MARKER_SD_M, OTHER_SIDE, UP, WalkMotion, strides
+from stridelab.measures.walk_motion import (
+    AHEAD,
+    FOOT_SKIN_SD_M,
+    LEFT,
+    MARKER_SD_M,
+    OTHER_SIDE,
+    PELVIS_SKIN_SD_M,
+    UP,
+    WalkMotion,
+    strides,
+)
 from stridelab.walking.event_calibration import EventError
 from stridelab.walking.steps import GaitStep
+
+HALF_STRIDE_CHANGE: Final = 1.81
+"""2 sqrt(share of the odd harmonics), where amplitudes are 1, 1/2 and 1/3."""
 
 
 def spatiotemporal(motion: WalkMotion, steps: Sequence[GaitStep]) -> list[Measure]:
@@ -60,7 +77,7 @@ def _of_step(motion: WalkMotion, step: GaitStep, number: int) -> list[Measure]:
         return []
     period = step.period_s
     landing, standing = motion.feet[step.side].heel_m, motion.feet[OTHER_SIDE[step.side]].heel_m
-    marker_m = math.sqrt(2.0) * MARKER_SD_M
+    marker_m = math.sqrt(2.0) * math.hypot(MARKER_SD_M, FOOT_SKIN_SD_M)
     values: list[tuple[str, float, float, str]] = []
 
     def heels_sd_m(axis: int) -> float:
@@ -88,14 +105,18 @@ def _of_step(motion: WalkMotion, step: GaitStep, number: int) -> list[Measure]:
 
 
 def _speed_sd_m_s(motion: WalkMotion, step: GaitStep) -> float:
-    """Errors of the pelvis at both ends, and of the ends: the speed there differs from the mean."""
+    """Errors of the pelvis at both ends, and of the ends: the speed there differs from the mean.
+
+    A step is half a stride. A motion of the skin with harmonics k of the stride and amplitudes 1 / k, k = 1 to 3, then
+    changes by ``HALF_STRIDE_CHANGE`` of its standard deviation: the odd ones reverse.
+    """
     duration = step.next_lift_off_s - step.lift_off_s
     faster = [
         float(motion.velocity_m_s[motion.nearest(at_s), AHEAD]) - step.speed_m_s
         for at_s in (step.lift_off_s, step.next_lift_off_s)
     ]
     ends = timing_sd([], [(-faster[0], step.lift_off_error), (faster[1], step.next_lift_off_error)])
-    return math.hypot(math.sqrt(2.0) * MARKER_SD_M, ends) / duration
+    return math.hypot(math.sqrt(2.0) * MARKER_SD_M, HALF_STRIDE_CHANGE * PELVIS_SKIN_SD_M, ends) / duration
 
 
 def _of_stride(motion: WalkMotion, step: GaitStep, following: GaitStep, number: int) -> list[Measure]:

@@ -27,6 +27,11 @@ AHEAD, LEFT, UP = 0, 1, 2
 MARKER_SD_M: Final = 0.0008
 """Standard deviation of a foot marker at an event: noise of the cameras of 1 mm, interpolated between two frames; the
 outline itself is a definition, not a measurement."""
+FOOT_SKIN_SD_M: Final = 0.0012
+"""Standard deviation per axis of the motion of a foot marker with the skin: at most 1.8 mm at the forefoot, 4.3 mm at
+the heel (Tranberg and Karlsson 1998). It repeats with the stride and drops out of its length, not out of a step's."""
+PELVIS_SKIN_SD_M: Final = 0.003
+"""The same of the mean of the pelvis markers. Assumed: single ones move by as much relative to each other on people."""
 VARYING_SD_M: Final = 0.002
 """Variation of the CoM error within a step, if the estimator does not state it."""
 STANDING_SHARE: Final = 0.5
@@ -55,11 +60,12 @@ class WalkMotion:
     """Tracks at the instants of the CoM estimate; ``covariance`` is that of position and velocity per axis.
 
     ``com_m`` and ``velocity_m_s`` have the axes ahead, left, up. ``varying_sd_m`` is the part of the CoM error that
-    changes within a step. ``momentum_per_kg`` is the angular momentum of the segments about the CoM per kilogram of
-    body mass, as point masses, in m^2/s; NaN where a segment is hidden. ``frame`` has the axes of the walk as rows, and
-    ``origin_m`` is their origin in the world frame, which moves with the belt of a treadmill. ``by_markers``: the CoM
-    is that of the markers alone, whose ``covariance`` is the same everywhere. ``height_sd_m`` is the error of the
-    height that is the same in the whole recording, that of the segment table.
+    changes within a step (``MARKERS_ALONE_SD`` by the markers alone). ``momentum_per_kg`` is the angular momentum of
+    the segments about the CoM per kilogram of body mass, as point masses, in m^2/s; NaN where a segment is hidden.
+    ``frame`` has the axes of the walk as rows, and ``origin_m`` is their origin in the world frame, which moves with
+    the belt of a treadmill. ``by_markers``: the CoM is that of the markers alone, whose ``covariance`` is the same
+    everywhere. ``height_sd_m`` is the error of the height that is the same in the whole recording, that of the segment
+    table.
     """
 
     time_s: Series
@@ -151,6 +157,8 @@ def walk_motion(
     com_m = estimate.com_m
     if estimate.state_covariance is None and len(com_m) > SHORTEST_FLIGHT:
         com_m = low_pass(com_m, recording.marker_rate_hz)  # as the velocity is: energies add up the noise of the height
+    by_markers = estimate.method == GeometryOnly.name
+    varying_sd_m = estimate.diagnostics.get("table_varying_mm", 1e3 * VARYING_SD_M) / 1e3
     forces = {foot.side: np.full((recording.n_frames, 3), np.nan) for foot in feet}
     if len(feet) > 1:
         forces = forces_by_foot(recording, landmarks, feet, contacts, latency_s)
@@ -159,7 +167,7 @@ def walk_motion(
         com_m=(com_m - moved - origin) @ frame.T,
         velocity_m_s=velocity @ frame.T,
         covariance=_horizontal_covariance(estimate, frame),
-        varying_sd_m=estimate.diagnostics.get("table_varying_mm", 1e3 * VARYING_SD_M) / 1e3,
+        varying_sd_m=MARKERS_ALONE_SD[0] if by_markers else varying_sd_m,
         feet={
             foot.side: FootMotion(
                 in_walk(foot.markers_m[:, 0]),
@@ -173,7 +181,7 @@ def walk_motion(
         stature_m=stature_m,
         frame=frame,
         origin_m=np.asarray(moved + origin),
-        by_markers=estimate.method == GeometryOnly.name,
+        by_markers=by_markers,
         height_sd_m=geometric.sd_m[2],
     )
 

@@ -16,7 +16,7 @@ from stridelab.simulation.ground_truth import true_motion
 from stridelab.simulation.human.body_model import Configurations
 from stridelab.simulation.human.gait_plan import GaitPlan
 from stridelab.simulation.human.load_sharing import FootWrench
-from stridelab.simulation.human.marker_layout import marker_tracks
+from stridelab.simulation.human.marker_layout import marker_tracks, skin_displacements
 from stridelab.simulation.human.walker import Walk
 from stridelab.simulation.noise import MeasurementNoise, coloured_noise, perturb_table
 
@@ -48,12 +48,16 @@ class SimulatedRecording:
     truth: Truth
 
 
-def record(walk: Walk, noise: MeasurementNoise, seed: int, *, lab: LabName = "walkway") -> SimulatedRecording:
+def record(
+    walk: Walk, noise: MeasurementNoise, seed: int, *, lab: LabName = "walkway", skin_moves: bool = False
+) -> SimulatedRecording:
     """Record markers at 100 Hz and plates at 1000 Hz; deterministic for the same walk, noise and seed, bit for bit.
 
-    Every part of the noise has its own random stream: disabling one does not change the others.
+    Every part of the noise has its own random stream: disabling one does not change the others. ``skin_moves``: markers
+    move with the skin (``marker_layout.skin_displacements``), in the rhythm of the strikes of the left foot; there must
+    be two.
     """
-    rngs = [np.random.default_rng([seed, part]) for part in range(4)]
+    rngs = [np.random.default_rng([seed, part]) for part in range(5)]
     n = round(walk.duration_s * MARKER_RATE_HZ)
     time_s = np.arange(n) / MARKER_RATE_HZ
     truth = true_motion(walk.body, walk.posture, time_s)
@@ -61,8 +65,12 @@ def record(walk: Walk, noise: MeasurementNoise, seed: int, *, lab: LabName = "wa
     if noise.mass_model > 0.0:
         table = perturb_table(table, noise.mass_model, rngs[3])
     p = walk.body.proportions
+    markers_m = _noisy_markers(walk, time_s, noise, rngs[0], rngs[1])
+    if skin_moves:
+        moved = skin_displacements(_stride_phase(walk.plan, time_s), rngs[4])
+        markers_m = {label: track + moved[label] for label, track in markers_m.items()}
     recording = Recording(
-        markers_m=_noisy_markers(walk, time_s, noise, rngs[0], rngs[1]),
+        markers_m=markers_m,
         marker_rate_hz=MARKER_RATE_HZ,
         force_rate_hz=FORCE_RATE_HZ,
         plates=measured_plates(walk.feet, walk.truth.time_s, walk.plan, n, noise, lab, rngs[2]),
@@ -84,6 +92,16 @@ def _noisy_markers(
         q[:, 6:] += coloured_noise(joints, len(q), n_joints, noise.configuration_rad, MARKER_RATE_HZ)
     tracks = marker_tracks(walk.body, q)
     return {label: track + noise.marker_m * skin.standard_normal(track.shape) for label, track in tracks.items()}
+
+
+def _stride_phase(plan: GaitPlan, time_s: Series) -> Series:
+    """Strides of the left foot since its first strike, linear between strikes and beyond them."""
+    strikes = sorted(one.strike_s for one in plan.stances if one.side == "left" and np.isfinite(one.strike_s))
+    strikes_s = np.array(strikes) - plan.record_from_s
+    phase = np.interp(time_s, strikes_s, np.arange(len(strikes_s), dtype=float))
+    stride_s = float(np.mean(np.diff(strikes_s)))
+    before, after = np.minimum(time_s - strikes_s[0], 0.0), np.maximum(time_s - strikes_s[-1], 0.0)
+    return np.asarray(phase + (before + after) / stride_s)
 
 
 def measured_plates(
