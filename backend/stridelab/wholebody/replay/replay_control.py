@@ -27,9 +27,9 @@ edge the ankle then moves the centre of pressure by a fifth of the half width. T
 OVERSHOOT_LIMIT: Final = 1.5
 """Largest eigenvalue of ``dt M^-1 D``: half of the speed is reversed in one step. Beyond 2 the control is unstable; the
 bundled robots have 0.4 to 1.45."""
-HEAVY_LOAD: Final = 0.1
+HEAVY_LOAD: Final = 0.05
 """Gravity stiffness ``m g l`` of what a locked joint carries, over the stiffness of an arm, from which on it is held
-with that of the torso. A head or a hand has up to 0.04, the trunk above a locked waist 0.3 and more."""
+with that of the torso. The head of QingLong has 0.01, the trunk above its waist 0.25 to 0.35, that of G1 0.07 to 0.1."""
 SOFT_STIFFNESS: Final = 0.2
 SOFT_DAMPING: Final = 0.08
 """Shares of stiffness and damping of soft gains, for readings that are 10 ms old. The damping is reduced further than
