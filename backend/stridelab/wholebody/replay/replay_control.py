@@ -29,7 +29,7 @@ OVERSHOOT_LIMIT: Final = 1.5
 bundled robots have 0.4 to 1.45."""
 HEAVY_LOAD: Final = 0.05
 """Gravity stiffness ``m g l`` of what a locked joint carries, over the stiffness of an arm, from which on it is held
-with that of the torso. The head of QingLong has 0.01, the trunk above its waist 0.25 to 0.35, that of G1 0.07 to 0.1."""
+with that of the torso. The head of QingLong has 0.01, the trunk above its waist 0.25 to 0.35, that of G1 0.1."""
 SOFT_STIFFNESS: Final = 0.2
 SOFT_DAMPING: Final = 0.08
 """Shares of stiffness and damping of soft gains, for readings that are 10 ms old. The damping is reduced further than
