@@ -140,7 +140,10 @@ def main() -> None:
 
     def run(robot: str) -> None:
         command = [sys.executable, __file__, str(given.folder), "--search-s", str(given.search_s), "--one", robot]
-        ended = subprocess.run(command, check=True, capture_output=True, text=True)
+        ended = subprocess.run(command, check=False, capture_output=True, text=True)
+        if ended.returncode:
+            sys.stderr.write(f"{robot}: exit code {ended.returncode}\n{ended.stderr[-2000:]}\n")
+            return
         row = json.loads(ended.stdout.splitlines()[-1]) | {"sources": sources}
         with rows_path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(row) + "\n")
