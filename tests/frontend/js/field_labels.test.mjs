@@ -16,3 +16,8 @@ test("names of joints stay as they are", () => {
 test("what has no unit has none", () => {
   assert.equal(labelOf(["reference", "weight"]), "reference · weight");
 });
+
+test("the components of a quaternion are w, x, y, z", () => {
+  assert.equal(labelOf(["effectors", "left_foot", "orientation_wxyz", 0]), "left foot · orientation w");
+  assert.equal(labelOf(["effectors", "left_foot", "orientation_wxyz", 3]), "left foot · orientation z");
+});

@@ -9,7 +9,7 @@ import pytest
 from stridelab.errors import InvalidInput
 from stridelab.robots.card import parse_card
 from stridelab.robots.proposal.propose import card_toml, propose_card, rebuild_description
-from support.robots.humanoid import HALF_SOLE_M, Humanoid, archive, box_stl
+from support.robots.humanoid import HALF_SOLE_M, SOLE_AHEAD_M, SOLE_DROP_M, Humanoid, archive, box_stl
 
 
 def rebuilt(urdf: str, folder: Path, files: dict[str, bytes] | None = None) -> tuple[ET.Element, dict[str, str]]:
@@ -180,3 +180,61 @@ def test_a_joint_that_follows_another_is_opened_with_a_remark(tmp_path: Path) ->
     plain, assumed = rebuilt(ET.tostring(root, encoding="unicode"), tmp_path)
     assert assumed["joint left_ankle_pitch: mimic"] == "not coupled to left_knee: it has a motor of its own here"
     assert plain.find("joint[@name='left_ankle_pitch']/mimic") is None
+
+
+def collada(stl: bytes, up_axis: str, R: np.ndarray) -> bytes:
+    """A mesh of a binary STL as COLLADA, its points turned by ``R``."""
+    record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    points = np.frombuffer(stl, record, offset=84)["corners"].reshape(-1, 3) @ R.T
+    n = len(points)
+    return (
+        '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
+        f"<asset><up_axis>{up_axis}</up_axis></asset><library_geometries><geometry id='g'><mesh><source id='p'>"
+        f"<float_array id='a' count='{3 * n}'>{' '.join(f'{float(v):.6f}' for v in points.ravel())}</float_array>"
+        f"<technique_common><accessor source='#a' count='{n}' stride='3'><param name='X' type='float'/>"
+        "<param name='Y' type='float'/><param name='Z' type='float'/></accessor></technique_common></source>"
+        "<vertices id='v'><input semantic='POSITION' source='#p'/></vertices>"
+        f"<triangles count='{n // 3}'><input semantic='VERTEX' source='#v' offset='0'/>"
+        f"<p>{' '.join(map(str, range(n)))}</p></triangles></mesh></geometry></library_geometries>"
+        "<library_visual_scenes><visual_scene id='s'><node id='n'><instance_geometry url='#g'/></node></visual_scene>"
+        "</library_visual_scenes><scene><instance_visual_scene url='#s'/></scene></COLLADA>"
+    ).encode()
+
+
+@pytest.mark.parametrize(
+    ("up_axis", "is_written_y_up", "is_turned"),
+    [("Y_UP", True, True), ("Y_UP", False, False), ("Z_UP", False, False)],
+)
+def test_meshes_with_y_up_are_turned_where_they_fit_their_links(
+    up_axis: str, is_written_y_up: bool, is_turned: bool, tmp_path: Path
+) -> None:
+    """Descriptions are written for programs that apply the up axis of COLLADA files, or for those that ignore it."""
+    at = (SOLE_AHEAD_M, 0.0, 0.02 - SOLE_DROP_M)
+    R = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]) if is_written_y_up else np.eye(3)
+    root = ET.fromstring(Humanoid(mesh_feet="package://small/sole.dae").urdf())
+    for side in ("left", "right"):
+        origin = root.find(f"link[@name='{side}_ankle_roll_link']/collision/origin")
+        assert origin is not None
+        origin.set("xyz", "0 0 0")
+    mesh = collada(box_stl((*HALF_SOLE_M, 0.02), at), up_axis, R)
+    _, assumed = rebuilt(ET.tostring(root, encoding="unicode"), tmp_path, {"small/sole.dae": mesh})
+    assert ("meshes with y up" in assumed) == is_turned
+    sole = propose_card("small", "small", tmp_path / "robots", assumed).card.effectors["left_foot"]
+    assert sole.contact_half_size_m == pytest.approx(HALF_SOLE_M, abs=0.003)
+    assert sole.position_m == pytest.approx((SOLE_AHEAD_M, 0.0, -SOLE_DROP_M), abs=1e-4)
+
+
+@pytest.mark.parametrize(("gap_m", "turned_rad"), [(0.003, 0.05), (0.008, 0.0)])
+def test_a_torso_that_rests_close_to_the_legs_is_turned(gap_m: float, turned_rad: float, tmp_path: Path) -> None:
+    """A bar of the torso behind the hips: certificates ask for 5 mm between links."""
+    root = ET.fromstring(Humanoid().urdf())
+    axis, torso = root.find("joint[@name='waist']/axis"), root.find("link[@name='torso']")
+    assert axis is not None
+    assert torso is not None
+    axis.set("xyz", "0 1 0")
+    bar = ET.SubElement(torso, "collision")
+    ET.SubElement(bar, "origin", xyz=f"{-0.04 - gap_m} 0 -0.15", rpy="0 0 0")
+    ET.SubElement(ET.SubElement(bar, "geometry"), "box", size="0.02 0.3 0.02")
+    _, assumed = rebuilt(ET.tostring(root, encoding="unicode"), tmp_path)
+    card = propose_card("small", "small", tmp_path / "robots", assumed).card
+    assert card.reference.joints_rad["waist"] == pytest.approx(turned_rad)

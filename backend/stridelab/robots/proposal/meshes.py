@@ -1,6 +1,8 @@
 """Converts a stranger's meshes: hulls for collision, decimated surfaces for display, in binary STL and in metres."""
 
-from collections.abc import Sequence
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -8,6 +10,7 @@ from typing import Final
 import coal
 import fast_simplification
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float, Float32, Int
 from scipy.spatial import ConvexHull, QhullError
 
@@ -25,6 +28,12 @@ MERGED_SHARES: Final = 200
 """Vertices of a displayed mesh that has too many triangles are merged on a grid of this width, or of this share of its
 extent. Without it, the edge collapses stop at the seams of bodies made of many shells, after twenty times the time."""
 MAX_EXTENT_M: Final = 10.0
+Y_UP: Final = re.compile(rb"<up_axis>\s*Y_UP\s*</up_axis>")
+R_Z_UP: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""From axes whose y points up to axes whose z does."""
+TURNED: Final = 0.7
+"""Ratio of the distances of shapes from centres of mass, turned and as they are, below which the shapes are turned."""
+_HEAD_BYTES: Final = 1 << 16
 _TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 """Record of a binary STL."""
 _STL_HEADER_BYTES: Final = 84
@@ -46,6 +55,8 @@ class MeshConverter:
     _read: dict[Path, tuple[Points, Faces]] = field(default_factory=dict)
     _triangles: int = 0
     missing: list[str] = field(default_factory=list)
+    y_up: set[str] = field(default_factory=set)
+    """Names of the converted meshes whose COLLADA file states that its y axis points up."""
 
     def convert(self, filename: str, scale: Sequence[float], is_collision: bool) -> str | None:
         """Name of the converted mesh; None for a displayed mesh that is missing or too large.
@@ -90,6 +101,8 @@ class MeshConverter:
                 faces = faces[:, ::-1]
         name = f"mesh-{sum(1 for made in self._converted.values() if made):04d}.stl"
         (self.folder / name).write_bytes(binary_stl(np.asarray(vertices, float), np.asarray(faces)))
+        if path.suffix.lower() == ".dae" and _states_y_up(path):
+            self.y_up.add(f"package://{self.package}/{name}")
         return f"package://{self.package}/{name}"
 
 
@@ -106,6 +119,50 @@ def read_mesh(path: Path) -> Points:
     """Corners of the triangles of a converted mesh, (3 m, 3), in metres."""
     corners = _binary_stl_corners(path)
     return np.zeros((1, 3)) if corners is None else corners.astype(float)
+
+
+def turn_y_up_shapes(root: ET.Element, folder: Path, y_up: Collection[str], assumed: dict[str, str]) -> None:
+    """Turn shapes of COLLADA meshes with y up to z up in a plain description, if they fit the links better then.
+
+    Some programs apply the up axis that a COLLADA file states, others ignore it, and descriptions are written for
+    either. The shapes of the robot fit where their middles are near the centres of mass of their links: with both
+    readings the distances, weighted by mass, are summed over the links; all shapes are turned where the sum falls below
+    ``TURNED`` of the other. ``assumed`` is extended.
+    """
+    as_is_m, turned_m, origins = 0.0, 0.0, []
+    for link in root.findall("link"):
+        com, mass = link.find("inertial/origin"), link.find("inertial/mass")
+        for shape in (*link.findall("collision"), *link.findall("visual")):
+            mesh, origin = shape.find("geometry/mesh"), shape.find("origin")
+            if mesh is None or origin is None or mesh.attrib["filename"] not in y_up:
+                continue
+            origins.append(origin)
+            if com is None or mass is None:
+                continue
+            points = read_mesh(folder / mesh.attrib["filename"].rsplit("/", 1)[1])
+            middle_m = 0.5 * (points.min(axis=0) + points.max(axis=0))
+            T, com_m, mass_kg = _placement(origin), _placement(com).translation, float(mass.attrib["value"])
+            as_is_m += mass_kg * float(np.linalg.norm(T.act(middle_m) - com_m))
+            turned_m += mass_kg * float(np.linalg.norm(T.act(R_Z_UP @ middle_m) - com_m))
+    if not turned_m < TURNED * as_is_m:
+        return
+    for origin in origins:
+        rpy = pin.rpy.matrixToRpy(_placement(origin).rotation @ R_Z_UP)
+        origin.set("rpy", " ".join(repr(float(angle)) for angle in rpy))
+    assumed["meshes with y up"] = (
+        f"turned to z up, as their files state: their middles are then {turned_m / as_is_m:.2f} times as far from the "
+        "centres of mass of their links"
+    )
+
+
+def _placement(origin: ET.Element) -> pin.SE3:
+    rpy, xyz = (np.array(origin.get(key, "0 0 0").split(), float) for key in ("rpy", "xyz"))
+    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+
+
+def _states_y_up(path: Path) -> bool:
+    with path.open("rb") as file:
+        return Y_UP.search(file.read(_HEAD_BYTES)) is not None
 
 
 def _merge_close(

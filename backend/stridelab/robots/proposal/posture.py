@@ -5,7 +5,7 @@ is below the hip at a share ``EXTENSIONS`` of its greatest distance, an arm for 
 for 0.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -33,15 +33,18 @@ MARGIN: Final = 0.03
 
 
 def rest_posture(
-    model: pin.Model, limbs: Limbs, soles: Sequence[Sole], outwards: float
+    model: pin.Model, limbs: Limbs, soles: Sequence[Sole], outwards: float, torso_rad: Mapping[int, float] | None = None
 ) -> tuple[Float[np.ndarray, "nq"], float]:
     """Configuration of the full model, and the length of the legs (hip to sole, m).
 
-    ``outwards`` is the distance of the hands from the shoulders to the side, over the length of the arms.
+    ``outwards`` is the distance of the hands from the shoulders to the side, over the length of the arms;
+    ``torso_rad`` are angles of joints of the torso, which are else at 0.
     Raises ``InvalidInput`` (``robot-not-humanoid``) if the soles cannot be level below the hips.
     """
     solver = _Limb(model, limbs.R_root)
     q = solver.neutral()
+    for joint, angle in (torso_rad or {}).items():
+        q[model.joints[joint].idx_q] = angle
     leg_m = min(solver.reach_m(q, leg, leg[2], sole.centre_m) for leg, sole in zip(limbs.legs, soles, strict=True))
     for arm, side in zip(limbs.arms, (1.0, -1.0), strict=False):
         q = solver.place_hand(q, arm, side * outwards)

@@ -35,7 +35,7 @@ from stridelab.robots.proposal.description import MESHES, invalid, is_mark, plai
 from stridelab.robots.proposal.effectors import carrying_link, effector_cards, foot_soles
 from stridelab.robots.proposal.joint_ranges import anatomical_ranges, narrowed_ranges
 from stridelab.robots.proposal.limbs import Limbs, find_limbs
-from stridelab.robots.proposal.meshes import MeshConverter
+from stridelab.robots.proposal.meshes import MeshConverter, turn_y_up_shapes
 from stridelab.robots.proposal.motor_inertias import move_motor_inertias
 from stridelab.robots.proposal.oversized_inertias import replace_oversized_inertias
 from stridelab.robots.proposal.posture import rest_posture
@@ -62,6 +62,10 @@ OUTWARDS: Final = (0.25, 0.45, 0.65)
 """Places of the hands to the side that are tried until the arms are clear of the body."""
 ARM_CLEARANCE_M: Final = 0.02
 """Least distance of the arms from the body at rest: certificates ask for 5 mm, and walks start from this posture."""
+TORSO_CLEARANCE_M: Final = 0.005, 0.01
+"""Distance of what a joint of the torso moves from the rest, at rest, below which the joint is turned, and above which
+it then is: certificates ask for 5 mm."""
+TORSO_TURNS_RAD: Final = (0.05, -0.05, 0.1, -0.1, 0.15, -0.15, 0.2, -0.2)
 
 
 @dataclass(frozen=True)
@@ -97,6 +101,7 @@ def rebuild_description(
         plain = plain_description(root, filename, meshes.convert)
     if meshes.missing:
         raise invalid([_missing_mesh(path) for path in sorted(set(meshes.missing))])
+    turn_y_up_shapes(plain.root, folder, meshes.y_up, plain.assumed)
     move_motor_inertias(plain.root, plain.assumed)
     replace_oversized_inertias(plain.root, folder, plain.assumed)
     ET.ElementTree(plain.root).write(folder / URDF, encoding="utf-8", xml_declaration=True)
@@ -150,6 +155,10 @@ def _propose_card(name: str, title: str, root: ET.Element, files: DataFiles, ass
             break
     else:
         assumed["collision.never"] = "arms are within 2 cm of the body at rest: " + ", ".join(sorted(touching)[:5])
+    if torso_rad := _torso_angles(robot, model, limbs):
+        q, leg_m = rest_posture(model, limbs, soles, outwards, torso_rad)
+        card = _card(name, title, root, model, shapes, limbs, soles, q, leg_m, mass_kg, assumed)
+        robot = assemble_robot(name, card, files)
     if estimated := {str(model.names[j]): ends for j, ends in ranges.items() if j in limbs.moving}:
         card = _narrow_ranges(card, robot, estimated, assumed)
         robot = assemble_robot(name, card, files)
@@ -314,6 +323,47 @@ def _arm_collisions(robot: Robot, full: pin.Model, limbs: Limbs) -> set[str]:
         if side.get(one, one) != side.get(other, other) and {one, other} & outer:
             touching.add(f"{a} and {b}")
     return touching
+
+
+def _torso_angles(robot: Robot, full: pin.Model, limbs: Limbs) -> dict[int, float]:
+    """The joint of the torso that must be turned at rest so that the torso is clear of pelvis and legs, and its angle.
+
+    Empty if it is clear without, or if no turn of one joint clears it. Links that overlap at rest are not considered.
+    """
+    for joint in limbs.torso:
+        name = str(full.names[joint])
+        index = robot.model.joints[robot.model.getJointId(name)].idx_q
+        pairs = _torso_pairs(robot, name)
+        if not pairs or min(_distances_m(robot, pairs, robot.q_reference)) >= TORSO_CLEARANCE_M[0]:
+            continue
+        for turn in TORSO_TURNS_RAD:
+            q = robot.q_reference.copy()
+            q[index] += turn
+            in_range = robot.model.lowerPositionLimit[index] < q[index] < robot.model.upperPositionLimit[index]
+            if in_range and min(_distances_m(robot, pairs, q)) >= TORSO_CLEARANCE_M[1]:
+                return {joint: float(q[index])}
+    return {}
+
+
+def _torso_pairs(robot: Robot, joint: str) -> list[int]:
+    """Pairs of shapes of the first body that a joint of the torso moves and of the legs, which are apart at rest."""
+    model, geometry = robot.model, robot.collision
+    moved = model.getJointId(joint)
+    legs = {model.getJointId(name) for name in robot.joint_names if robot.group[name] == "leg"}
+    pairs = []
+    for k, pair in enumerate(geometry.collisionPairs):
+        one, other = (geometry.geometryObjects[index].parentJoint for index in (pair.first, pair.second))
+        if (one == moved and other in legs) or (other == moved and one in legs):
+            pairs.append(k)
+    at_rest = _distances_m(robot, pairs, robot.q_reference)
+    return [k for k, distance_m in zip(pairs, at_rest, strict=True) if distance_m > 0.0]
+
+
+def _distances_m(robot: Robot, pairs: Sequence[int], q: np.ndarray) -> list[float]:
+    """Distances of pairs of shapes."""
+    data, results = robot.model.createData(), robot.collision.createData()
+    pin.updateGeometryPlacements(robot.model, data, robot.collision, results, q)
+    return [float(pin.computeDistance(robot.collision, results, k).min_distance) for k in pairs]
 
 
 def card_fields(card: RobotCard) -> dict[str, Any]:

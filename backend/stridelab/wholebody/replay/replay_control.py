@@ -4,6 +4,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Final
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
@@ -12,6 +13,7 @@ from stridelab.conventions import GRAVITY_M_S2, Angles
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.recovery.recovery import Recovery
 from stridelab.wholebody.replay.dcm_feedback import ankles_of
+from stridelab.wholebody.replay.mujoco_model import SimulationModel
 from stridelab.wholebody.replay.stabiliser import Stabiliser
 
 FULL_SIZE_NM: Final = 776.0
@@ -25,6 +27,9 @@ edge the ankle then moves the centre of pressure by a fifth of the half width. T
 OVERSHOOT_LIMIT: Final = 1.5
 """Largest eigenvalue of ``dt M^-1 D``: half of the speed is reversed in one step. Beyond 2 the control is unstable; the
 bundled robots have 0.4 to 1.45."""
+HEAVY_LOAD: Final = 0.05
+"""Gravity stiffness ``m g l`` of what a locked joint carries, over the stiffness of an arm, from which on it is held
+with that of the torso. The head of QingLong has 0.01, the trunk above its waist 0.25 to 0.35, that of G1 0.1."""
 SOFT_STIFFNESS: Final = 0.2
 SOFT_DAMPING: Final = 0.08
 """Shares of stiffness and damping of soft gains, for readings that are 10 ms old. The damping is reduced further than
@@ -58,13 +63,12 @@ class ReplayControl:
 
     def joint_gains(self, robot: Robot, timestep_s: float) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:
         """Stiffness (N m/rad) and damping (N m s/rad) of every joint, for steps of ``timestep_s``."""
-        joints, data = robot.joint_names, robot.model.createData()
+        joints = robot.joint_names
         share = np.array([self.arm_share if robot.group[joint] in ("arm", "head") else 1.0 for joint in joints])
         ankles = {joint for effector in robot.effectors.values() for joint in effector.ankle or ()}
         ankle_share = self.stabiliser.ankle_stiffness if self.stabiliser is not None else 1.0
         softer = np.array([ankle_share if joint in ankles else 1.0 for joint in joints])
-        height_m = pin.centerOfMass(robot.model, data, robot.q_reference)[2]  # the soles are on z = 0
-        size = min(1.0, robot.mass_kg * GRAVITY_M_S2 * height_m / FULL_SIZE_NM)
+        size = _size_share(robot)
         full = self.stiffness * size * share
         if self.stabiliser is not None:
             for joint, limit in ankle_limits(robot).items():
@@ -74,6 +78,34 @@ class ReplayControl:
         damping = np.minimum(self.damping * size * share * np.sqrt(softer), joint_inertias(robot) / timestep_s)
         damping = _stable_damping(damping, timestep_s * _joint_mobility(robot))
         return (SOFT_STIFFNESS * full * softer, SOFT_DAMPING * damping) if self.soft_gains else (full * softer, damping)
+
+    def gains_with_locked(
+        self, robot: Robot, built: SimulationModel
+    ) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"], Float[np.ndarray, "nl"], Float[np.ndarray, "nl"]]:
+        """Stiffness and damping of the moving joints, then of the locked ones (N m/rad, N m s/rad).
+
+        A locked joint is held like those of an arm, one that carries the trunk like those of the torso: with the
+        stiffness of an arm a trunk on three locked joints of a waist sways at about 1 Hz.
+        """
+        timestep_s = float(built.model.opt.timestep)
+        kp, kd = self.joint_gains(robot, timestep_s)
+        locked_kp = np.full(len(built.locked_dof), self.arm_share * self.stiffness)
+        locked_kd = np.full(len(built.locked_dof), self.arm_share * self.damping)
+        data = _reference_data(robot, built)
+        heavy = _gravity_stiffness(robot, built, data) > HEAVY_LOAD * locked_kp
+        if not heavy.any():
+            return kp, kd, locked_kp, locked_kd
+        size = _size_share(robot)
+        locked_kp[heavy] = np.maximum(locked_kp[heavy], self.stiffness * size)
+        M = np.zeros((built.model.nv, built.model.nv))
+        mujoco.mj_fullM(built.model, data, M)
+        dofs = np.concatenate([built.moving_dof, built.locked_dof[heavy]])
+        mobility_s = timestep_s * np.linalg.inv(M)[np.ix_(dofs, dofs)]
+        limit = 1.0 / np.diag(mobility_s)[len(kd) :]
+        stiff = np.minimum(np.maximum(locked_kd[heavy], self.damping * size), limit)
+        damping = _stable_damping(np.concatenate([kd, stiff]), mobility_s)
+        locked_kd[heavy] = damping[len(kd) :]
+        return kp, damping[: len(kd)], locked_kp, locked_kd
 
 
 def ankle_limits(robot: Robot) -> dict[int, float]:
@@ -114,6 +146,51 @@ def _stable_damping(
             return damping
         share = modes[:, -1] ** 2
         damping = damping * (1.0 - (1.0 - OVERSHOOT_LIMIT / mu[-1]) * share / share.max())
+
+
+def _size_share(robot: Robot) -> float:
+    """Share of the full stiffness, from weight times height of the CoM."""
+    height_m = pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2]  # the soles are on z = 0
+    return float(min(1.0, robot.mass_kg * GRAVITY_M_S2 * height_m / FULL_SIZE_NM))
+
+
+def _reference_data(robot: Robot, built: SimulationModel) -> mujoco.MjData:
+    """Places and mass matrix of the simulated robot in the reference posture."""
+    data = mujoco.MjData(built.model)
+    x, y, z, w = robot.q_reference[3:7]
+    data.qpos[:7] = [*robot.q_reference[:3], w, x, y, z]
+    data.qpos[built.moving_qpos] = robot.q_reference[7:]
+    data.qpos[built.locked_qpos] = built.locked_rad
+    mujoco.mj_forward(built.model, data)
+    return data
+
+
+def _gravity_stiffness(robot: Robot, built: SimulationModel, data: mujoco.MjData) -> Float[np.ndarray, "nl"]:
+    """``m g l`` (N m/rad) of what each locked joint carries: the side of it without soles."""
+    model = built.model
+    soles = {body for name, body in built.body.items() if robot.effectors[name].kind == "surface"}
+    standing = {ancestor for body in soles for ancestor in _ancestors(model, body)}
+    total_kg, total_com_m = float(model.body_subtreemass[1]), data.subtree_com[1]
+    result = np.zeros(len(built.locked_dof))
+    for k, dof in enumerate(built.locked_dof):
+        joint = int(model.dof_jntid[dof])
+        body = int(model.jnt_bodyid[joint])
+        mass_kg, com_m = float(model.body_subtreemass[body]), data.subtree_com[body]
+        if body in standing:
+            rest_kg = total_kg - mass_kg
+            com_m = (total_kg * total_com_m - mass_kg * com_m) / max(rest_kg, 1e-9)
+            mass_kg = rest_kg
+        result[k] = mass_kg * GRAVITY_M_S2 * float(np.linalg.norm(com_m - data.xanchor[joint]))
+    return result
+
+
+def _ancestors(model: mujoco.MjModel, body: int) -> list[int]:
+    """A body and those that it hangs on, without the world."""
+    chain = []
+    while body:
+        chain.append(body)
+        body = int(model.body_parentid[body])
+    return chain
 
 
 class DelayPredictor:

@@ -76,7 +76,9 @@ class Simulation:
         """Rates of the moving joints."""
         return np.asarray(self._data.qvel[self.built.moving_dof])
 
-    def locked_torques_nm(self, stiffness: float, damping: float) -> Float[np.ndarray, "nl"]:
+    def locked_torques_nm(
+        self, stiffness: Float[np.ndarray, "nl"], damping: Float[np.ndarray, "nl"]
+    ) -> Float[np.ndarray, "nl"]:
         """Torques that hold the locked joints at their angles."""
         built, data = self.built, self._data
         off = built.locked_rad - data.qpos[built.locked_qpos]

@@ -60,7 +60,7 @@ class ReplayStepper:
         for push in disturbances.pushes:
             self.add_push(push)
         self._substeps = _substep_count(motion.rate_hz, self.simulation.timestep_s)
-        self._kp, self._kd = physics.joint_gains(robot, self.simulation.timestep_s)
+        self._kp, self._kd, self._locked_kp, self._locked_kd = physics.gains_with_locked(robot, built)
         self.log, self.torque_ratio = ReplayLog(robot, sequence), 0.0
         self.stabilising = None if physics.stabiliser is None else StabiliserRun(physics.stabiliser, robot, motion)
         self._sensors = SimulatedSensors(self.simulation, disturbances, self._substeps)
@@ -302,9 +302,7 @@ class ReplayStepper:
                 time_s = start_s + j * dt_s
                 forces = [(body, push.force_n(time_s)) for body, push in self._pushed]
                 simulation.apply_forces(forces, [push.at_joint for _, push in self._pushed])
-            locked_tau = simulation.locked_torques_nm(
-                physics.arm_share * physics.stiffness, physics.arm_share * physics.damping
-            )
+            locked_tau = simulation.locked_torques_nm(self._locked_kp, self._locked_kd)
             self.torque_ratio = max(self.torque_ratio, simulation.step(tau, locked_tau))
             self.log.record_step(simulation, start_s + (j + 1) * dt_s)
             self._sensors.after_step(j + 1, start_s + (j + 1) * dt_s)

@@ -20,13 +20,16 @@ const UNITS = [
 export function labelOf(path) {
   let unit = "";
   const words = path.map((key, depth) => {
-    if (typeof key === "number") return "xyz"[key] ?? String(key + 1);
+    if (typeof key === "number") {
+      const axes = String(path[depth - 1]).endsWith("_wxyz") ? "wxyz" : "xyz";
+      return axes[key] ?? String(key + 1);
+    }
     const ending = UNITS.find(([end]) => key.endsWith(end));
     if (ending && !unit) {
       unit = ending[1];
       return key.slice(0, -ending[0].length).replaceAll("_", " ");
     }
-    return depth < 2 ? key.replaceAll("_", " ") : key.replaceAll("\\", "");
+    return depth < 2 ? key.replaceAll("_", " ") : key.replaceAll("\\", "").replace(/_wxyz$/, "");
   });
   const shown = words[0] === "effectors" ? words.slice(1) : words;
   const text = shown.reduce((all, word, k) =>
