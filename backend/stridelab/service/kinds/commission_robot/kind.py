@@ -17,8 +17,6 @@ from stridelab.service.storage.content_addressed import lock_blob
 from stridelab.service.storage.tables import robot
 from stridelab.service.stored_robots import ROBOT_FOLDER, find_robot, stored_bytes
 
-"""Facts and shapes of the learned robot, for its row."""
-
 
 async def stage(connection: AsyncConnection, blobs: Blobs, request: CommissionRobotInput, folder: Path) -> Json:
     """Fetch the robot. Raises ``NotFound`` (``robot-not-found``) for one that is bundled or was deleted."""
@@ -64,7 +62,7 @@ KIND = JobKind(
     summary_model=CommissionRobotSummary,
     stage=stage,
     publish=publish,
-    timeout_s=600.0,
+    timeout_s=1800.0,
     memory_mb=4096,
     lane="long",
 )
