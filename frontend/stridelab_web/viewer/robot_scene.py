@@ -12,6 +12,7 @@ import viser
 
 from stridelab.schemas.reachability import EffectorReach, RobotReachability
 from stridelab.schemas.robots import RobotFacts
+from stridelab_web.scene.contacts import rotation_matrix
 from stridelab_web.viewer import meshes
 from stridelab_web.viewer.robot_links import add_robot
 from stridelab_web.viewer.scene_parts import NARROW, Colour, add_floor, add_mesh, place_camera, prepare_scene
@@ -28,7 +29,7 @@ MODE: Colour = (20, 30, 40)
 POINT_M, MODE_RADIUS_M = 0.008, 0.022
 AXES_M, AXIS_RADIUS_M = 0.14, 0.006
 WIDE_SHARE, TALL_SHARE = 0.95, 2.05
-"""Half the width and the height of the view, over the height of the CoM."""
+"""Half the width and the least height of the view, over the height of the CoM."""
 TOWARDS = np.array([0.95, -1.0, 0.42])
 
 
@@ -49,9 +50,17 @@ def build_robot_scene(
     for learned in reach:
         for density in learned.effectors:
             _add_reach(scene, density_node(learned.measure, density.card.effector), density)
+    place_camera(server, sights_m(facts, meshes), TOWARDS, NARROW)
+
+
+def sights_m(facts: RobotFacts, links: Mapping[str, trimesh.Trimesh]) -> np.ndarray:
+    """Corners ``(8, 3)`` of what the first view shows: the densities, and the robot to the top of its head."""
     wide, tall = WIDE_SHARE * facts.com_height_m, TALL_SHARE * facts.com_height_m
-    corners = np.array([[x, y, z] for x in (-wide, wide) for y in (-wide, wide) for z in (0.0, tall)])
-    place_camera(server, corners, TOWARDS, NARROW)
+    for name, pose in zip(facts.links, facts.link_poses, strict=True):
+        if name in links and len(links[name].vertices):
+            _, _, up = rotation_matrix(pose[3:])
+            tall = max(tall, pose[2] + float((links[name].vertices @ up).max()))
+    return np.array([[x, y, z] for x in (-wide, wide) for y in (-wide, wide) for z in (0.0, tall)])
 
 
 def density_node(measure: str, effector: str) -> str:

@@ -2,7 +2,8 @@
 
 import io
 from collections.abc import Iterator
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
@@ -10,9 +11,11 @@ import pyarrow.parquet as pq
 import pytest
 import trimesh
 
+from stridelab.schemas.robots import RobotFacts
 from stridelab_web.scene.density_nodes import reach_places, repeated_nodes
 from stridelab_web.scene.documents import Document
 from stridelab_web.scene.result_files import PERSON, read_plan
+from stridelab_web.viewer.robot_scene import sights_m
 from stridelab_web.viewer.scene_builders import document_kinds
 from stridelab_web.viewer.scene_limits import SceneLimits
 from stridelab_web.viewer.scene_pool import OpenScene, ScenePool
@@ -43,6 +46,19 @@ def test_a_robot_stands_with_each_density_at_its_effector(library: ScenePool) ->
             assert {f"{name}/{part}" for part in ("cloud", "mode", "50", "80", "95")} <= set(scene_nodes)
             assert len(scene_nodes[f"{name}/95"].vertices) == 6
             assert len(scene_nodes[f"{name}/cloud"].points) == 300
+
+
+def test_the_first_view_shows_a_robot_to_the_top_of_its_head() -> None:
+    """A link that is turned by 90 degrees: its long axis points up."""
+    half = np.sqrt(0.5)
+    facts = SimpleNamespace(
+        com_height_m=0.5, links=["body", "head", "empty"],
+        link_poses=[(0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.1, half, 0.0, -half, 0.0), (0.0,) * 7],
+    )  # fmt: skip
+    links = {"body": trimesh.creation.box((0.2, 0.2, 0.4)), "head": trimesh.creation.box((0.4, 0.1, 0.1))}
+    corners_m = sights_m(cast(RobotFacts, facts), links)
+    assert np.ptp(corners_m, axis=0) == pytest.approx([0.95, 0.95, 1.3])
+    assert sights_m(cast(RobotFacts, facts), {})[:, 2].max() == pytest.approx(2.05 * 0.5)
 
 
 def test_a_robot_of_which_nothing_was_learned_stands_alone(fake: FakeService, library: ScenePool) -> None:
