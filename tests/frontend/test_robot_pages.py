@@ -1,12 +1,16 @@
 """Pages of robots: the list, one robot with its densities, and what is not there."""
 
+import asyncio
 import re
 from collections.abc import Callable
 
 import httpx
 import pytest
 
+from stridelab.client import AsyncClient
+from stridelab.schemas.jobs import Job
 from stridelab.schemas.robots import RobotPreparation, WalkerFacts
+from stridelab_web.pages.robot import unfinished_commission
 from support.fakes import reachability, robots
 from support.fakes.service import FakeService
 
@@ -166,3 +170,19 @@ def test_a_viewer_whose_robot_cannot_be_prepared_says_why_at_once(fake: FakeServ
     answer = browse("/view/?robot=boxes")
     assert answer.status_code == 503
     assert "Its data is missing." in answer.text
+
+
+@pytest.mark.parametrize("state", ["queued", "running", "succeeded", "failed", "cancelled", "timed_out"])
+def test_the_newest_commissioning_is_named_unless_it_succeeded(fake: FakeService, state: str) -> None:
+    for about, of in (("boxes", "failed"), ("boxes", state), ("rare", "running")):
+        job = fake.add_job("commission-robot")
+        fake.jobs[job.id] = job.model_copy(update={"about": about, "state": of})
+    own = [job.id for job in fake.jobs.values() if job.about == "boxes"]
+    shown = asyncio.run(_unfinished_commission(fake, "boxes"))
+    assert (shown.id if shown else None) == (None if state == "succeeded" else own[-1])
+    assert asyncio.run(_unfinished_commission(fake, "other")) is None
+
+
+async def _unfinished_commission(fake: FakeService, name: str) -> Job | None:
+    async with AsyncClient("http://127.0.0.1", transport=httpx.ASGITransport(fake.app())) as client:
+        return await unfinished_commission(client, name)

@@ -206,9 +206,9 @@ public:
                          view(p_2, m, 3, shape),
                          view(J, 6, pairs_.nv, "the body's Jacobian has the shape (6, nv)"),
                          view(v, pairs_.nv, 0, "velocities have the shape (nv,)")};
-    return fill_avoidance(pairs_, near,
-                          {held_[0].data(), held_[1].data(), held_[2].data(), held_[3].data(), held_[4].data(),
-                           held_[5].data()});
+    return fill_avoidance(
+        pairs_, near,
+        {held_[0].data(), held_[1].data(), held_[2].data(), held_[3].data(), held_[4].data(), held_[5].data()});
   }
 
 private:

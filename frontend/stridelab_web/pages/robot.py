@@ -5,7 +5,8 @@ from typing import Final
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from stridelab.client import ProblemError
+from stridelab.client import AsyncClient, ProblemError
+from stridelab.schemas.jobs import Job
 from stridelab.schemas.robots import Measure, RobotFacts
 from stridelab.schemas.scenarios import SceneName
 from stridelab_web.api_client import client_of, none_if_missing
@@ -57,6 +58,7 @@ async def robot_page(request: Request) -> Response:
         section="Robots",
         robot=robot,
         own=own,
+        commissioning=await unfinished_commission(client, name) if own else None,
         measure=measure,
         learned=reachability.density_values(cards, f"/robots/{robot.name}/reach.json?measure={measure}")
         if cards
@@ -64,6 +66,13 @@ async def robot_page(request: Request) -> Response:
         scenes=[one for one in SCENES if one[0] not in HAND_SCENES or (robot.walker and robot.walker.arm_m)],
         plotly_style_ids=plotly_style_ids() if cards else (),
     )
+
+
+async def unfinished_commission(client: AsyncClient, name: str) -> Job | None:
+    """The newest job that commissions a robot, unless it has succeeded: it waits, runs, or ended without a result."""
+    listed = await client.jobs(kind="commission-robot")
+    newest = next((job for job in listed.items if job.about == name), None)
+    return None if newest is None or newest.state == "succeeded" else newest
 
 
 async def robot_view_page(request: Request, name: str) -> Response:

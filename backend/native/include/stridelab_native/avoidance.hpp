@@ -27,7 +27,8 @@ struct NearPairs {
   View distance, p_1, p_2, J, v;
 };
 
-// Arrays of the caller: per near pair the normal (3), its nearness (0 to 1) and acceleration; then the rows of the tasks.
+// Arrays of the caller: per near pair the normal (3), its nearness (0 to 1) and acceleration; then the rows of the
+// tasks.
 struct AvoidanceArrays {
   double *normals, *nearness, *accelerations, *A, *b, *weights;
 };
