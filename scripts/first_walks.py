@@ -138,7 +138,7 @@ def main() -> None:
     done = {(row["robot"], row["search_s"]) for row in map(json.loads, lines) if row["sources"] == sources}
     wanted = [name for name in ROBOTS if any(part in name for part in given.only.split(","))]
 
-    def run(robot: str) -> None:
+    def walk_robot(robot: str) -> None:
         command = [sys.executable, __file__, str(given.folder), "--search-s", str(given.search_s), "--one", robot]
         ended = subprocess.run(command, check=False, capture_output=True, text=True)
         if ended.returncode:
@@ -151,7 +151,7 @@ def main() -> None:
         sys.stdout.flush()
 
     with ThreadPoolExecutor(given.jobs) as pool:
-        list(pool.map(run, [robot for robot in wanted if (robot, given.search_s) not in done]))
+        list(pool.map(walk_robot, [robot for robot in wanted if (robot, given.search_s) not in done]))
 
 
 if __name__ == "__main__":

@@ -62,7 +62,7 @@ def main() -> None:
             continue
         copies.add(values)
         name = PERSON.search(str(path))
-        for measure, row in differences(measured, alone, name[0] if name else str(path)):
+        for measure, row in measure_differences(measured, alone, name[0] if name else str(path)):
             rows[measure].append(row)
     people = sorted({row.person for own in rows.values() for row in own})
     used = {person for k, person in enumerate(people) if request.half in (None, k % 2)}
@@ -76,7 +76,9 @@ def measure_by(path: Path, method: str | None) -> MeasuredRecording:
     return measure_recording("walk", task, path.parent)
 
 
-def differences(measured: MeasuredRecording, alone: MeasuredRecording, person: str) -> Iterator[tuple[str, Difference]]:
+def measure_differences(
+    measured: MeasuredRecording, alone: MeasuredRecording, person: str
+) -> Iterator[tuple[str, Difference]]:
     """Names of measures and their differences in the steps with all force, of values that differ at all."""
 
     def key_of(one: Measure, steps: MeasuredRecording) -> tuple[str, str | None, float]:

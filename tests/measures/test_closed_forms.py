@@ -148,7 +148,7 @@ def swinging_walk(sd_m_s: float) -> WalkMotion:
     return plain_walk(com_m=com, covariance=variance)
 
 
-def swinging(known_from: int, sd_m_s: float = 0.004) -> tuple[list[Measure], list[Measure]]:
+def swinging_energies(known_from: int, sd_m_s: float = 0.004) -> tuple[list[Measure], list[Measure]]:
     """Energies of single steps of a walk, and of the same one whose first step is known from a sample on."""
     whole = swinging_walk(sd_m_s)
     assert whole.covariance is not None
@@ -159,7 +159,7 @@ def swinging(known_from: int, sd_m_s: float = 0.004) -> tuple[list[Measure], lis
 
 
 def test_a_single_step_has_an_error_to_which_missing_ends_add() -> None:
-    whole, cut = ([one for one in measures if one.step == 1] for measures in swinging(known_from=3))
+    whole, cut = ([one for one in measures if one.step == 1] for measures in swinging_energies(known_from=3))
     assert [one.name for one in whole] == ["step_energy_recovery", "step_external_work"]
     n = round(STEP_S * RATE_HZ) + 1
     for one, other in zip(whole, cut, strict=True):
@@ -173,7 +173,7 @@ def test_a_single_step_has_an_error_to_which_missing_ends_add() -> None:
 
 def test_a_step_of_which_a_tenth_is_missing_has_no_energies() -> None:
     n = round(STEP_S * RATE_HZ) + 1
-    _, cut = swinging(known_from=math.ceil(0.1 * n))
+    _, cut = swinging_energies(known_from=math.ceil(0.1 * n))
     assert 1 not in {one.step for one in cut}
     assert 2 in {one.step for one in cut}
 

@@ -141,13 +141,17 @@ def turn_y_up_shapes(root: ET.Element, folder: Path, y_up: Collection[str], assu
                 continue
             points = read_mesh(folder / mesh.attrib["filename"].rsplit("/", 1)[1])
             middle_m = 0.5 * (points.min(axis=0) + points.max(axis=0))
-            T, com_m, mass_kg = _placement(origin), _placement(com).translation, float(mass.attrib["value"])
+            T, com_m, mass_kg = (
+                _placement_of_element(origin),
+                _placement_of_element(com).translation,
+                float(mass.attrib["value"]),
+            )
             as_is_m += mass_kg * float(np.linalg.norm(T.act(middle_m) - com_m))
             turned_m += mass_kg * float(np.linalg.norm(T.act(R_Z_UP @ middle_m) - com_m))
     if not turned_m < TURNED * as_is_m:
         return
     for origin in origins:
-        rpy = pin.rpy.matrixToRpy(_placement(origin).rotation @ R_Z_UP)
+        rpy = pin.rpy.matrixToRpy(_placement_of_element(origin).rotation @ R_Z_UP)
         origin.set("rpy", " ".join(repr(float(angle)) for angle in rpy))
     assumed["meshes with y up"] = (
         f"turned to z up, as their files state: their middles are then {turned_m / as_is_m:.2f} times as far from the "
@@ -155,7 +159,7 @@ def turn_y_up_shapes(root: ET.Element, folder: Path, y_up: Collection[str], assu
     )
 
 
-def _placement(origin: ET.Element) -> pin.SE3:
+def _placement_of_element(origin: ET.Element) -> pin.SE3:
     rpy, xyz = (np.array(origin.get(key, "0 0 0").split(), float) for key in ("rpy", "xyz"))
     return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
 

@@ -183,15 +183,15 @@ class _Scene:
             numbers = np.array([k for k, pair in enumerate(self.pairs) if pair.effector == name], dtype=int)
             surfaces = [self.pairs[k].surface for k in numbers.tolist()]
 
-            def among(some: frozenset[str], surfaces: list[str] = surfaces) -> list[bool]:
+            def are_among(some: frozenset[str], surfaces: list[str] = surfaces) -> list[bool]:
                 return [surface in some for surface in surfaces]
 
             for i, (phase, time_s) in enumerate(zip(worst.phase.tolist(), worst.time_s.tolist(), strict=True)):
                 near, touched = self.own.nearby_surfaces(name, phase, time_s), self.own.contact_surfaces(name, phase)
                 if near:
-                    is_near[i, numbers] = is_own[i, numbers] = among(near)
+                    is_near[i, numbers] = is_own[i, numbers] = are_among(near)
                 if touched:
-                    is_own[i, numbers] |= among(touched)
+                    is_own[i, numbers] |= are_among(touched)
         return is_near, is_own
 
 

@@ -169,7 +169,7 @@ def _gravity_stiffness(robot: Robot, built: SimulationModel, data: mujoco.MjData
     """``m g l`` (N m/rad) of what each locked joint carries: the side of it without soles."""
     model = built.model
     soles = {body for name, body in built.body.items() if robot.effectors[name].kind == "surface"}
-    standing = {ancestor for body in soles for ancestor in _ancestors(model, body)}
+    standing = {ancestor for body in soles for ancestor in _ancestor_bodies(model, body)}
     total_kg, total_com_m = float(model.body_subtreemass[1]), data.subtree_com[1]
     result = np.zeros(len(built.locked_dof))
     for k, dof in enumerate(built.locked_dof):
@@ -184,7 +184,7 @@ def _gravity_stiffness(robot: Robot, built: SimulationModel, data: mujoco.MjData
     return result
 
 
-def _ancestors(model: mujoco.MjModel, body: int) -> list[int]:
+def _ancestor_bodies(model: mujoco.MjModel, body: int) -> list[int]:
     """A body and those that it hangs on, without the world."""
     chain = []
     while body:
