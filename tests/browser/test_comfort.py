@@ -3,7 +3,7 @@
 import pytest
 from playwright.sync_api import Page, expect
 
-from support.browser.page import Tab, opened, until
+from support.browser.page import TWO_PICTURES, Tab, opened, until
 
 pytestmark = pytest.mark.usefixtures("lab")
 
@@ -100,7 +100,7 @@ def test_every_width_is_used_and_no_line_is_too_long(tab: Tab, addresses: dict[s
     page = tab.go(addresses[name])
     for width, height in ((800, 600), (1920, 1080), (2560, 1440), (3840, 2160)):
         page.set_viewport_size({"width": width, "height": height})
-        page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        page.evaluate(TWO_PICTURES)
         used, letters_px = _measures(page)
         assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, name
         assert used > 0.6, f"{name} is an island of {used:.0%}"

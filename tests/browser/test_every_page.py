@@ -15,7 +15,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, ViewportSize
 
 from support.browser.every_page import every_page
-from support.browser.page import Tab
+from support.browser.page import TWO_PICTURES, Tab
 from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab", "drawn")
@@ -33,7 +33,6 @@ CHECKED_BY_AXE: dict[int, tuple[Literal["light", "dark"], ...]] = {
 }
 """Schemes in which axe-core looks at a page, by the width."""
 LARGE: ViewportSize = {"width": 2560, "height": 1440}
-TWO_PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 LEAST_BYTES = 4_000
 """The picture of an empty page is smaller."""
 WITHOUT_FRAMES = {"resultTypes": ["violations"], "iframes": False}

@@ -16,7 +16,7 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.streams import MarkerFrame, MarkerStreamConfiguration
 from stridelab.service.samples.scenario_bodies import ONE_STEP
 from support.browser.network import Network, network_to
-from support.browser.page import Service, Tab, until
+from support.browser.page import TWO_PICTURES, Service, Tab, until
 from support.browser.service_costs import Meter, metered
 from support.service.streams import frame, header
 
@@ -68,6 +68,7 @@ def test_a_live_robot_says_that_the_network_is_lost(tab: Tab, service: Service, 
     getattr(network, way)()
     expect_lost(page)
     expect(push).to_be_disabled()
+    page.evaluate(TWO_PICTURES)
     stopped_s = shown_s(page, robot)
     page.wait_for_timeout(500)
     assert shown_s(page, robot) == stopped_s
@@ -100,6 +101,7 @@ def test_a_live_robot_goes_on_once_the_reader_has_logged_in_again(tab: Tab, serv
     expect(connection_notice(page)).to_contain_text("Your login has ended.", timeout=NOTICED_WITHIN_MS)
     expect(page.locator("[data-said]")).to_be_empty()
     expect(page.locator("[data-push=ahead]")).to_be_disabled()
+    page.evaluate(TWO_PICTURES)
     n_tried, stopped_s = len(tried), shown_s(page, robot)
     page.wait_for_timeout(2500)  # longer than the page waits where only the connection is lost
     assert len(tried) == n_tried

@@ -10,9 +10,10 @@ from typing import Any
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
 
+from support.browser.page import TWO_PICTURES
+
 SIZES = ((1400, 850), (2560, 1440), (800, 600), (390, 844))
 COUNTED = ("serious", "critical")
-TWO_PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 FAULTS = """async ([options, counted]) => {
     const part = document.querySelector("dialog[open]") ?? document;
     const { violations } = await axe.run(part, options);

@@ -57,6 +57,8 @@ TEN_PICTURES_A_SECOND = """
     window.cancelAnimationFrame = clearTimeout;
 """
 """Or as many as there is processor for, without a graphics card, and nothing left for what is tested."""
+TWO_PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+"""What the page has received by now is drawn when this has ended."""
 WITHOUT_DRAWING = """
     for (const context of [WebGLRenderingContext, WebGL2RenderingContext])
         for (const name of ["clear", "drawArrays", "drawArraysInstanced", "drawElements", "drawElementsInstanced"])
