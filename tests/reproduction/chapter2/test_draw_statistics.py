@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import binomtest
 
 from stridelab.conventions import Progress
+from stridelab.errors import NotEstimable
 from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum
 from stridelab.estimation.evaluation.truth_errors import TruthError
 from stridelab.reproduction.chapter2 import (
@@ -21,6 +22,7 @@ from stridelab.reproduction.chapter2 import (
     table_partial_force,
 )
 from stridelab.reproduction.chapter2.table_partial_force import PartialForceErrors
+from stridelab.reproduction.common.accepted_draws import accept_draws
 from stridelab.reproduction.common.estimator_errors import Draw, horizontal_ratio
 from stridelab.reproduction.common.estimators import GEOMETRY, KALMAN, NAMES, SMOOTHER, THESIS
 from stridelab.reproduction.common.intervals import interval_of, resampled_interval, rms_ratio, share_interval
@@ -234,3 +236,65 @@ def test_windows_that_are_too_short_are_counted_by_their_reason(monkeypatch: pyt
     assert (claim.cases_inside, claim.interval) == (2, None)
     assert claim.outcome == "aim_missed"
     assert {round(end - start, 6) for start, end in drawn} == {0.35}
+
+
+def test_a_draw_that_allows_no_estimate_is_counted_and_named() -> None:
+    def root_of(seed: int) -> float:
+        if seed in (3, 5):
+            raise NotEstimable("no-root", "It has none.")
+        return float(np.sqrt(seed))
+
+    told: list[tuple[float, str]] = []
+    draws = accept_draws(range(2, 7), root_of, lambda fraction, message: told.append((fraction, message)))
+    assert draws.results == {2: np.sqrt(2.0), 4: 2.0, 6: np.sqrt(6.0)}
+    assert draws.note == " 3 of 5 draws accepted, refused: seed 3, 5 (It has none: 2)."
+    assert told == [(k / 5, f"draw {k + 1} of 5") for k in range(5)]
+    one = accept_draws((3, 4), root_of, told_nothing)
+    assert one.note == " 1 of 2 draws accepted, refused: seed 3 (It has none)."
+    assert accept_draws((4,), root_of, told_nothing).note == ""
+    with pytest.raises(NotEstimable, match=r"Only 1 of 3 draws allow an estimate: It has none: 2\.") as error:
+        accept_draws((3, 4, 5), root_of, told_nothing)
+    assert error.value.code == "too-few-draws"
+    with pytest.raises(ZeroDivisionError):
+        accept_draws((1,), lambda _: 1 // 0, told_nothing)
+
+
+def told_nothing(_fraction: float, _message: str) -> None:
+    return None
+
+
+def test_a_table_that_is_far_off_still_has_a_delay() -> None:
+    """The paths of markers and force of this draw have a correlation of 0.79."""
+    assert fig_2_8._compare_clocks(2009).latency_s == pytest.approx(fig_2_8.LATENCY_S, abs=0.001)
+
+
+def test_a_walk_whose_delay_is_unclear_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    compare_clocks = fig_2_8._compare_clocks
+
+    def refuse_one(seed: int) -> fig_2_8._Compared:
+        if seed == 7:
+            raise NotEstimable("latency-unclear", "Too little motion.")
+        return compare_clocks(seed)
+
+    monkeypatch.setattr(fig_2_8, "_compare_clocks", refuse_one)
+    result = reproduce_item("fig-2.8", 3, told_nothing, 7)
+    assert {claim.n for claim in result.claims} == {2}
+    assert result.tables["offsets"]["draw"].tolist() == [8, 9]
+    assert result.note.endswith(" 2 of 3 draws accepted, refused: seed 7 (Too little motion).")
+
+
+@pytest.mark.parametrize("refused", ["marker-like", "thesis"])
+def test_a_run_without_flight_leaves_the_others(monkeypatch: pytest.MonkeyPatch, refused: str) -> None:
+    def flights_of_draw(noise: str, seed: int) -> dict[str, table_flight._Flight]:
+        if (noise, seed) == (refused, 4):
+            raise NotEstimable("no-flight", "Too short.")
+        return {name: table_flight._Flight((0.01 * seed, 0.1), (0.001, 0.002)) for name in NAMES}
+
+    monkeypatch.setattr(table_flight, "_flights_of_draw", flights_of_draw)
+    result = reproduce_item("flight", 3, told_nothing, 3)
+    other = "thesis" if refused == "marker-like" else "marker-like"
+    assert {claim.key: claim.n for claim in result.claims} == {f"{refused}_smoother": 2, f"{other}_smoother": 3}
+    mean = {claim.key: claim.ours for claim in result.claims}
+    assert mean[f"{refused}_smoother"] == pytest.approx(0.01 * np.sqrt((3**2 + 5**2) / 2))
+    assert f"With {refused} noise: 2 of 3 draws accepted, refused: seed 4 (Too short)." in result.note
+    assert other not in result.note
