@@ -5,6 +5,8 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from stridelab.conventions import Progress
@@ -28,6 +30,7 @@ from stridelab.reproduction.common.estimators import GEOMETRY, KALMAN, NAMES, SM
 from stridelab.reproduction.common.intervals import interval_of, resampled_interval, rms_ratio, share_interval
 from stridelab.reproduction.registry import reproduce_item
 from stridelab.reproduction.studies.estimator_study import StudyTrial
+from stridelab.simulation.noise import NoisePreset
 from support.recorded_claims import assert_as_recorded
 from support.reproduction_fixtures import RisingProgress
 
@@ -167,7 +170,39 @@ def test_coverage_is_the_mean_share_and_the_width_that_of_root_mean_squares() ->
     assert summary["ratio_z"] == pytest.approx(widths / misses)
     assert summary["rms_z_m"] == pytest.approx(misses)
     claims = table_coverage._coverage_claims("human", table_coverage.SCENARIOS[2], errors)
+    assert [claim.key for claim in claims] == ["human_table-40_x", "human_table-40_y"]
     assert_as_recorded("coverage of invented draws", claims)
+
+
+def test_the_height_is_judged_by_its_tables(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten tables along a walk of two samples: four inside the band, two half of the time, four outside."""
+    bias_m = [(0.01, -0.02)] * 4 + [(0.01, 0.05)] * 2 + [(0.05, -0.05)] * 4
+    drawn: list[float] = []
+
+    def simulate_trial(_gait: str, noise: NoisePreset, seed: int) -> Mock:
+        drawn.append(noise.mass_model)
+        geometric = Mock(sd_m=(1.0, 1.0, 0.02))
+        return Mock(spec=StudyTrial, bias_m=np.array([(0.0, 0.0, z) for z in bias_m[seed - 20]]), geometric=geometric)
+
+    monkeypatch.setattr(table_coverage, "simulate_trial", simulate_trial)
+    claim = table_coverage._table_band_claim(0.4, range(20, 30))
+    assert claim.ours == pytest.approx(0.5)
+    assert claim.interval == interval_of([1.0] * 4 + [0.5] * 2 + [0.0] * 4)
+    assert (claim.key, claim.n, claim.holds_from, claim.outcome) == ("table_40_z", 10, 0.9, "aim_missed")
+    assert set(drawn) == {0.4}
+    errors = [Mock(spec=TruthError, rms_m=np.array([1.0, 2.0, 0.03])) for _ in range(10)]
+    height = table_coverage._height_error_claim("human", range(20, 30), errors)
+    assert height.ours == pytest.approx(0.03 / np.sqrt(np.mean(np.square(bias_m))))
+    assert height.interval is not None
+    assert height.interval[0] < height.ours < height.interval[1]
+
+
+@given(st.integers(0, 5000), st.integers(1, 200), st.integers(1, 20))
+def test_more_draws_than_seeds_are_those_of_no_other_seed(first: int, n: int, per_seed: int) -> None:
+    own = [table_coverage._own_seeds(range(seed, seed + 1), per_seed) for seed in range(first, first + n)]
+    assert {len(draws) for draws in own} == {per_seed}
+    whole = table_coverage._own_seeds(range(first, first + n), per_seed)
+    assert [seed for draws in own for seed in draws] == list(whole)
 
 
 def test_errors_with_a_second_of_force_are_pooled_over_samples() -> None:
@@ -244,22 +279,22 @@ def test_a_draw_that_allows_no_estimate_is_counted_and_named() -> None:
             raise NotEstimable("no-root", "It has none.")
         return float(np.sqrt(seed))
 
-    told: list[tuple[float, str]] = []
-    draws = accept_draws(range(2, 7), root_of, lambda fraction, message: told.append((fraction, message)))
+    progress: list[tuple[float, str]] = []
+    draws = accept_draws(range(2, 7), root_of, lambda fraction, message: progress.append((fraction, message)))
     assert draws.results == {2: np.sqrt(2.0), 4: 2.0, 6: np.sqrt(6.0)}
     assert draws.note == " 3 of 5 draws accepted, refused: seed 3, 5 (It has none: 2)."
-    assert told == [(k / 5, f"draw {k + 1} of 5") for k in range(5)]
-    one = accept_draws((3, 4), root_of, told_nothing)
+    assert progress == [(k / 5, f"draw {k + 1} of 5") for k in range(5)]
+    one = accept_draws((3, 4), root_of, ignore_progress)
     assert one.note == " 1 of 2 draws accepted, refused: seed 3 (It has none)."
-    assert accept_draws((4,), root_of, told_nothing).note == ""
+    assert accept_draws((4,), root_of, ignore_progress).note == ""
     with pytest.raises(NotEstimable, match=r"Only 1 of 3 draws allow an estimate: It has none: 2\.") as error:
-        accept_draws((3, 4, 5), root_of, told_nothing)
+        accept_draws((3, 4, 5), root_of, ignore_progress)
     assert error.value.code == "too-few-draws"
     with pytest.raises(ZeroDivisionError):
-        accept_draws((1,), lambda _: 1 // 0, told_nothing)
+        accept_draws((1,), lambda _: 1 // 0, ignore_progress)
 
 
-def told_nothing(_fraction: float, _message: str) -> None:
+def ignore_progress(_fraction: float, _message: str) -> None:
     return None
 
 
@@ -277,7 +312,7 @@ def test_a_walk_whose_delay_is_unclear_leaves_the_others(monkeypatch: pytest.Mon
         return compare_clocks(seed)
 
     monkeypatch.setattr(fig_2_8, "_compare_clocks", refuse_one)
-    result = reproduce_item("fig-2.8", 3, told_nothing, 7)
+    result = reproduce_item("fig-2.8", 3, ignore_progress, 7)
     assert {claim.n for claim in result.claims} == {2}
     assert result.tables["offsets"]["draw"].tolist() == [8, 9]
     assert result.note.endswith(" 2 of 3 draws accepted, refused: seed 7 (Too little motion).")
@@ -291,7 +326,7 @@ def test_a_run_without_flight_leaves_the_others(monkeypatch: pytest.MonkeyPatch,
         return {name: table_flight._Flight((0.01 * seed, 0.1), (0.001, 0.002)) for name in NAMES}
 
     monkeypatch.setattr(table_flight, "_flights_of_draw", flights_of_draw)
-    result = reproduce_item("flight", 3, told_nothing, 3)
+    result = reproduce_item("flight", 3, ignore_progress, 3)
     other = "thesis" if refused == "marker-like" else "marker-like"
     assert {claim.key: claim.n for claim in result.claims} == {f"{refused}_smoother": 2, f"{other}_smoother": 3}
     mean = {claim.key: claim.ours for claim in result.claims}
