@@ -147,7 +147,15 @@ def test_offsets_of_figure_2_8_are_compared_with_the_bias_of_their_draw() -> Non
     left = np.linalg.norm((bias + aligned)[:, :2]) / np.linalg.norm(bias[:, :2])
     assert claims["bias_left"].ours == pytest.approx(left)
     assert claims["latency_error_s"].ours == pytest.approx(np.abs(latencies_s - fig_2_8.LATENCY_S).max())
+    assert claims["shift_left_m"].ours == pytest.approx(np.sqrt(np.mean((corrected - aligned)[:, 0] ** 2)))
     assert "by -20.0 mm" in claims["bias_left"].note
+
+
+def test_an_offset_of_equal_size_along_all_axes_is_not_especially_horizontal() -> None:
+    offsets = 0.004 * np.sign(np.random.default_rng(9).normal(size=(40, 3)))
+    claims = fig_2_8._offset_claims(offsets, offsets, offsets, -offsets, np.full(40, fig_2_8.LATENCY_S))
+    assert claims[0].key == "horizontal_over_vertical"
+    assert claims[0].ours == pytest.approx(1.0)
     assert_as_recorded("figure 2.8 of invented draws", claims.values())
 
 

@@ -25,7 +25,7 @@ from stridelab.reproduction.studies.cone_validation import (
 from stridelab.reproduction.studies.random_contact_sets import stair_sets
 
 ROBOT: Final = "hrp2"
-SETS: Final = 60
+SETS: Final = 240
 POINTS: Final = 6
 MAX_CHANGE: Final = 1e-6
 ALPHA_TOLERANCE: Final = 0.005
