@@ -24,7 +24,7 @@ from stridelab.reproduction.chapter2 import (
     table_partial_force,
 )
 from stridelab.reproduction.chapter2.table_partial_force import PartialForceErrors
-from stridelab.reproduction.common.accepted_draws import accept_draws
+from stridelab.reproduction.common.accepted_draws import accept_draws, own_seeds
 from stridelab.reproduction.common.estimator_errors import Draw, horizontal_ratio
 from stridelab.reproduction.common.estimators import GEOMETRY, KALMAN, NAMES, SMOOTHER, THESIS
 from stridelab.reproduction.common.intervals import interval_of, resampled_interval, rms_ratio, share_interval
@@ -149,6 +149,7 @@ def test_offsets_of_figure_2_8_are_compared_with_the_bias_of_their_draw() -> Non
     assert claims["latency_error_s"].ours == pytest.approx(np.abs(latencies_s - fig_2_8.LATENCY_S).max())
     assert claims["shift_left_m"].ours == pytest.approx(np.sqrt(np.mean((corrected - aligned)[:, 0] ** 2)))
     assert "by -20.0 mm" in claims["bias_left"].note
+    assert_as_recorded("figure 2.8 of invented draws", claims.values())
 
 
 def test_an_offset_of_equal_size_along_all_axes_is_not_especially_horizontal() -> None:
@@ -156,7 +157,6 @@ def test_an_offset_of_equal_size_along_all_axes_is_not_especially_horizontal() -
     claims = fig_2_8._offset_claims(offsets, offsets, offsets, -offsets, np.full(40, fig_2_8.LATENCY_S))
     assert claims[0].key == "horizontal_over_vertical"
     assert claims[0].ours == pytest.approx(1.0)
-    assert_as_recorded("figure 2.8 of invented draws", claims.values())
 
 
 def test_lags_are_medians_of_the_draws(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -207,9 +207,9 @@ def test_the_height_is_judged_by_its_tables(monkeypatch: pytest.MonkeyPatch) -> 
 
 @given(st.integers(0, 5000), st.integers(1, 200), st.integers(1, 20))
 def test_more_draws_than_seeds_are_those_of_no_other_seed(first: int, n: int, per_seed: int) -> None:
-    own = [table_coverage._own_seeds(range(seed, seed + 1), per_seed) for seed in range(first, first + n)]
+    own = [own_seeds(range(seed, seed + 1), per_seed) for seed in range(first, first + n)]
     assert {len(draws) for draws in own} == {per_seed}
-    whole = table_coverage._own_seeds(range(first, first + n), per_seed)
+    whole = own_seeds(range(first, first + n), per_seed)
     assert [seed for draws in own for seed in draws] == list(whole)
 
 

@@ -19,6 +19,7 @@ from stridelab.estimation.evaluation.truth_errors import BAND_95, TruthError, tr
 from stridelab.estimation.smoother import Smoother, SmootherPriors
 from stridelab.reproduction.chapter2.table_partial_force import partial_force_errors
 from stridelab.reproduction.claims import Claim, Reproduction, reproduces, target
+from stridelab.reproduction.common.accepted_draws import own_seeds
 from stridelab.reproduction.common.estimator_errors import GAITS, as_columns, errors_of_draw
 from stridelab.reproduction.common.estimators import SMOOTHER, true_noise_priors
 from stridelab.reproduction.common.intervals import interval_of, rms_ratio, share_interval
@@ -106,14 +107,14 @@ def run(seeds: range, tell: Progress) -> Reproduction:
             if scenario is SCENARIOS[0]:
                 claims.append(_height_error_claim(gait, seeds, errors))
         tell((k * (len(SCENARIOS) + 1) + len(SCENARIOS)) / steps, f"{gait} gait, undeclared bias")
-        claims += _bias_detection_claims(gait, _own_seeds(seeds, BIAS_DRAWS_PER_SEED))
-    claims += [_table_band_claim(size, _own_seeds(seeds, TABLES_PER_SEED)) for size in TABLE_ERRORS]
+        claims += _bias_detection_claims(gait, own_seeds(seeds, BIAS_DRAWS_PER_SEED))
+    claims += [_table_band_claim(size, own_seeds(seeds, TABLES_PER_SEED)) for size in TABLE_ERRORS]
     return Reproduction(
         claims=tuple(claims),
         note=f"{len(seeds)} draws each; share of samples inside the 95 % band. sd over RMSE is the width of the band "
         "relative to the actual error: the table error is drawn once per trial, so with few draws a share of 1.00 is "
         "consistent with a ratio below 2. The band of the height is the prior of the segment table in all scenarios "
-        f"alike, and is judged on {len(_own_seeds(seeds, TABLES_PER_SEED))} tables. With the thesis' noise, which lies "
+        f"alike, and is judged on {len(own_seeds(seeds, TABLES_PER_SEED))} tables. With the thesis' noise, which lies "
         "above 5 Hz, the band is dominated by the posture-dependent table error "
         f"({1e3 * DEFAULT.table_varying_m:g} mm by default), whose size cannot be estimated from a recording: the row "
         "rigid-table shows the coverage without it. The noise of the smoother's model is high-passed once, that of the "
@@ -161,11 +162,6 @@ def _coverage_claims(gait: str, scenario: Scenario, errors: Sequence[TruthError]
             )
         )
     return claims
-
-
-def _own_seeds(seeds: range, per_seed: int) -> range:
-    """Seeds of ``per_seed`` draws for each seed, which no other seed has."""
-    return range(per_seed * seeds[0], per_seed * (seeds[-1] + 1))
 
 
 def _height_error_claim(gait: GaitName, seeds: range, errors: Sequence[TruthError]) -> Claim:

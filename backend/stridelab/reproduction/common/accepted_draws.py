@@ -1,4 +1,4 @@
-"""Draws of an item of which some may allow no estimate: these are counted and named, and do not end the item."""
+"""Draws of an item: several per seed, and some that allow no estimate, which are counted and do not end the item."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -28,6 +28,11 @@ class AcceptedDraws(Generic[Result]):
         drawn = len(self.results) + len(self.refused)
         seeds = ", ".join(map(str, self.refused))
         return f" {len(self.results)} of {drawn} draws accepted, refused: seed {seeds} ({_reasons_text(self.refused)})."
+
+
+def own_seeds(seeds: range, per_seed: int) -> range:
+    """Seeds of ``per_seed`` draws for each seed, which no other seed has."""
+    return range(per_seed * seeds[0], per_seed * (seeds[-1] + 1))
 
 
 def accept_draws(seeds: Iterable[int], compute: Callable[[int], Result], tell: Progress) -> AcceptedDraws[Result]:
