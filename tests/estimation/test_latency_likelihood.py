@@ -58,6 +58,16 @@ def test_the_lag_is_right_whatever_the_mass_of_a_segment(wrong: float) -> None:
     assert likeliest_s(body(wrong)) == pytest.approx(LATE_S, abs=0.0011)
 
 
+def test_a_wrong_mass_does_not_make_the_same_walk_look_like_another_one() -> None:
+    """The path of the markers alone resembles that of the force less; another motion stays another one."""
+    wrong = body(-0.4)
+    assert likelihood(replace(wrong, segments={})).correlation < 0.8
+    assert likelihood(wrong).correlation > 0.98
+    other = np.column_stack([0.06 * np.sin(2 * np.pi * 1.3 * T), 0 * T, 0.06 * np.cos(2 * np.pi * 1.3 * T)])
+    moved = {name: replace(track, com_m=track.com_m + other) for name, track in wrong.segments.items()}
+    assert likelihood(replace(wrong, com_m=wrong.com_m + other, segments=moved)).correlation < 0.8
+
+
 def test_without_the_segments_a_wrong_mass_is_a_lag() -> None:
     """What the regressors are for: the same path, and nothing known of where it comes from."""
     misled = [likeliest_s(replace(body(wrong), segments={})) - LATE_S for wrong in (-0.2, 0.2)]

@@ -124,6 +124,9 @@ def test_claims_on_random_sets_count_every_set() -> None:
     assert claims["kept"].interval == pytest.approx((2.0, 4.0))
     assert claims["alpha_third_stairs"].verdict == "met", "0.296 is 0.30 to two digits"
     assert_as_recorded("figure 4.6 of invented sets", claims.values())
+    assert fig_4_6.undefined_note(checks) == ""
+    without = [*checks, invented_check(float("nan"), 0.3), invented_check(float("nan"), 0.4)]
+    assert fig_4_6.undefined_note(without).startswith(" 2 of them have no cone")
 
 
 SQUARE_M_S2 = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])

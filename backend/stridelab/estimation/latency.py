@@ -62,8 +62,10 @@ In real recordings quiet stance has 0.05 to 0.5 %, walks have at least 3 %.
 MIN_VERTICAL_VARIATION: Final = 0.1
 """Vertical variation that suffices alone, for jumps on the spot: walks have 10 to 20 %, jumps 50 to 150 %."""
 MIN_CORRELATION: Final = 0.8
-"""Minimum correlation of the two paths. Walks have at least 0.93; the force of another walk has less, or a lag at the
-edge of the search range."""
+"""Minimum correlation of the two paths, without what errors of the table and of the gain explain.
+
+Walks have at least 0.99, with 15 mm of noise 0.9; most forces of another walk have less, or a lag at the edge of the
+search range."""
 MAX_SD_S: Final = 0.01
 """Largest standard deviation of a useful estimate: lags lie within 25 ms anyway."""
 LONGEST_S: Final = 6.0
@@ -94,7 +96,7 @@ class Latency:
     ``sd_s`` follows from the width of its likelihood (``repeated_sd_s``).
 
     ``along``, ``lateral`` and ``vertical`` are estimated from the accelerations of one axis each (along and across the
-    walk) and are biased by table errors; ``correlation`` is that of the two paths at the latency.
+    walk) and are biased by table errors; ``correlation`` is that of the two paths at the latency, without table errors.
     """
 
     latency_s: float

@@ -86,8 +86,8 @@ _NOISES: Final = (
 class ClockLikelihood:
     """Log-likelihood at each lag (> 0: the force is late), at the likeliest noise.
 
-    ``correlation`` is that of the force's path with the geometry's at the best lag, along and vertical together and
-    without their slow parts.
+    ``correlation`` is that of the force's path with the geometry's at the best lag, along and vertical together,
+    without their slow parts and the likeliest errors of table and gain, which alone can lower it to 0.7 in a walk.
     """
 
     lag_s: Lags
@@ -125,7 +125,10 @@ def clock_likelihood(
         y, made = (_project_paths(keep, x, axes) for x in (c[..., None] - paths, errors))
         best = np.maximum(best, _log_evidence(y, made, noise.min_sd_m) - noise.log_penalty)
     keep = _orthogonal_complement(slow).T
-    return ClockLikelihood(lag_s, best, _path_correlation(keep @ c, keep @ paths[..., np.argmax(best)]))
+    path = keep @ paths[..., np.argmax(best)]
+    geometry = keep @ c
+    wrong_part = _likeliest_errors(geometry - path, np.tensordot(keep, errors, axes=1))
+    return ClockLikelihood(lag_s, best, _path_correlation(geometry - wrong_part, path))
 
 
 def _cosine_spectrum(x: Float[np.ndarray, "n *axes"]) -> Float[np.ndarray, "n *axes"]:
@@ -141,16 +144,31 @@ def _project_paths(
 
 def _log_evidence(y: Paths, errors: Columns, least_m: float) -> Lags:
     """Log p(y) of each column for ``errors`` with standard normal factors and white noise of the likeliest size."""
+    return np.asarray(_evidence_of_sizes(y, errors, _SIGMAS_M[least_m <= _SIGMAS_M]).max(axis=0))
+
+
+def _evidence_of_sizes(y: Paths, errors: Columns, sigmas_m: Float[np.ndarray, "sizes"]) -> Float[np.ndarray, "sizes n"]:
+    """Log p(y) of each column, for white noise of each size."""
     U, s, _ = np.linalg.svd(errors, full_matrices=False)
     inside = (U.T @ y) ** 2
     outside = np.maximum((y**2).sum(axis=0) - inside.sum(axis=0), 0.0)
-    best: Lags = np.full(y.shape[1], -np.inf)
-    for sigma in _SIGMAS_M[least_m <= _SIGMAS_M]:
+    rows = []
+    for sigma in sigmas_m:
         variance = s**2 + sigma**2
         explained = (inside / variance[:, None]).sum(axis=0) + np.log(variance).sum()
         left = outside / sigma**2 + 2 * (len(y) - len(s)) * np.log(sigma)
-        best = np.maximum(best, -0.5 * (explained + left))
-    return best
+        rows.append(-0.5 * (explained + left))
+    return np.array(rows)
+
+
+def _likeliest_errors(
+    y: Float[np.ndarray, "kept 3"], errors: Float[np.ndarray, "kept 3 errors"]
+) -> Float[np.ndarray, "kept 3"]:
+    """The part of the difference of two paths that ``errors`` with standard normal factors most likely make up."""
+    flat, columns = y.reshape(-1), errors.reshape(-1, errors.shape[-1])
+    sigma_m = _SIGMAS_M[np.argmax(_evidence_of_sizes(flat[:, None], columns, _SIGMAS_M))]
+    inverse_m2 = columns.T @ columns + sigma_m**2 * np.eye(columns.shape[1])
+    return np.asarray(errors @ np.linalg.solve(inverse_m2, columns.T @ flat))
 
 
 def _table_errors(geometric: GeometricCom, core: slice) -> list[Points]:

@@ -5,9 +5,12 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from stridelab.conventions import Progress
+from stridelab.errors import NotEstimable
 from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum
 from stridelab.estimation.evaluation.truth_errors import TruthError
 from stridelab.reproduction.chapter2 import (
@@ -21,11 +24,13 @@ from stridelab.reproduction.chapter2 import (
     table_partial_force,
 )
 from stridelab.reproduction.chapter2.table_partial_force import PartialForceErrors
+from stridelab.reproduction.common.accepted_draws import accept_draws, own_seeds
 from stridelab.reproduction.common.estimator_errors import Draw, horizontal_ratio
 from stridelab.reproduction.common.estimators import GEOMETRY, KALMAN, NAMES, SMOOTHER, THESIS
 from stridelab.reproduction.common.intervals import interval_of, resampled_interval, rms_ratio, share_interval
 from stridelab.reproduction.registry import reproduce_item
 from stridelab.reproduction.studies.estimator_study import StudyTrial
+from stridelab.simulation.noise import NoisePreset
 from support.recorded_claims import assert_as_recorded
 from support.reproduction_fixtures import RisingProgress
 
@@ -142,8 +147,16 @@ def test_offsets_of_figure_2_8_are_compared_with_the_bias_of_their_draw() -> Non
     left = np.linalg.norm((bias + aligned)[:, :2]) / np.linalg.norm(bias[:, :2])
     assert claims["bias_left"].ours == pytest.approx(left)
     assert claims["latency_error_s"].ours == pytest.approx(np.abs(latencies_s - fig_2_8.LATENCY_S).max())
+    assert claims["shift_left_m"].ours == pytest.approx(np.sqrt(np.mean((corrected - aligned)[:, 0] ** 2)))
     assert "by -20.0 mm" in claims["bias_left"].note
     assert_as_recorded("figure 2.8 of invented draws", claims.values())
+
+
+def test_an_offset_of_equal_size_along_all_axes_is_not_especially_horizontal() -> None:
+    offsets = 0.004 * np.sign(np.random.default_rng(9).normal(size=(40, 3)))
+    claims = fig_2_8._offset_claims(offsets, offsets, offsets, -offsets, np.full(40, fig_2_8.LATENCY_S))
+    assert claims[0].key == "horizontal_over_vertical"
+    assert claims[0].ours == pytest.approx(1.0)
 
 
 def test_lags_are_medians_of_the_draws(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -165,7 +178,39 @@ def test_coverage_is_the_mean_share_and_the_width_that_of_root_mean_squares() ->
     assert summary["ratio_z"] == pytest.approx(widths / misses)
     assert summary["rms_z_m"] == pytest.approx(misses)
     claims = table_coverage._coverage_claims("human", table_coverage.SCENARIOS[2], errors)
+    assert [claim.key for claim in claims] == ["human_table-40_x", "human_table-40_y"]
     assert_as_recorded("coverage of invented draws", claims)
+
+
+def test_the_height_is_judged_by_its_tables(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten tables along a walk of two samples: four inside the band, two half of the time, four outside."""
+    bias_m = [(0.01, -0.02)] * 4 + [(0.01, 0.05)] * 2 + [(0.05, -0.05)] * 4
+    drawn: list[float] = []
+
+    def simulate_trial(_gait: str, noise: NoisePreset, seed: int) -> Mock:
+        drawn.append(noise.mass_model)
+        geometric = Mock(sd_m=(1.0, 1.0, 0.02))
+        return Mock(spec=StudyTrial, bias_m=np.array([(0.0, 0.0, z) for z in bias_m[seed - 20]]), geometric=geometric)
+
+    monkeypatch.setattr(table_coverage, "simulate_trial", simulate_trial)
+    claim = table_coverage._table_band_claim(0.4, range(20, 30))
+    assert claim.ours == pytest.approx(0.5)
+    assert claim.interval == interval_of([1.0] * 4 + [0.5] * 2 + [0.0] * 4)
+    assert (claim.key, claim.n, claim.holds_from, claim.outcome) == ("table_40_z", 10, 0.9, "aim_missed")
+    assert set(drawn) == {0.4}
+    errors = [Mock(spec=TruthError, rms_m=np.array([1.0, 2.0, 0.03])) for _ in range(10)]
+    height = table_coverage._height_error_claim("human", range(20, 30), errors)
+    assert height.ours == pytest.approx(0.03 / np.sqrt(np.mean(np.square(bias_m))))
+    assert height.interval is not None
+    assert height.interval[0] < height.ours < height.interval[1]
+
+
+@given(st.integers(0, 5000), st.integers(1, 200), st.integers(1, 20))
+def test_more_draws_than_seeds_are_those_of_no_other_seed(first: int, n: int, per_seed: int) -> None:
+    own = [own_seeds(range(seed, seed + 1), per_seed) for seed in range(first, first + n)]
+    assert {len(draws) for draws in own} == {per_seed}
+    whole = own_seeds(range(first, first + n), per_seed)
+    assert [seed for draws in own for seed in draws] == list(whole)
 
 
 def test_errors_with_a_second_of_force_are_pooled_over_samples() -> None:
@@ -234,3 +279,65 @@ def test_windows_that_are_too_short_are_counted_by_their_reason(monkeypatch: pyt
     assert (claim.cases_inside, claim.interval) == (2, None)
     assert claim.outcome == "aim_missed"
     assert {round(end - start, 6) for start, end in drawn} == {0.35}
+
+
+def test_a_draw_that_allows_no_estimate_is_counted_and_named() -> None:
+    def root_of(seed: int) -> float:
+        if seed in (3, 5):
+            raise NotEstimable("no-root", "It has none.")
+        return float(np.sqrt(seed))
+
+    progress: list[tuple[float, str]] = []
+    draws = accept_draws(range(2, 7), root_of, lambda fraction, message: progress.append((fraction, message)))
+    assert draws.results == {2: np.sqrt(2.0), 4: 2.0, 6: np.sqrt(6.0)}
+    assert draws.note == " 3 of 5 draws accepted, refused: seed 3, 5 (It has none: 2)."
+    assert progress == [(k / 5, f"draw {k + 1} of 5") for k in range(5)]
+    one = accept_draws((3, 4), root_of, ignore_progress)
+    assert one.note == " 1 of 2 draws accepted, refused: seed 3 (It has none)."
+    assert accept_draws((4,), root_of, ignore_progress).note == ""
+    with pytest.raises(NotEstimable, match=r"Only 1 of 3 draws allow an estimate: It has none: 2\.") as error:
+        accept_draws((3, 4, 5), root_of, ignore_progress)
+    assert error.value.code == "too-few-draws"
+    with pytest.raises(ZeroDivisionError):
+        accept_draws((1,), lambda _: 1 // 0, ignore_progress)
+
+
+def ignore_progress(_fraction: float, _message: str) -> None:
+    return None
+
+
+def test_a_table_that_is_far_off_still_has_a_delay() -> None:
+    """The paths of markers and force of this draw have a correlation of 0.79."""
+    assert fig_2_8._compare_clocks(2009).latency_s == pytest.approx(fig_2_8.LATENCY_S, abs=0.001)
+
+
+def test_a_walk_whose_delay_is_unclear_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    compare_clocks = fig_2_8._compare_clocks
+
+    def refuse_one(seed: int) -> fig_2_8._Compared:
+        if seed == 7:
+            raise NotEstimable("latency-unclear", "Too little motion.")
+        return compare_clocks(seed)
+
+    monkeypatch.setattr(fig_2_8, "_compare_clocks", refuse_one)
+    result = reproduce_item("fig-2.8", 3, ignore_progress, 7)
+    assert {claim.n for claim in result.claims} == {2}
+    assert result.tables["offsets"]["draw"].tolist() == [8, 9]
+    assert result.note.endswith(" 2 of 3 draws accepted, refused: seed 7 (Too little motion).")
+
+
+@pytest.mark.parametrize("refused", ["marker-like", "thesis"])
+def test_a_run_without_flight_leaves_the_others(monkeypatch: pytest.MonkeyPatch, refused: str) -> None:
+    def flights_of_draw(noise: str, seed: int) -> dict[str, table_flight._Flight]:
+        if (noise, seed) == (refused, 4):
+            raise NotEstimable("no-flight", "Too short.")
+        return {name: table_flight._Flight((0.01 * seed, 0.1), (0.001, 0.002)) for name in NAMES}
+
+    monkeypatch.setattr(table_flight, "_flights_of_draw", flights_of_draw)
+    result = reproduce_item("flight", 3, ignore_progress, 3)
+    other = "thesis" if refused == "marker-like" else "marker-like"
+    assert {claim.key: claim.n for claim in result.claims} == {f"{refused}_smoother": 2, f"{other}_smoother": 3}
+    mean = {claim.key: claim.ours for claim in result.claims}
+    assert mean[f"{refused}_smoother"] == pytest.approx(0.01 * np.sqrt((3**2 + 5**2) / 2))
+    assert f"With {refused} noise: 2 of 3 draws accepted, refused: seed 4 (Too short)." in result.note
+    assert other not in result.note

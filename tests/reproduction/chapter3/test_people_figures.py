@@ -21,6 +21,7 @@ from stridelab.reproduction.chapter3.people_walks import (
 )
 from stridelab.reproduction.claims import Claim
 from stridelab.reproduction.common.intervals import interval_of
+from stridelab.reproduction.common.simulated_people import PEOPLE_PER_SEED
 from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.reproduction.result_cache import digest_of
 from stridelab.reproduction.runner import recipes_of
@@ -195,7 +196,7 @@ def test_a_weak_correlation_is_that_whose_p_the_thesis_prints() -> None:
 def test_a_simulated_population_gives_no_verdict_on_people() -> None:
     for name in ("fig-3.6", "fig-3.7", "fig-3.8", "fig-3.9"):
         result = reproduce_item(name, None, silent)
-        assert all(claim.aim and claim.n == ITEMS[name].default_seeds for claim in result.claims)
+        assert all(claim.aim and claim.n == PEOPLE_PER_SEED * ITEMS[name].default_seeds for claim in result.claims)
 
 
 def test_walks_of_a_folder_are_fitted_once(folder: Path) -> None:

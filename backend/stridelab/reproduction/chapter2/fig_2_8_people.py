@@ -125,13 +125,11 @@ def _walk_row(pace: str, one: Fused) -> dict[str, object]:
 
 
 def _offset_claims(slow: Sequence[Fused], pairs: Sequence[tuple[Fused, Fused]]) -> tuple[Claim, ...]:
-    flat_m, up_m = (
-        np.array([np.linalg.norm(one.offset_m[axes]) for one in slow]) for axes in (slice(WALK, UP), slice(UP, None))
-    )
-    flat, up = rms(flat_m.tolist()), rms(up_m.tolist())
+    flat_m, up_m = (np.array([one.offset_m[axes] for one in slow]) for axes in (slice(WALK, UP), slice(UP, None)))
+    flat, up = rms(flat_m.ravel().tolist()), rms(up_m.ravel().tolist())
 
     def horizontal_over_vertical(chosen: Sequence[int]) -> float:
-        return rms(flat_m[chosen].tolist()) / rms(up_m[chosen].tolist())
+        return rms(flat_m[chosen].ravel().tolist()) / rms(up_m[chosen].ravel().tolist())
 
     raw, corrected = (
         np.array([getattr(b, name)[WALK] - getattr(a, name)[WALK] for a, b in pairs])
@@ -142,10 +140,11 @@ def _offset_claims(slow: Sequence[Fused], pairs: Sequence[tuple[Fused, Fused]]) 
     return (
         Measured("horizontal_over_vertical", "especially", flat / up, "1", at_least(1.0, "words")).says(
             "the estimate differs slightly from the geometry, especially in horizontal position",
-            f"RMS of the mean offsets of {len(slow)} adults at a comfortable speed: {1e3 * flat:.1f} mm horizontally, "
-            f"{1e3 * up:.1f} mm vertically.",
+            f"RMS of the mean offsets of {len(slow)} adults at a comfortable speed: {1e3 * flat:.1f} mm per horizontal "
+            f"axis, {1e3 * up:.1f} mm vertically.",
             n=len(slow),
             interval=resampled_interval(horizontal_over_vertical, len(slow)),
+            comparator="vertical offset",
         ),
         Measured("change_with_speed_m", 0.0, change, "m", at_most(CHANCE_CHANGE_M, "ours")).says(
             "the difference could be a correction of the table's bias, which is independent of the speed",

@@ -32,6 +32,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
             f"{errors_s.size} events of {len(errors_s)} steps, from the recording with noise, compared with the "
             f"exact time at which the foot force crosses {LOADED_N:.0f} N. Steps timed by markers too are left out.",
             cases_inside=int((np.abs(errors_s) <= MAX_TIMING_ERROR_S).sum()),
+            comparator="exact foot forces",
         ),
     )
     return Reproduction(

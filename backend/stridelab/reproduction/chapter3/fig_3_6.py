@@ -7,9 +7,10 @@ import numpy as np
 from stridelab.conventions import Progress
 from stridelab.reproduction.claims import Reproduction, reproduces, target
 from stridelab.reproduction.common.simulated_people import (
-    MIN_SUBJECTS,
+    MIN_SEEDS,
     NOTE,
     PEOPLE_NOTE,
+    PEOPLE_PER_SEED,
     THESIS_SUBJECTS,
     simulated_people,
 )
@@ -23,11 +24,11 @@ SD_MM: Final = 1.5
     "fig-3.6",
     "Distance between path and wheel, per person",
     draws="many",
-    default_seeds=THESIS_SUBJECTS,
-    min_seeds=MIN_SUBJECTS,
+    default_seeds=THESIS_SUBJECTS // PEOPLE_PER_SEED,
+    min_seeds=MIN_SEEDS,
 )
 def run(seeds: range, tell: Progress) -> Reproduction:
-    """One simulated subject per seed."""
+    """Simulated subjects, ``PEOPLE_PER_SEED`` of each seed."""
     subjects = simulated_people(seeds, tell).population.subjects
     means = np.array([s.mean["error_mean_mm"] for s in subjects])
     sds = np.array([s.mean["error_sd_mm"] for s in subjects])
@@ -54,6 +55,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
     return Reproduction(
         claims=claims,
         note=NOTE,
+        n=len(subjects),
         tables={"people": {"person": person, "error_mean_mm": means, "error_sd_mm": sds}},
         drawing=render_svg(
             Bars("Largest of all people", "mm", [("mean", float(means.max())), ("deviation", float(sds.max()))]),

@@ -1,10 +1,13 @@
 """Figures 3.7 to 3.9: R and r, z0, and omega versus body height."""
 
+from typing import Final
+
 from stridelab.conventions import Progress
 from stridelab.reproduction.claims import Claim, Reproduction, reproduces
 from stridelab.reproduction.common.simulated_people import (
-    MIN_SUBJECTS,
+    MIN_SEEDS,
     NOTE,
+    PEOPLE_PER_SEED,
     THESIS_SUBJECTS,
     SimulatedPeople,
     height_claim,
@@ -14,12 +17,12 @@ from stridelab.reproduction.common.simulated_people import (
 )
 from stridelab.reproduction.report.svg_plots import Panel, render_svg
 
+DEFAULT_SEEDS: Final = THESIS_SUBJECTS // PEOPLE_PER_SEED
 
-@reproduces(
-    "fig-3.7", "R and r against the height", draws="many", default_seeds=THESIS_SUBJECTS, min_seeds=MIN_SUBJECTS
-)
+
+@reproduces("fig-3.7", "R and r against the height", draws="many", default_seeds=DEFAULT_SEEDS, min_seeds=MIN_SEEDS)
 def radii(seeds: range, tell: Progress) -> Reproduction:
-    """One simulated subject per seed."""
+    """Simulated subjects, ``PEOPLE_PER_SEED`` of each seed."""
     people = simulated_people(seeds, tell)
     return _height_figure(
         people,
@@ -29,9 +32,9 @@ def radii(seeds: range, tell: Progress) -> Reproduction:
     )
 
 
-@reproduces("fig-3.8", "z0 against the height", draws="many", default_seeds=THESIS_SUBJECTS, min_seeds=MIN_SUBJECTS)
+@reproduces("fig-3.8", "z0 against the height", draws="many", default_seeds=DEFAULT_SEEDS, min_seeds=MIN_SEEDS)
 def hub_height(seeds: range, tell: Progress) -> Reproduction:
-    """One simulated subject per seed."""
+    """Simulated subjects, ``PEOPLE_PER_SEED`` of each seed."""
     people = simulated_people(seeds, tell)
     curves = height_plot_curves(people, "z0_m", 1.0, 0, "z0")
     claims = (height_claim(people, "z0_m", "z0", "r = 0.87"),)
@@ -42,11 +45,11 @@ def hub_height(seeds: range, tell: Progress) -> Reproduction:
     "fig-3.9",
     "Angular velocity against the height",
     draws="many",
-    default_seeds=THESIS_SUBJECTS,
-    min_seeds=MIN_SUBJECTS,
+    default_seeds=DEFAULT_SEEDS,
+    min_seeds=MIN_SEEDS,
 )
 def angular_velocity(seeds: range, tell: Progress) -> Reproduction:
-    """One simulated subject per seed."""
+    """Simulated subjects, ``PEOPLE_PER_SEED`` of each seed."""
     people = simulated_people(seeds, tell)
     claim = height_claim(people, "omega_rad_s", "omega", "p of 0.83 or more")
     curves = height_plot_curves(people, "omega_rad_s", 1.0, 0, "omega")

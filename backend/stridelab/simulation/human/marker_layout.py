@@ -133,13 +133,13 @@ def skin_displacements(stride_phase: Series, rng: Generator) -> Mapping[str, Poi
         segment = _SEGMENTS.get(twin, "trunk")
         common, left, right = shared[segment]
         if segment in _UNDIVIDED:
-            track = _evaluated(common, stride_phase)
+            track = _displacement_at(common, stride_phase)
         elif side == "l":
-            track = np.sqrt(0.5) * (_evaluated(common, stride_phase) + _evaluated(left, stride_phase))
+            track = np.sqrt(0.5) * (_displacement_at(common, stride_phase) + _displacement_at(left, stride_phase))
         else:
-            mirrored = _evaluated(common, stride_phase + 0.5) * [1.0, -1.0, 1.0]
-            track = np.sqrt(0.5) * (mirrored + _evaluated(right, stride_phase))
-        track = track + SKIN_DEFORMATION_SHARE * _evaluated(_periodic_pattern(rng), stride_phase)
+            mirrored = _displacement_at(common, stride_phase + 0.5) * [1.0, -1.0, 1.0]
+            track = np.sqrt(0.5) * (mirrored + _displacement_at(right, stride_phase))
+        track = track + SKIN_DEFORMATION_SHARE * _displacement_at(_periodic_pattern(rng), stride_phase)
         moved[label] = size * SKIN_MOTION_SD_M[segment] * track
     return moved
 
@@ -150,6 +150,6 @@ def _periodic_pattern(rng: Generator) -> Float[np.ndarray, "2 3 3"]:
     return rng.normal(size=(2, 3, 3)) * (weight / np.linalg.norm(weight))[:, None]
 
 
-def _evaluated(pattern: Float[np.ndarray, "2 3 3"], stride_phase: Series) -> Points:
+def _displacement_at(pattern: Float[np.ndarray, "2 3 3"], stride_phase: Series) -> Points:
     angle = 2.0 * np.pi * stride_phase[:, None] * _HARMONICS
     return np.asarray(np.cos(angle) @ pattern[0] + np.sin(angle) @ pattern[1])
