@@ -35,7 +35,7 @@ from stridelab.robots.proposal.description import MESHES, invalid, is_mark, plai
 from stridelab.robots.proposal.effectors import carrying_link, effector_cards, foot_soles
 from stridelab.robots.proposal.joint_ranges import anatomical_ranges, narrowed_ranges
 from stridelab.robots.proposal.limbs import Limbs, find_limbs
-from stridelab.robots.proposal.meshes import MeshConverter, turn_y_up_shapes
+from stridelab.robots.proposal.meshes import MeshConverter, colour_shapes, turn_y_up_shapes
 from stridelab.robots.proposal.motor_inertias import move_motor_inertias
 from stridelab.robots.proposal.oversized_inertias import replace_oversized_inertias
 from stridelab.robots.proposal.posture import rest_posture
@@ -102,6 +102,7 @@ def rebuild_description(
     if meshes.missing:
         raise invalid([_missing_mesh(path) for path in sorted(set(meshes.missing))])
     turn_y_up_shapes(plain.root, folder, meshes.y_up, plain.assumed)
+    colour_shapes(plain.root, meshes.colours, plain.assumed)
     move_motor_inertias(plain.root, plain.assumed)
     replace_oversized_inertias(plain.root, folder, plain.assumed)
     ET.ElementTree(plain.root).write(folder / URDF, encoding="utf-8", xml_declaration=True)
