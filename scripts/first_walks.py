@@ -4,8 +4,9 @@ usage: .venv/bin/python scripts/first_walks.py FOLDER [--search-s S] [--jobs N] 
 
 Every robot is proposed from its package as ``stridelab add-robot`` does, with the corrections of ``ROBOTS``, and
 commissioned in a process of its own, ``--jobs`` of them at a time. Rows are appended to ``FOLDER/rows.jsonl`` with the
-hash of the package; robots with a row of the same sources are not repeated. Packages beside the environment are on
-``PYTHONPATH`` and ``AMENT_PREFIX_PATH``.
+hash of the package; robots with a row of the same sources are not repeated. A process that ends otherwise, or whose
+sources are changed meanwhile, leaves no row: what it wrote, with the stacks at a fault, is in ``FOLDER/NAME.log``.
+Packages beside the environment are on ``PYTHONPATH`` and ``AMENT_PREFIX_PATH``.
 """
 
 import argparse
@@ -14,6 +15,7 @@ import json
 import os
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -59,12 +61,15 @@ def sources_sha256() -> str:
     return total.hexdigest()[:12]
 
 
+def name_of(robot: str) -> str:
+    """Name of the robot of a description."""
+    stem = robot.partition("/")[2].rsplit(".", 1)[0].lower()
+    return "".join(letter if letter.isalnum() else "-" for letter in stem)[-40:].strip("-")
+
+
 def commission_one(robot: str, folder: Path, search_s: float) -> dict[str, Any]:
     """The row of one robot; a refusal is a row with its reason."""
-    name = "".join(letter if letter.isalnum() else "-" for letter in robot.partition("/")[2].rsplit(".", 1)[0].lower())[
-        -40:
-    ]
-    name = name.strip("-")
+    name = name_of(robot)
     row: dict[str, Any] = {"robot": robot, "leg_torque_nm": ROBOTS[robot], "search_s": search_s}
     started_s = time.perf_counter()
     own = folder / "robots"
@@ -97,6 +102,11 @@ def commission_one(robot: str, folder: Path, search_s: float) -> dict[str, Any]:
     row["processor_s"] = sum(each.ru_utime + each.ru_stime for each in used)
     row["wall_s"], row["load"] = time.perf_counter() - started_s, os.getloadavg()[0]
     return row
+
+
+def how_ended(code: int) -> str:
+    """How a process ended that did not end as it should; empty for one that did."""
+    return "" if code == 0 else f"ended by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
 
 
 def table_line(row: dict[str, Any]) -> str:
@@ -136,13 +146,22 @@ def main() -> None:
     rows_path, sources = given.folder / "rows.jsonl", sources_sha256()
     lines = rows_path.read_text().splitlines() if rows_path.exists() else []
     done = {(row["robot"], row["search_s"]) for row in map(json.loads, lines) if row["sources"] == sources}
+    failed: list[str] = []
     wanted = [name for name in ROBOTS if any(part in name for part in given.only.split(","))]
 
     def walk_robot(robot: str) -> None:
-        command = [sys.executable, __file__, str(given.folder), "--search-s", str(given.search_s), "--one", robot]
-        ended = subprocess.run(command, check=False, capture_output=True, text=True)
-        if ended.returncode:
-            sys.stderr.write(f"{robot}: exit code {ended.returncode}\n{ended.stderr[-2000:]}\n")
+        command = [sys.executable, "-X", "faulthandler", __file__, str(given.folder)]
+        ended = subprocess.run(
+            [*command, "--search-s", str(given.search_s), "--one", robot], check=False, capture_output=True, text=True
+        )
+        how = how_ended(ended.returncode)
+        if not how and sources_sha256() != sources:
+            how = "the sources were changed meanwhile"
+        if how:
+            log = given.folder / f"{name_of(robot)}.log"
+            log.write_text(f"{how}\n{ended.stdout}\n{ended.stderr}", encoding="utf-8")
+            sys.stderr.write(f"{robot}: {how}, see {log}\n")
+            failed.append(robot)
             return
         row = json.loads(ended.stdout.splitlines()[-1]) | {"sources": sources}
         with rows_path.open("a", encoding="utf-8") as file:
@@ -152,6 +171,8 @@ def main() -> None:
 
     with ThreadPoolExecutor(given.jobs) as pool:
         list(pool.map(walk_robot, [robot for robot in wanted if (robot, given.search_s) not in done]))
+    if failed:
+        sys.exit(f"no row: {', '.join(failed)}")
 
 
 if __name__ == "__main__":
