@@ -12,7 +12,7 @@ import pytest
 
 SCRIPT = Path(__file__).parents[3] / "scripts" / "first_walks.py"
 ROBOT = "example-robot-data/go2.urdf"
-ROW = {"robot": ROBOT, "leg_torque_nm": None, "search_s": 0.0, "refused": "no", "processor_s": 1.0, "wall_s": 1.0}
+ROW = {"robot": ROBOT, "search_s": 0.0, "refused": "no", "processor_s": 1.0, "wall_s": 1.0}
 
 
 @pytest.fixture
