@@ -22,7 +22,7 @@ from stridelab.schemas.jobs import Artifact, Job, JobEvent, JobResult, Progress
 from stridelab.schemas.plans import StoppedMotion
 from stridelab.schemas.previews import SolverFacts, Solvers
 from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
-from stridelab.schemas.robots import Measure
+from stridelab.schemas.robots import Measure, OwnRobot
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab.schemas.service import Health
 from stridelab.service.api.downloads import FILE_GONE
@@ -76,6 +76,7 @@ class FakeService:
         self.results: dict[str, JobResult] = {}
         self.comparisons: dict[str, tuple[bool, dict[str, bytes]]] = {}
         self.failing: Problem | None = None
+        self.own: OwnRobot | None = None
         self.measures, self.stale_measures = list[Measure](reachability.MEASURES), list[Measure]()
         self.robot_refusal: tuple[int, str, str] | None = None
         self.preparation, self.step_s, self.files_are_gone = robots.READY, step_s, False
@@ -225,6 +226,7 @@ class FakeService:
             Route(f"{api}/robots", self._robots),
             Route(f"{api}/robots/{{name}}", self._robot),
             Route(f"{api}/robots/{{name}}/preparation", self._preparation),
+            Route(f"{api}/robots/{{name}}/card", self._card, methods=["GET", "PUT"]),
             Route(f"{api}/robots/{{name}}/reachability", self._reachability),
             Route(f"{api}/robots/{{name}}/links", self._links),
         ]
@@ -363,7 +365,16 @@ class FakeService:
     async def _robot(self, _: Request) -> Response:
         if self.robot_refusal is not None:
             return _problem(*self.robot_refusal)
-        return _answer(robots.robot(self.measures, self.stale_measures).model_dump(mode="json"))
+        facts = robots.robot(self.measures, self.stale_measures)
+        return _answer({**facts.model_dump(mode="json"), "own": self.own is not None})
+
+    async def _card(self, request: Request) -> Response:
+        """The card of one's own robot, of which a change is kept."""
+        if self.own is None:
+            return _problem(404, "robot-not-found", "There is no card.")
+        if request.method == "PUT":
+            self.own = self.own.model_copy(update={"card": await request.json()})
+        return _answer(self.own.model_dump(mode="json"))
 
     async def _preparation(self, _: Request) -> Response:
         return _answer(self.preparation.model_dump(mode="json"))
