@@ -32,7 +32,6 @@ from stridelab.schemas.receding import PlanRecedingSummary
 from stridelab.schemas.robots import (
     LinkPose,
     Measure,
-    OwnRobot,
     RobotEffector,
     RobotFacts,
     RobotPreparation,
@@ -343,24 +342,6 @@ def robot(measures: Sequence[Measure] = reachability.MEASURES, stale: Sequence[M
         q_reference=[], com_height_m=0.88, limits=[], links=list(LINKS), link_poses=REFERENCE,
         proxies=[reachability.card(name, measure) for measure in measures for name in EFFECTORS],
         measures=list(measures), stale_measures=list(stale), default_measure="uniform",
-    )  # fmt: skip
-
-
-def own_robot() -> OwnRobot:
-    """The robot of boxes as one of a user, with soles below its feet, a right hand, and a knee that is too weak."""
-    feet = {
-        f"{side}_foot": {
-            "frame": f"leg_{side}_6_link", "kind": "surface", "position_m": [0.0, 0.0, -0.05],
-            "orientation_wxyz": [1.0, 0.0, 0.0, 0.0], "contact_half_size_m": list(HALF_M),
-        }
-        for side in ("left", "right")
-    }  # fmt: skip
-    hand = {"frame": "arm_right_7_link", "kind": "point", "position_m": [0, 0, 0], "orientation_wxyz": [1, 0, 0, 0]}
-    weak = {"limits.torque_nm.knee": "40 N m as stated, which is implausible; the estimate is 90 N m"}
-    return OwnRobot(
-        name="boxes", state="proposed", owner=None, filename="boxes.zip", sha256="0" * 64, robot_sha256="1" * 64,
-        card={"title": "Boxes", "effectors": {**feet, "right_hand": hand}, "limits": {"torque_nm": {"knee": 40.0}}},
-        assumed=list(weak), assumptions=weak, estimates={"limits.torque_nm.knee": 90.0}, created_at=_NOW,
     )  # fmt: skip
 
 

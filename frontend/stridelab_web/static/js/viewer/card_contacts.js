@@ -293,7 +293,10 @@ export class CardContacts {
         : shape("polygon", { points: pixels.map((pixel) => pixel.join()).join(" ") });
     mark.dataset.contact = name;
     mark.classList.toggle("chosen", isChosen);
-    mark.addEventListener("click", () => this.choose(name));
+    mark.addEventListener("click", () => {
+      this.pickLink(this.contacts[name].frame, null);
+      this.choose(name);
+    });
     if (!isChosen || pixels.length === 1) return [mark];
     return [mark, ...pixels.map(([cx, cy], k) => this.handleOf(name, k, cx, cy))];
   }
