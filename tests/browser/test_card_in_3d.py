@@ -111,7 +111,7 @@ def test_an_implausible_torque_is_kept_until_its_estimate_is_chosen(lab: Lab, op
     lab.fake.card.own = own_robot()
     try:
         page = open_tab(900, 640).go("/robots/boxes")
-        expect(page.get_by_text("1 stated torques are implausible")).to_be_visible()
+        expect(page.get_by_text("Stated torques that are implausible: 1.")).to_be_visible()
         row = page.locator("[data-fields] tr", has=page.get_by_role("button", name="Use the estimate, 90"))
         expect(row.locator("input")).to_have_value("40")
         page.get_by_role("button", name="Use all estimates").click()

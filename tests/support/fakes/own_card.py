@@ -27,6 +27,11 @@ def own_robot() -> OwnRobot:
     )  # fmt: skip
 
 
+async def send_links(_: Request) -> Response:
+    """``GET /robots/{name}/links``: the shapes of the robot of boxes."""
+    return Response(robots.links_glb(), media_type="model/gltf-binary")
+
+
 class OwnCard:
     """``GET`` and ``PUT /robots/{name}/card``; there is no card before a test sets ``own``."""
 

@@ -375,9 +375,6 @@ class FakeService:
             return _problem(404, "reachability-not-learned", "No such densities were learned.")
         return _answer(reachability.reach(measure).model_dump(mode="json"))
 
-    async def _links(self, _: Request) -> Response:
-        return Response(robots.links_glb(), media_type="model/gltf-binary")
-
     async def _artifact(self, request: Request) -> Response:
         if self.files_are_gone:
             return _problem(404, "file-gone", FILE_GONE)

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 import pinocchio as pin
+from jaxtyping import Float
 
 from stridelab.robots.card import LimitsCard, RobotCard
 from stridelab.robots.proposal.limbs import Limbs
@@ -70,7 +71,7 @@ def remark_on_torques(
     model: pin.Model,
     limbs: Limbs,
     soles: Sequence[Sole],
-    q: np.ndarray,
+    q: Float[np.ndarray, "nq"],
     leg_m: float,
     torque_nm: Mapping[str, float],
     assumed: dict[str, str],

@@ -84,7 +84,7 @@ def rest_posture(
 
 
 def single_supports(
-    model: pin.Model, limbs: Limbs, soles: Sequence[Sole], q: np.ndarray, leg_m: float
+    model: pin.Model, limbs: Limbs, soles: Sequence[Sole], q: Float[np.ndarray, "nq"], leg_m: float
 ) -> Iterator[tuple[int, Rotation, Float[np.ndarray, "nq"]]]:
     """Postures on one sole, which is below the CoM: the index of its leg, axes ahead, left and up in the root link.
 
@@ -123,7 +123,9 @@ def _single_support(
             yield posture
 
 
-def standing_torques_nm(model: pin.Model, foot: int, R: Rotation, q: np.ndarray) -> Float[np.ndarray, "nv"]:
+def standing_torques_nm(
+    model: pin.Model, foot: int, R: Rotation, q: Float[np.ndarray, "nq"]
+) -> Float[np.ndarray, "nv"]:
     """Generalised forces that hold the posture ``q`` on the sole of the joint ``foot`` against gravity.
 
     The force of the ground acts below the CoM, so that the six of the root link are 0; ``R`` has the axes ahead, left

@@ -67,6 +67,7 @@ export class CardContacts {
     this.view = "";
     this.overlay = document.createElementNS(SVG, "svg");
     this.overlay.classList.add("card-contacts");
+    this.overlay.setAttribute("aria-hidden", "true"); // the fields say and change the same
     stage.append(this.overlay);
     this.field("contact").addEventListener("change", () => this.choose(this.field("contact").value));
     this.field("clicked").addEventListener("change", () => this.assign(this.field("clicked").value));
