@@ -2,10 +2,11 @@
 
 usage: .venv/bin/python scripts/first_walks.py FOLDER [--search-s S] [--jobs N] [--only TEXT]
 
-Every robot is proposed from its package as ``stridelab add-robot`` does, with the corrections of ``ROBOTS``, and
-commissioned in a process of its own, ``--jobs`` of them at a time. Rows are appended to ``FOLDER/rows.jsonl`` with the
-hash of the package; robots with a row of the same sources are not repeated. Packages beside the environment are on
-``PYTHONPATH`` and ``AMENT_PREFIX_PATH``.
+Every robot is proposed from its package as ``stridelab add-robot --use-estimates`` does, and commissioned in a process
+of its own, ``--jobs`` of them at a time. Rows are appended to ``FOLDER/rows.jsonl`` with the hash of the package;
+robots with a row of the same sources are not repeated. A process that ends otherwise, or whose sources are changed,
+leaves no row: what it wrote, with the stacks at a fault, is in ``FOLDER/NAME.log``.
+Packages beside the environment are on ``PYTHONPATH`` and ``AMENT_PREFIX_PATH``.
 """
 
 import argparse
@@ -14,40 +15,41 @@ import json
 import os
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from stridelab.errors import StridelabError
 from stridelab.machine.models_folder import add_models_folder
 from stridelab.pipelines.commissioning.commission_robot import commission_robot
+from stridelab.robots.proposal.limits import estimate_of, take_estimates
 from stridelab.robots.proposal.packages import find_description, find_package, pack_description
 from stridelab.robots.proposal.propose import card_toml, propose_card, rebuild_description
 from stridelab.schemas.robots import CommissionRobotInput
 
-ROBOTS: Final[dict[str, float | None]] = {
-    "fourier-robot-descriptions/urdf/gr1t2.urdf": None,
-    "fourier-robot-descriptions/urdf/gr2t2.urdf": None,
-    "fourier-robot-descriptions/urdf/gr3.urdf": None,
-    "fourier-robot-descriptions/urdf/qinglong.urdf": None,
-    "holosoma/t1_29dof.xml": None,
-    "example-robot-data/g1_29dof_with_hand_rev_1_0.urdf": None,
-    "example-robot-data/talos_full_v2.urdf": None,
-    "example-robot-data/alexander_v1.lowerBodyOnly.urdf": None,
-    "example-robot-data/romeo_small.urdf": 90.0,
-    "example-robot-data/icub_reduced.urdf": None,
-    "jvrc-description/jvrc1.urdf": 300.0,
-    "example-robot-data/human.urdf": None,
-    "example-robot-data/simple_humanoid.urdf": None,
-    "example-robot-data/alex_nub_hands.urdf": None,
-    "example-robot-data/go2.urdf": None,
-}
-"""Package and description, and the torque limit of the legs (N m) that replaces the stated ones, if any."""
+ROBOTS: Final = (
+    "fourier-robot-descriptions/urdf/gr1t2.urdf",
+    "fourier-robot-descriptions/urdf/gr2t2.urdf",
+    "fourier-robot-descriptions/urdf/gr3.urdf",
+    "fourier-robot-descriptions/urdf/qinglong.urdf",
+    "holosoma/t1_29dof.xml",
+    "example-robot-data/g1_29dof_with_hand_rev_1_0.urdf",
+    "example-robot-data/talos_full_v2.urdf",
+    "example-robot-data/alexander_v1.lowerBodyOnly.urdf",
+    "example-robot-data/romeo_small.urdf",
+    "example-robot-data/icub_reduced.urdf",
+    "jvrc-description/jvrc1.urdf",
+    "example-robot-data/human.urdf",
+    "example-robot-data/simple_humanoid.urdf",
+    "example-robot-data/alex_nub_hands.urdf",
+    "example-robot-data/go2.urdf",
+)
+"""Package and description."""
 SOURCES: Final = Path(__file__).parents[1] / "backend/stridelab"
 
 
@@ -59,13 +61,16 @@ def sources_sha256() -> str:
     return total.hexdigest()[:12]
 
 
+def name_of(robot: str) -> str:
+    """Name of the robot of a description."""
+    stem = robot.partition("/")[2].rsplit(".", 1)[0].lower()
+    return "".join(letter if letter.isalnum() else "-" for letter in stem)[-40:].strip("-")
+
+
 def commission_one(robot: str, folder: Path, search_s: float) -> dict[str, Any]:
     """The row of one robot; a refusal is a row with its reason."""
-    name = "".join(letter if letter.isalnum() else "-" for letter in robot.partition("/")[2].rsplit(".", 1)[0].lower())[
-        -40:
-    ]
-    name = name.strip("-")
-    row: dict[str, Any] = {"robot": robot, "leg_torque_nm": ROBOTS[robot], "search_s": search_s}
+    name = name_of(robot)
+    row: dict[str, Any] = {"robot": robot, "search_s": search_s}
     started_s = time.perf_counter()
     own = folder / "robots"
     for old in (own / name, folder / "reachability" / name):
@@ -78,12 +83,9 @@ def commission_one(robot: str, folder: Path, search_s: float) -> dict[str, Any]:
             packed = Path(scratch, f"{inside.stem}.zip")
             pack_description(package, inside, packed)
             assumed = rebuild_description(packed, packed.name, name, own, str(inside))
-        card = propose_card(name, inside.stem, own, assumed).card
-        if (torque_nm := ROBOTS[robot]) is not None:
-            legs = card.groups["leg"].split("|")
-            card = replace(
-                card, limits=replace(card.limits, torque_nm={**card.limits.torque_nm, **dict.fromkeys(legs, torque_nm)})
-            )
+        proposal = propose_card(name, inside.stem, own, assumed)
+        row["estimates"] = {key: value for key, how in proposal.assumed.items() if (value := estimate_of(how))}
+        card, _ = take_estimates(proposal.card, proposal.assumed)
         (own / f"{name}.toml").write_text(card_toml(card), encoding="utf-8")
         row["proposal_s"] = time.perf_counter() - started_s
         add_models_folder(folder)
@@ -97,6 +99,11 @@ def commission_one(robot: str, folder: Path, search_s: float) -> dict[str, Any]:
     row["processor_s"] = sum(each.ru_utime + each.ru_stime for each in used)
     row["wall_s"], row["load"] = time.perf_counter() - started_s, os.getloadavg()[0]
     return row
+
+
+def how_ended(code: int) -> str:
+    """How a process ended that did not end as it should; empty for one that did."""
+    return "" if code == 0 else f"ended by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
 
 
 def table_line(row: dict[str, Any]) -> str:
@@ -115,7 +122,8 @@ def table_line(row: dict[str, Any]) -> str:
         for one in row["summary"]["capabilities"]
         if one["value"] is not None
     ]
-    correction = "none" if row["leg_torque_nm"] is None else f"{row['leg_torque_nm']:g} N m for the legs"
+    taken = [f"{nm:g} N m for {field.rpartition('.')[2]}" for field, nm in row["estimates"].items()]
+    correction = ", ".join(taken) or "none"
     cells = row["robot"], f"{outcome}: {states}", correction, ", ".join(abilities) or "not searched", times
     return f"| {' | '.join(cells)} |" + ("" if walk["completed"] else f" {last['reason'][:300]}")
 
@@ -136,13 +144,22 @@ def main() -> None:
     rows_path, sources = given.folder / "rows.jsonl", sources_sha256()
     lines = rows_path.read_text().splitlines() if rows_path.exists() else []
     done = {(row["robot"], row["search_s"]) for row in map(json.loads, lines) if row["sources"] == sources}
+    failed: list[str] = []
     wanted = [name for name in ROBOTS if any(part in name for part in given.only.split(","))]
 
     def walk_robot(robot: str) -> None:
-        command = [sys.executable, __file__, str(given.folder), "--search-s", str(given.search_s), "--one", robot]
-        ended = subprocess.run(command, check=False, capture_output=True, text=True)
-        if ended.returncode:
-            sys.stderr.write(f"{robot}: exit code {ended.returncode}\n{ended.stderr[-2000:]}\n")
+        command = [sys.executable, "-X", "faulthandler", __file__, str(given.folder)]
+        ended = subprocess.run(
+            [*command, "--search-s", str(given.search_s), "--one", robot], check=False, capture_output=True, text=True
+        )
+        how = how_ended(ended.returncode)
+        if not how and sources_sha256() != sources:
+            how = "the sources were changed meanwhile"
+        if how:
+            log = given.folder / f"{name_of(robot)}.log"
+            log.write_text(f"{how}\n{ended.stdout}\n{ended.stderr}", encoding="utf-8")
+            sys.stderr.write(f"{robot}: {how}, see {log}\n")
+            failed.append(robot)
             return
         row = json.loads(ended.stdout.splitlines()[-1]) | {"sources": sources}
         with rows_path.open("a", encoding="utf-8") as file:
@@ -152,6 +169,8 @@ def main() -> None:
 
     with ThreadPoolExecutor(given.jobs) as pool:
         list(pool.map(walk_robot, [robot for robot in wanted if (robot, given.search_s) not in done]))
+    if failed:
+        sys.exit(f"no row: {', '.join(failed)}")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 import tempfile
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated
 
@@ -120,10 +121,15 @@ def add_robot(
     search_s: Annotated[
         float, typer.Option("--search-s", help="Seconds for turn, stair, pace and pushes, up to 360; 0: none.")
     ] = 300.0,
+    use_estimates: Annotated[
+        bool,
+        typer.Option("--use-estimates", help="Take the estimates of stated torques that are implausible."),
+    ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace a robot of this name.")] = False,
 ) -> None:
     """Propose the card of your own humanoid, then learn its densities and plan, certify and replay a level walk."""
     from stridelab.robots.card import robot_names
+    from stridelab.robots.proposal.limits import take_estimates
     from stridelab.robots.proposal.packages import pack_description
     from stridelab.robots.proposal.propose import card_toml, propose_card, rebuild_description
 
@@ -158,6 +164,9 @@ def add_robot(
                 pack_description(package, inside, file)
             assumed = rebuild_description(file, file.name, name, own, description)
         proposal = propose_card(name, title[:60], own, assumed)
+        if use_estimates:
+            card, assumed = take_estimates(proposal.card, proposal.assumed)
+            proposal = replace(proposal, card=card, assumed=assumed)
     except BaseException:
         shutil.rmtree(own / name, ignore_errors=True)
         raise

@@ -141,8 +141,9 @@ class OwnRobot(Contract):
     """A robot of a user, after an upload or a change of its card.
 
     ``card`` has the fields of the card file (docs, *Add a robot*) except ``data``; ``assumed`` lists the fields that
-    the description does not state and that were estimated, and ``assumptions`` says how. ``sha256`` is the hash of the
-    uploaded file, ``robot_sha256`` that of the robot.
+    the description does not state and that were estimated, and ``assumptions`` says how. ``estimates`` are offered for
+    fields whose stated values are implausible; the card has the stated ones. ``sha256`` is the hash of the uploaded
+    file, ``robot_sha256`` that of the robot.
     """
 
     name: str
@@ -151,6 +152,7 @@ class OwnRobot(Contract):
     card: dict[str, Any]
     assumed: list[str]
     assumptions: dict[str, str]
+    estimates: dict[str, float] = Field(default_factory=dict)
     filename: str
     sha256: str
     robot_sha256: str

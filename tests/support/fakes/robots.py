@@ -29,7 +29,14 @@ from stridelab.schemas.plans import (
     ReplaySummary,
 )
 from stridelab.schemas.receding import PlanRecedingSummary
-from stridelab.schemas.robots import LinkPose, Measure, RobotEffector, RobotFacts, RobotPreparation, RobotSummary
+from stridelab.schemas.robots import (
+    LinkPose,
+    Measure,
+    RobotEffector,
+    RobotFacts,
+    RobotPreparation,
+    RobotSummary,
+)
 from stridelab.schemas.scenarios import (
     BoxSurface,
     ContactMargin,

@@ -27,7 +27,7 @@ from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab.schemas.service import Health
 from stridelab.service.api.downloads import FILE_GONE
 from stridelab.service.jobs.verdict import verdict_of
-from support.fakes import courses, reachability, recorded_walk, results, robots
+from support.fakes import courses, own_card, reachability, recorded_walk, results, robots
 from support.fakes.recorded_walk import (
     DURATION_S,
     LABELS,
@@ -76,6 +76,7 @@ class FakeService:
         self.results: dict[str, JobResult] = {}
         self.comparisons: dict[str, tuple[bool, dict[str, bytes]]] = {}
         self.failing: Problem | None = None
+        self.card = own_card.OwnCard()
         self.measures, self.stale_measures = list[Measure](reachability.MEASURES), list[Measure]()
         self.robot_refusal: tuple[int, str, str] | None = None
         self.preparation, self.step_s, self.files_are_gone = robots.READY, step_s, False
@@ -224,9 +225,12 @@ class FakeService:
             *(Route(api + name, lambda _: _answer({"items": []})) for name in results.EMPTY_LISTS),
             Route(f"{api}/robots", self._robots),
             Route(f"{api}/robots/{{name}}", self._robot),
-            Route(f"{api}/robots/{{name}}/preparation", self._preparation),
+            Route(f"{api}/robots/{{name}}/preparation", lambda _: _answer(self.preparation.model_dump(mode="json"))),
+            Route(f"{api}/robots/{{name}}/card", self.card.answer, methods=["GET", "PUT"]),
             Route(f"{api}/robots/{{name}}/reachability", self._reachability),
-            Route(f"{api}/robots/{{name}}/links", self._links),
+            Route(
+                f"{api}/robots/{{name}}/links", lambda _: Response(robots.links_glb(), media_type="model/gltf-binary")
+            ),
         ]
         return Starlette(routes=routes)
 
@@ -363,19 +367,13 @@ class FakeService:
     async def _robot(self, _: Request) -> Response:
         if self.robot_refusal is not None:
             return _problem(*self.robot_refusal)
-        return _answer(robots.robot(self.measures, self.stale_measures).model_dump(mode="json"))
-
-    async def _preparation(self, _: Request) -> Response:
-        return _answer(self.preparation.model_dump(mode="json"))
+        return _answer(self.card.mark_facts(robots.robot(self.measures, self.stale_measures)).model_dump(mode="json"))
 
     async def _reachability(self, request: Request) -> Response:
         measure = request.query_params.get("measure", "uniform")
         if measure not in self.measures:
             return _problem(404, "reachability-not-learned", "No such densities were learned.")
         return _answer(reachability.reach(measure).model_dump(mode="json"))
-
-    async def _links(self, request: Request) -> Response:
-        return Response(robots.links_glb(), media_type="model/gltf-binary")
 
     async def _artifact(self, request: Request) -> Response:
         if self.files_are_gone:

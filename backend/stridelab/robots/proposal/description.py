@@ -43,14 +43,14 @@ class PlainDescription:
     assumed: dict[str, str]
 
 
-def read_xml(path: Path, filename: str) -> ET.Element:
+def read_xml(path: Path, filename: str, max_bytes: int = MAX_BYTES) -> ET.Element:
     """Parse the description without document type and entities.
 
     Raises ``UnreadableFile``: ``robot-data-unreadable``, ``robot-description-too-large``.
     """
     content = path.read_bytes()
-    if len(content) > MAX_BYTES:
-        raise _unreadable("robot-description-too-large", f"The description exceeds {MAX_BYTES / 1e6:g} MB.", filename)
+    if len(content) > max_bytes:
+        raise _unreadable("robot-description-too-large", f"The description exceeds {max_bytes / 1e6:g} MB.", filename)
     depth = elements = 0
 
     def start_element(_name: str, _attributes: object) -> None:

@@ -1,8 +1,9 @@
 """Converts a stranger's meshes: hulls for collision, decimated surfaces for display, in binary STL and in metres."""
 
 import re
+import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -17,6 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 from stridelab.conventions import Points
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.robots.proposal.archive import UnpackedRobot
+from stridelab.robots.proposal.description import read_xml
 
 Faces = Int[np.ndarray, "m 3"]
 MAX_TRIANGLES: Final = 1_500_000
@@ -33,6 +35,15 @@ R_Z_UP: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """From axes whose y points up to axes whose z does."""
 TURNED: Final = 0.7
 """Ratio of the distances of shapes from centres of mass, turned and as they are, below which the shapes are turned."""
+MAX_COLLADA_BYTES: Final = 64_000_000
+MAX_PARTS: Final = 300
+"""Parts of a COLLADA file that are read one by one; a displayed mesh of more is left out."""
+PRIMITIVES: Final = ("triangles", "polylist", "polygons", "tristrips", "trifans")
+DROPPED: Final = (
+    "library_images", "library_effects", "library_materials", "library_animations", "library_controllers",
+    "bind_material", "instance_controller", "lines", "linestrips",
+)  # fmt: skip
+Colour = tuple[float, float, float]
 _HEAD_BYTES: Final = 1 << 16
 _TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 """Record of a binary STL."""
@@ -52,11 +63,13 @@ class MeshConverter:
     package: str
     assumed: dict[str, str] = field(default_factory=dict)
     _converted: dict[tuple[Path, tuple[float, ...], bool], str | None] = field(default_factory=dict)
-    _read: dict[Path, tuple[Points, Faces]] = field(default_factory=dict)
+    _read: dict[Path, "_Surface"] = field(default_factory=dict)
     _triangles: int = 0
     missing: list[str] = field(default_factory=list)
     y_up: set[str] = field(default_factory=set)
     """Names of the converted meshes whose COLLADA file states that its y axis points up."""
+    colours: dict[str, Colour] = field(default_factory=dict)
+    """Colours of the converted meshes whose COLLADA file states any: that of the largest part of the surface."""
 
     def convert(self, filename: str, scale: Sequence[float], is_collision: bool) -> str | None:
         """Name of the converted mesh; None for a displayed mesh that is missing or too large.
@@ -82,14 +95,17 @@ class MeshConverter:
                     self.assumed[f"mesh {filename[:120]}"] = "too many triangles, left out"
                     return None
             self._read[path] = _load(path, filename)
-        vertices, faces = self._read[path]
-        vertices = vertices * scale
+        read = self._read[path]
+        vertices, faces = read.vertices * scale, read.faces
         extent_m = float(np.ptp(vertices, axis=0).max())
         if not np.isfinite(vertices).all() or not 1e-5 < extent_m < MAX_EXTENT_M:
             message = f"The mesh is {extent_m:.3g} m wide; lengths must be in metres (see the scale of the mesh)."
             raise _unreadable(filename, message)
         if is_collision:
             vertices, faces = _convex_hull(vertices)
+        elif len(faces) == 0:
+            self.assumed[f"mesh {filename[:120]}"] = f"more than {MAX_PARTS} parts, left out"
+            return None
         else:
             if len(faces) > SHOWN_TRIANGLES:
                 vertices, faces = _merge_close(vertices, faces, min(MERGED_M, extent_m / MERGED_SHARES))
@@ -103,6 +119,8 @@ class MeshConverter:
         (self.folder / name).write_bytes(binary_stl(np.asarray(vertices, float), np.asarray(faces)))
         if path.suffix.lower() == ".dae" and _states_y_up(path):
             self.y_up.add(f"package://{self.package}/{name}")
+        if read.colour is not None:
+            self.colours[f"package://{self.package}/{name}"] = read.colour
         return f"package://{self.package}/{name}"
 
 
@@ -159,6 +177,27 @@ def turn_y_up_shapes(root: ET.Element, folder: Path, y_up: Collection[str], assu
     )
 
 
+def colour_shapes(root: ET.Element, colours: Mapping[str, Colour], assumed: dict[str, str]) -> None:
+    """Give displayed shapes of a plain description the ``colours`` that the files of their meshes state.
+
+    They take precedence over a colour of the description, as in RViz: some descriptions state black for all links and
+    leave the rest to the meshes. ``assumed`` is extended.
+    """
+    for visual in root.findall("link/visual"):
+        mesh = visual.find("geometry/mesh")
+        rgb = None if mesh is None else colours.get(mesh.attrib["filename"])
+        if rgb is None:
+            continue
+        color = visual.find("material/color")
+        if color is None:
+            name = mesh.attrib["filename"].rsplit("/", 1)[-1]  # type: ignore[union-attr]
+            color = ET.SubElement(ET.SubElement(visual, "material", name=name), "color", rgba="0 0 0 1")
+        else:
+            assumed["colours"] = "those of the meshes' own files, in place of those of the description, as in RViz"
+        opacity = color.attrib["rgba"].split()[3]
+        color.set("rgba", " ".join([*(repr(float(value)) for value in rgb), opacity]))
+
+
 def _placement_of_element(origin: ET.Element) -> pin.SE3:
     rpy, xyz = (np.array(origin.get(key, "0 0 0").split(), float) for key in ("rpy", "xyz"))
     return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
@@ -197,19 +236,133 @@ def _convex_hull(vertices: Points) -> tuple[Float[np.ndarray, "n_hull 3"], Faces
     return vertices[used], np.searchsorted(used, faces)
 
 
-def _load(path: Path, filename: str) -> tuple[Points, Faces]:
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """Triangles of a file, and the colour of the largest part of them; none if they have too many parts."""
+
+    vertices: Points
+    faces: Faces
+    colour: Colour | None = None
+
+
+def _load(path: Path, filename: str) -> _Surface:
     if (corners := _binary_stl_corners(path)) is not None:
         _, first, index = np.unique(corners.view(_POINT), return_index=True, return_inverse=True)
-        return corners[first].astype(float), index.reshape(-1, 3)
+        return _Surface(corners[first].astype(float), index.reshape(-1, 3))
     try:
-        mesh = coal.MeshLoader().load(str(path), np.ones(3))
-        vertices = np.array(mesh.vertices())
-        faces = np.array([[t[0], t[1], t[2]] for t in (mesh.tri_indices(i) for i in range(mesh.num_tris))])
+        surface = _load_parts(path, filename) if path.suffix.lower() == ".dae" else _load_all(path)
     except (ValueError, RuntimeError, IndexError) as error:
         raise _unreadable(filename, "The mesh is damaged, or its content does not match its name.") from error
-    if len(faces) == 0 or len(vertices) < 3:
+    if len(surface.vertices) < 3:
         raise _unreadable(filename, "The mesh has no triangles.")
-    return vertices, faces
+    return surface
+
+
+def _load_all(path: Path) -> _Surface:
+    if path.suffix.lower() == ".obj":
+        import trimesh  # 17 MB that only these files need
+
+        mesh = trimesh.load_mesh(path, process=False, skip_materials=True, group_material=False)
+        return _Surface(np.array(mesh.vertices, float), np.array(mesh.faces, np.int64).reshape(-1, 3))
+    mesh = coal.MeshLoader().load(str(path), np.ones(3))
+    faces = [[t[0], t[1], t[2]] for t in (mesh.tri_indices(i) for i in range(mesh.num_tris))]
+    return _Surface(np.array(mesh.vertices()), np.array(faces, np.int64).reshape(-1, 3))
+
+
+def _load_parts(path: Path, filename: str) -> _Surface:
+    """A COLLADA file, of which every part is read alone.
+
+    coal numbers the triangles of all parts of a geometry (one for each of its materials) from the first vertex of the
+    first one, which mixes up the triangles of all others; the vertices are right.
+    """
+    whole = _load_all(path)
+    try:
+        root = read_xml(path, filename, MAX_COLLADA_BYTES)
+    except UnreadableFile:  # with a document type, or too large
+        return whole
+    parts = list(_collada_parts(root))
+    if len(parts) > MAX_PARTS:
+        return _Surface(whole.vertices, whole.faces[:0])
+    surfaces: list[_Surface] = []
+    areas_m2: dict[Colour, float] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        alone = Path(folder, "part.dae")
+        for part in parts:
+            alone.write_bytes(_part_alone(root, part))
+            surfaces.append(surface := _load_all(alone))
+            if (colour := _part_colour(root, part)) is not None:
+                areas_m2[colour] = areas_m2.get(colour, 0.0) + _area(surface)
+    largest = max(areas_m2, key=lambda colour: areas_m2[colour]) if areas_m2 else None
+    starts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
+    if starts[-1] != len(whole.vertices):  # parts that other nodes of the file repeat
+        return _Surface(whole.vertices, whole.faces, largest)
+    faces = [surface.faces + start for surface, start in zip(surfaces, starts[:-1], strict=True)]
+    return _Surface(np.concatenate([surface.vertices for surface in surfaces]), np.concatenate(faces), largest)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Triangles of one material in a COLLADA file, with the geometry and the node's instance that they belong to."""
+
+    geometry: ET.Element
+    primitive: ET.Element
+    instance: ET.Element
+
+
+def _collada_parts(root: ET.Element) -> Iterator[_Part]:
+    geometries = {one.get("id", ""): one for one in _all_of(root, "geometry")}
+    for instance in _all_of(root, "instance_geometry"):
+        geometry = geometries.get(instance.get("url", "").removeprefix("#"))
+        for primitive in [] if geometry is None else geometry.iter():
+            if _local_name(primitive) in PRIMITIVES:
+                assert geometry is not None
+                yield _Part(geometry, primitive, instance)
+
+
+def _part_alone(root: ET.Element, part: _Part) -> bytes:
+    """A document with nothing but this part, and without the names of materials and images."""
+    one_of = {"geometry": part.geometry, "instance_geometry": part.instance} | dict.fromkeys(PRIMITIVES, part.primitive)
+
+    def copy_element(element: ET.Element) -> ET.Element:
+        copy = ET.Element(_local_name(element), element.attrib)
+        copy.text = element.text
+        for child in element:
+            name = _local_name(child)
+            if one_of.get(name, child) is child and name not in DROPPED:
+                copy.append(copy_element(child))
+        return copy
+
+    return bytes(ET.tostring(copy_element(root), encoding="utf-8", xml_declaration=True))
+
+
+def _part_colour(root: ET.Element, part: _Part) -> Colour | None:
+    """Diffuse colour of the part's material; None without one, or for a texture."""
+    by_id = {one.get("id", ""): one for kind in ("material", "effect") for one in _all_of(root, kind)}
+    symbol = part.primitive.get("material")
+    for bound in _all_of(part.instance, "instance_material"):
+        material = by_id.get(bound.get("target", "").removeprefix("#")) if bound.get("symbol") == symbol else None
+        for effect in [] if material is None else _all_of(material, "instance_effect"):
+            shading = by_id.get(effect.get("url", "").removeprefix("#"))
+            for diffuse in [] if shading is None else _all_of(shading, "diffuse"):
+                for color in _all_of(diffuse, "color"):
+                    values = [min(max(float(value), 0.0), 1.0) for value in (color.text or "").split()]
+                    if len(values) >= 3:
+                        return values[0], values[1], values[2]
+    return None
+
+
+def _all_of(element: ET.Element, name: str) -> list[ET.Element]:
+    """Elements below ``element`` by their name without namespace."""
+    return [one for one in element.iter() if _local_name(one) == name]
+
+
+def _local_name(element: ET.Element) -> str:
+    return element.tag.rsplit("}", 1)[-1]
+
+
+def _area(surface: _Surface) -> float:
+    a, b, c = (surface.vertices[surface.faces[:, k]] for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
 def _binary_stl_corners(path: Path) -> Float32[np.ndarray, "k 3"] | None:

@@ -5,7 +5,8 @@ is below the hip at a share ``EXTENSIONS`` of its greatest distance, an arm for 
 for 0.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -30,6 +31,15 @@ FOOT_GAP: Final = 0.03
 """Least distance of a foot from the middle, over the length of the leg."""
 CENTRING: Final = 4
 MARGIN: Final = 0.03
+GRAVITY: Final = 9.81
+LOWER: Final = (0.0, 0.03, 0.06)
+"""Heights of single supports below that of the rest posture, over the length of the leg."""
+SWINGS: Final = (0.0, 0.15, -0.15)
+"""Places of the lifted sole ahead, over the length of the leg: half a step of the first walk."""
+TILTS_RAD: Final = (0.0, 0.1, -0.1, 0.2, -0.2)
+"""Tilts of the trunk to the side, in the order in which they are tried."""
+LIFT: Final = 0.07
+"""Height of the lifted sole, over the length of the leg: 6 cm for TALOS."""
 
 
 def rest_posture(
@@ -71,6 +81,66 @@ def rest_posture(
             "reference",
         )
     return standing, leg_m
+
+
+def single_supports(
+    model: pin.Model, limbs: Limbs, soles: Sequence[Sole], q: Float[np.ndarray, "nq"], leg_m: float
+) -> Iterator[tuple[int, Rotation, Float[np.ndarray, "nq"]]]:
+    """Postures on one sole, which is below the CoM: the index of its leg, axes ahead, left and up in the root link.
+
+    The other sole is lifted beside it, ahead of it and behind it, as in the first walk; the hips are as high as in
+    ``q`` and lower. The trunk is upright, or tilted to the side where hips do not reach inwards. What a leg does not
+    reach is left out.
+    """
+    for stance, lower in product((0, 1), LOWER):
+        for tilt in TILTS_RAD:
+            R = limbs.R_root @ pin.utils.rotate("x", tilt)
+            postures = list(_single_support(_Limb(model, R), limbs, soles, q, leg_m, stance, lower))
+            if postures:
+                yield from ((stance, R, posture) for posture in postures)
+                break
+
+
+def _single_support(
+    solver: "_Limb", limbs: Limbs, soles: Sequence[Sole], q: np.ndarray, leg_m: float, stance: int, lower: float
+) -> Iterator[Float[np.ndarray, "nq"]]:
+    """Postures on the sole of one leg at one height of the hips."""
+    pin.forwardKinematics(solver.model, solver.data, q)
+    at_rest = [
+        solver.R.T @ solver.data.oMi[leg[-1]].act(sole.centre_m) for leg, sole in zip(limbs.legs, soles, strict=True)
+    ]
+    other, above = 1 - stance, np.array([0.0, 0.0, at_rest[stance][2] + lower * leg_m])
+    for ahead in SWINGS:
+        beside_m = np.array([ahead * leg_m, at_rest[other][1] - at_rest[stance][1], LIFT * leg_m])
+        posture = q
+        for _ in range(CENTRING - 1):
+            target_m = solver.com_position(posture) * (1.0, 1.0, 0.0) + above
+            posture, stands = solver.place_sole(posture, limbs.legs[stance], soles[stance], target_m, leg_m)
+            if not stands:
+                return
+            posture, lifted = solver.place_sole(posture, limbs.legs[other], soles[other], target_m + beside_m, leg_m)
+        if lifted:
+            yield posture
+
+
+def standing_torques_nm(
+    model: pin.Model, foot: int, R: Rotation, q: Float[np.ndarray, "nq"]
+) -> Float[np.ndarray, "nv"]:
+    """Generalised forces that hold the posture ``q`` on the sole of the joint ``foot`` against gravity.
+
+    The force of the ground acts below the CoM, so that the six of the root link are 0; ``R`` has the axes ahead, left
+    and up of the world in the root link.
+    """
+    model = pin.Model(model)
+    data = model.createData()
+    model.gravity.linear = -GRAVITY * R[:, 2]
+    torques_nm = pin.computeGeneralizedGravity(model, data, q)
+    com = pin.centerOfMass(model, data, q)
+    pin.computeJointJacobians(model, data, q)
+    J = pin.getJointJacobian(model, data, foot, pin.LOCAL_WORLD_ALIGNED)
+    force_n = GRAVITY * float(pin.computeTotalMass(model)) * R[:, 2]
+    moment_nm = np.cross(com - data.oMi[foot].translation, force_n)
+    return np.asarray(torques_nm - J[:3].T @ force_n - J[3:].T @ moment_nm)
 
 
 class _Limb:

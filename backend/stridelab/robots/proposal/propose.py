@@ -19,14 +19,7 @@ import pinocchio as pin
 
 from stridelab.errors import Fault
 from stridelab.robots.assembly import assemble_robot
-from stridelab.robots.card import (
-    CollisionCard,
-    DataCard,
-    LimitsCard,
-    ReferenceCard,
-    RobotCard,
-    RotorsCard,
-)
+from stridelab.robots.card import CollisionCard, DataCard, ReferenceCard, RobotCard, RotorsCard
 from stridelab.robots.data_files import DataFiles
 from stridelab.robots.inertias import MOMENT_TOLERANCE, inertia_faults, read_link
 from stridelab.robots.proposal.archive import unpack_robot
@@ -35,7 +28,8 @@ from stridelab.robots.proposal.description import MESHES, invalid, is_mark, plai
 from stridelab.robots.proposal.effectors import carrying_link, effector_cards, foot_soles
 from stridelab.robots.proposal.joint_ranges import anatomical_ranges, narrowed_ranges
 from stridelab.robots.proposal.limbs import Limbs, find_limbs
-from stridelab.robots.proposal.meshes import MeshConverter, turn_y_up_shapes
+from stridelab.robots.proposal.limits import TORQUE_SHARE, joint_limits, remark_on_torques
+from stridelab.robots.proposal.meshes import MeshConverter, colour_shapes, turn_y_up_shapes
 from stridelab.robots.proposal.motor_inertias import move_motor_inertias
 from stridelab.robots.proposal.oversized_inertias import replace_oversized_inertias
 from stridelab.robots.proposal.posture import rest_posture
@@ -45,17 +39,8 @@ from stridelab.robots.self_collision import SelfCollision
 from stridelab.robots.urdf import collision_geometry, full_model, parse_xml
 
 URDF: Final = "robot.urdf"
-GRAVITY: Final = 9.81
 MASS_KG: Final = (1.0, 500.0)
 LEG_M: Final = (0.15, 2.0)
-TORQUE_SHARE: Final = {"leg": 0.5, "torso": 0.4, "arm": 0.1}
-"""Estimated torque over weight times leg length; the bundled robots have 0.3 to 0.7 in their knees."""
-WEAK_LEGS: Final = 0.25
-"""Largest torque of the legs over weight times leg length below which the stated limits are remarked on."""
-SLOW_LEGS_RAD_S: Final = 1.5
-"""Largest speed of the legs below which the stated limits are remarked on; knees turn by about 3 rad/s in a step."""
-SPEED_RAD_S: Final = {"leg": 8.0, "torso": 5.0, "arm": 6.0}
-MAX_SPEED_RAD_S: Final = 100.0
 ROTOR_SHARE: Final = 4e-4
 """Estimated rotor inertia over mass times squared leg length: 0.01 kg m2 for G1."""
 OUTWARDS: Final = (0.25, 0.45, 0.65)
@@ -102,6 +87,7 @@ def rebuild_description(
     if meshes.missing:
         raise invalid([_missing_mesh(path) for path in sorted(set(meshes.missing))])
     turn_y_up_shapes(plain.root, folder, meshes.y_up, plain.assumed)
+    colour_shapes(plain.root, meshes.colours, plain.assumed)
     move_motor_inertias(plain.root, plain.assumed)
     replace_oversized_inertias(plain.root, folder, plain.assumed)
     ET.ElementTree(plain.root).write(folder / URDF, encoding="utf-8", xml_declaration=True)
@@ -169,6 +155,7 @@ def _propose_card(name: str, title: str, root: ET.Element, files: DataFiles, ass
     left_out = tuple(rf"{re.escape(link)}_\d+" for link in marks)
     card = replace(card, collision=CollisionCard(never=table, left_out=left_out))
     assumed.setdefault("collision.never", "from sampled configurations")
+    remark_on_torques(model, limbs, soles, q, leg_m, card.limits.torque_nm, assumed)
     return Proposal(card, assumed, assemble_robot(name, card, files))
 
 
@@ -189,7 +176,7 @@ def _card(
     groups |= dict.fromkeys(limbs.torso, "torso") | {joint: "arm" for arm in limbs.arms for joint in arm}
     moving = sorted(groups)
     effectors = effector_cards(model, shapes, limbs, soles, q)
-    limits = _limits(model, groups, mass_kg, leg_m, assumed)
+    limits = joint_limits(model, groups, mass_kg, leg_m, assumed)
     rotors = _rotors(root, model, moving, mass_kg, leg_m, assumed)
     assumed["reference.joints_rad"] = "by optimisation: level soles, bent knees, CoM above the soles"
     for key, effector in effectors.items():
@@ -243,38 +230,6 @@ def _foot_marks(root: ET.Element, model: pin.Model, limbs: Limbs) -> list[str]:
     links = [link for link in root.findall("link") if link.find("collision") is not None and is_mark(link)]
     names = [link.attrib["name"] for link in links]
     return [name for name in names if model.frames[model.getFrameId(name)].parentJoint in feet]
-
-
-def _limits(
-    model: pin.Model, groups: Mapping[int, str], mass_kg: float, leg_m: float, assumed: dict[str, str]
-) -> LimitsCard:
-    """Every moving joint's limits; those that the description lacks are estimated."""
-    position, velocity, torque = {}, {}, {}
-    for joint, group in sorted(groups.items()):
-        name, key = str(model.names[joint]), re.escape(model.names[joint])
-        iq, iv = model.joints[joint].idx_q, model.joints[joint].idx_v
-        position[key] = (float(model.lowerPositionLimit[iq]), float(model.upperPositionLimit[iq]))
-        velocity[key], torque[key] = float(model.velocityLimit[iv]), float(model.effortLimit[iv])
-        if not 0.0 < velocity[key] < MAX_SPEED_RAD_S:
-            velocity[key] = SPEED_RAD_S[group]
-            assumed[f"limits.velocity_rad_s.{name}"] = f"{velocity[key]:g} rad/s"
-        if not 0.0 < torque[key] < 20.0 * mass_kg * GRAVITY * leg_m:
-            torque[key] = float(f"{TORQUE_SHARE[group] * mass_kg * GRAVITY * leg_m:.2g}")
-            assumed[f"limits.torque_nm.{name}"] = f"{torque[key]:g} N m"
-    legs = [str(model.names[joint]) for joint, group in groups.items() if group == "leg"]
-    stated_nm = [torque[re.escape(name)] for name in legs if f"limits.torque_nm.{name}" not in assumed]
-    if stated_nm and (share := (strongest_nm := max(stated_nm)) / (mass_kg * GRAVITY * leg_m)) < WEAK_LEGS:
-        assumed["limits.torque_nm"] = (
-            f"as stated, but the legs have {strongest_nm:g} N m at most, {share:.2f} of weight times leg length, and "
-            f"the knees of robots that walk 0.3 to 0.7: correct it if it is a placeholder"
-        )
-    fastest_rad_s = max(velocity[re.escape(name)] for name in legs)
-    if fastest_rad_s < SLOW_LEGS_RAD_S:
-        assumed["limits.velocity_rad_s"] = (
-            f"as stated, but the legs turn by {fastest_rad_s:g} rad/s at most, and knees in a step by about 3 rad/s: "
-            f"correct it if it is a placeholder"
-        )
-    return LimitsCard(position, velocity, torque)
 
 
 def _rotors(

@@ -99,6 +99,17 @@ def test_a_corrected_number_is_no_longer_assumed(http: httpx.Client) -> None:
     assert http.get(f"{ROBOTS}/small/card").json()["card"] == answer.json()["card"]
 
 
+def test_an_implausible_torque_is_kept_and_its_estimate_is_assumed_once_chosen(http: httpx.Client) -> None:
+    robot = send(http, archive({"small.urdf": Humanoid(effort=20.0).urdf()})).json()
+    field = "limits.torque_nm.left_knee"
+    assert robot["card"]["limits"]["torque_nm"]["left_knee"] == 20.0
+    robot["card"]["limits"]["torque_nm"]["left_knee"] = estimate_nm = robot["estimates"][field]
+    changed = put_card(http, robot["card"]).json()
+    assert changed["assumptions"][field].startswith(f"{estimate_nm:g} N m, estimated, in place of what")
+    assert field not in changed["estimates"]
+    assert "limits.torque_nm.right_knee" in changed["estimates"]
+
+
 def test_bundled_robots_cannot_be_deleted(http: httpx.Client) -> None:
     assert problem_of(http.delete(f"{ROBOTS}/talos"), 409)["code"] == "bundled-read-only"
     assert problem_of(http.delete(f"{ROBOTS}/none"), 404)["code"] == "robot-not-found"

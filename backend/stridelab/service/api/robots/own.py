@@ -16,6 +16,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from stridelab.errors import Conflict, Fault, InvalidInput, NotFound, StridelabError, TooLarge, UnreadableFile
 from stridelab.robots.card import robot_names
 from stridelab.robots.data_files import shared_folders
+from stridelab.robots.proposal.limits import chosen_estimate, estimate_of
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.schemas.robots import Measure, OwnRobot, RobotFacts, RobotPackage, RobotSummary
 from stridelab.service.api.dependencies import Parts
@@ -230,6 +231,7 @@ def own_robot(row: Mapping[str, Any]) -> OwnRobot:
         **fields,
         assumed=list(row["assumed"]),
         assumptions=row["assumed"],
+        estimates={field: estimate for field, how in row["assumed"].items() if (estimate := estimate_of(how))},
         robot_sha256=row["facts"]["sha256"],
         commission=row["commission"],
     )
@@ -248,7 +250,10 @@ async def required_robot(connection: AsyncConnection, name: str, *, lock: bool =
 
 
 def _still_assumed(assumed: Mapping[str, str], before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, str]:
-    """Assumptions about fields of the card that are the same in both cards, and those about the description."""
+    """Assumptions about fields of the card that are the same in both cards, and those about the description.
+
+    A field whose estimate was chosen is assumed from then on.
+    """
 
     def value_of(card: Mapping[str, Any], field: str) -> Any:
         value: Any = card
@@ -259,7 +264,13 @@ def _still_assumed(assumed: Mapping[str, str], before: Mapping[str, Any], after:
             value, field = value[key], field[len(key) + 1 :]
         return value
 
-    return {field: how for field, how in assumed.items() if value_of(before, field) == value_of(after, field)}
+    kept = {field: how for field, how in assumed.items() if value_of(before, field) == value_of(after, field)}
+    chosen = {
+        field: chosen_estimate(how)
+        for field, how in assumed.items()
+        if field not in kept and (estimate := estimate_of(how)) and value_of(after, field) == estimate
+    }
+    return kept | chosen
 
 
 async def _refuse_taken(parts: Parts, name: str) -> None:

@@ -87,6 +87,10 @@ async function showCard(section) {
   const own = await call("GET", `${address}/card`);
   const rows = section.querySelector("[data-fields]");
   for (const path of numberPaths(own.card)) rows.append(numberRow(own, path));
+  section.querySelector("[data-use-estimates]")?.addEventListener("click", () => {
+    for (const button of section.querySelectorAll("[data-estimate]")) button.click();
+    form.querySelector("button:not([type])").focus();
+  });
   onSubmit(form, async () => {
     await call("PUT", `${address}/card`, own.card);
     location.reload();
@@ -134,6 +138,7 @@ function numberRow(own, path) {
   const isAssumed = own.assumed.some((/** @type {string} */ field) => plain === field || plain.startsWith(`${field}.`));
   const input = createElement("input", { type: "number", step: "any", value: String(holder[last]), required: true });
   const label = labelOf(path);
+  const estimate = own.estimates[plain];
   input.setAttribute("aria-label", label);
   input.addEventListener("input", () => {
     holder[last] = input.value === "" ? null : Number(input.value);
@@ -143,6 +148,24 @@ function numberRow(own, path) {
     {},
     createElement("td", { className: "name", title: String(name) }, label),
     createElement("td", {}, input),
-    createElement("td", {}, isAssumed ? "assumed" : ""),
+    createElement(
+      "td",
+      {},
+      ...(estimate === undefined ? [isAssumed ? "assumed" : ""] : [estimateButton(input, estimate)]),
+    ),
   );
+}
+
+// Takes an estimate in place of a stated value that is implausible; the service then lists the field as assumed.
+/** @param {any} input @param {number} estimate */
+function estimateButton(input, estimate) {
+  const button = createElement("button", { type: "button", className: "small" }, `Use the estimate, ${estimate}`);
+  button.dataset.estimate = "";
+  button.addEventListener("click", () => {
+    input.value = String(estimate);
+    input.dispatchEvent(new Event("input"));
+    button.replaceWith("assumed");
+    input.focus();
+  });
+  return button;
 }

@@ -1,5 +1,6 @@
 // A robot in 3D with the reachable positions of its centre of mass: one effector and measure at a time, with layers.
 import { ViserNodes } from "./viser_nodes.js";
+import { CardContacts } from "./card_contacts.js";
 import { AdaptiveResolution } from "./adaptive_resolution.js";
 import { DarkMode } from "./dark_mode.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
@@ -40,6 +41,8 @@ async function start() {
   shortcuts.listenInFrame(iframe);
   render();
   await hideOverlay(part("stage"), nodes);
+  const card = root.querySelector("[data-card-contacts]");
+  if (card) await new CardContacts(card, part("stage"), nodes).start();
   root.dataset.ready = "true";
   setInterval(() => {
     if (!nodes.isStale()) return;

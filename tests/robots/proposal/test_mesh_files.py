@@ -1,0 +1,113 @@
+"""Meshes of several materials: their triangles, which coal mixes up, and their colours."""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from stridelab.robots.proposal.propose import rebuild_description
+from support.robots.humanoid import Humanoid, archive
+
+HALF_M = np.array([0.05, 0.03, 0.02])
+CORNERS_M = np.array([[x, y, z] for z in (-1, 1) for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]) * HALF_M
+SIDES = ((3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
+"""Corners of the sides, counterclockwise seen from outside; the last one is of another material."""
+BLUE, GREEN = "0.25 0.5 0.75 1", "0.2 0.6 0.2 1"
+
+
+def collada(nodes: str, colour: str = f"<color>{BLUE}</color>") -> str:
+    """A box whose last side is green, in the scene of ``nodes``."""
+    effects = "".join(
+        f'<effect id="{name}-effect"><profile_COMMON><technique sid="common"><lambert><diffuse>{shown}</diffuse>'
+        "</lambert></technique></profile_COMMON></effect>"
+        for name, shown in (("blue", colour), ("green", f"<color>{GREEN}</color>"))
+    )
+    materials = "".join(
+        f'<material id="{name}"><instance_effect url="#{name}-effect"/></material>' for name in ("blue", "green")
+    )
+    lists = "".join(
+        f'<polylist material="{name}" count="{len(sides)}"><input semantic="VERTEX" source="#vertices" offset="0"/>'
+        f"<vcount>{'4 ' * len(sides)}</vcount><p>{' '.join(str(k) for side in sides for k in side)}</p></polylist>"
+        for name, sides in (("blue", SIDES[:5]), ("green", SIDES[5:]))
+    )
+    places = " ".join(str(value) for value in CORNERS_M.ravel())
+    return (
+        '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset><unit meter="1"/>'
+        f"<up_axis>Z_UP</up_axis></asset><library_effects>{effects}</library_effects>"
+        f"<library_materials>{materials}</library_materials><library_geometries>"
+        f'<geometry id="box"><mesh><source id="places"><float_array id="values" count="24">{places}</float_array>'
+        '<technique_common><accessor source="#values" count="8" stride="3"><param name="X" type="float"/>'
+        '<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>'
+        f'<vertices id="vertices"><input semantic="POSITION" source="#places"/></vertices>{lists}</mesh></geometry>'
+        f'</library_geometries><library_visual_scenes><visual_scene id="scene">{nodes}</visual_scene>'
+        '</library_visual_scenes><scene><instance_visual_scene url="#scene"/></scene></COLLADA>'
+    )
+
+
+def node(name: str, ahead_m: float, below: str = "") -> str:
+    bound = "".join(f'<instance_material symbol="{one}" target="#{one}"/>' for one in ("blue", "green"))
+    return (
+        f'<node id="{name}"><matrix>1 0 0 {ahead_m} 0 1 0 0 0 0 1 0 0 0 0 1</matrix><instance_geometry url="#box">'
+        f"<bind_material><technique_common>{bound}</technique_common></bind_material></instance_geometry>{below}</node>"
+    )
+
+
+def drawn(content: str, name: str, folder: Path) -> tuple[trimesh.Trimesh, ET.Element, dict[str, str]]:
+    """The pelvis as it is drawn: its rebuilt mesh, its colour, and what was assumed."""
+    root = ET.fromstring(Humanoid().urdf())
+    pelvis = root.find("link[@name='pelvis']")
+    assert pelvis is not None
+    visual = ET.SubElement(pelvis, "visual")
+    ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=f"package://small/{name}")
+    ET.SubElement(ET.SubElement(visual, "material", name="black"), "color", rgba="0 0 0 0.5")
+    upload = folder / "upload"
+    upload.write_bytes(archive({"small/small.urdf": ET.tostring(root, encoding="unicode"), f"small/{name}": content}))
+    assumed = rebuild_description(upload, "small.zip", "small", folder / "robots")
+    *_, shown = ET.parse(folder / "robots/small/robot.urdf").getroot().findall("link[@name='pelvis']/visual")
+    mesh, color = shown.find("geometry/mesh"), shown.find("material/color")
+    assert mesh is not None
+    assert color is not None
+    file = folder / "robots" / mesh.attrib["filename"].removeprefix("package://")
+    return trimesh.load_mesh(file), color, assumed
+
+
+@pytest.mark.parametrize(
+    ("nodes", "boxes"),
+    [
+        (node("one", 0.0), 1),
+        (node("one", 0.0) + node("two", 0.3), 2),
+        (node("one", 0.0, node("below", 0.3) + node("beside", 0.6)), 3),
+    ],
+    ids=["one", "two nodes", "nodes below a node"],
+)
+def test_triangles_of_every_material_and_node_are_those_of_the_file(nodes: str, boxes: int, tmp_path: Path) -> None:
+    mesh, _, _ = drawn(collada(nodes), "box.dae", tmp_path)
+    assert len(mesh.faces) == 12 * boxes
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(boxes * 8.0 * HALF_M.prod(), rel=1e-5)
+    low_m, high_m = mesh.bounds
+    assert high_m - low_m == pytest.approx(2.0 * HALF_M + (0.3 * (boxes - 1), 0.0, 0.0), abs=1e-6)
+
+
+def test_a_file_of_several_materials_that_is_no_collada(tmp_path: Path) -> None:
+    lines = [f"v {x} {y} {z}" for x, y, z in CORNERS_M]
+    for k, side in enumerate(SIDES):
+        lines += [f"usemtl m{k // 5}", "f " + " ".join(str(corner + 1) for corner in side)]
+    mesh, color, assumed = drawn("\n".join(lines) + "\n", "box.obj", tmp_path)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(8.0 * HALF_M.prod(), rel=1e-5)
+    assert [float(value) for value in color.attrib["rgba"].split()] == [0.0, 0.0, 0.0, 0.5]
+    assert "colours" not in assumed
+
+
+def test_the_colour_of_most_of_a_mesh_replaces_that_of_the_description(tmp_path: Path) -> None:
+    _, color, assumed = drawn(collada(node("one", 0.0)), "box.dae", tmp_path)
+    assert [float(value) for value in color.attrib["rgba"].split()] == [0.25, 0.5, 0.75, 0.5]
+    assert "colours" in assumed
+
+
+def test_a_texture_is_no_colour(tmp_path: Path) -> None:
+    _, color, _ = drawn(collada(node("one", 0.0), '<texture texture="t" texcoord="u"/>'), "box.dae", tmp_path)
+    assert [float(value) for value in color.attrib["rgba"].split()] == [0.2, 0.6, 0.2, 0.5]
