@@ -80,9 +80,10 @@ class CentroidalProblem:
 
     ``effectors`` and ``proxies`` are keyed by the effector names of the sequence; without any proxies there is no
     likelihood term, otherwise every effector in contact needs one. Surfaces are shrunk by ``contact_margin_m`` (x, y)
-    on every side. ``control`` is u: forces (``Pyramids``, ``CircularCones``) or the wrench (``ContactWrench``),
-    constant between nodes, or for ``shape`` "cubic" splines (``force_splines``). ``durations`` and ``placements`` are
-    fixed unless given as free variables. ``limbs_nm`` (N m) is the momentum rate of the limbs about the CoM, averaged
+    on every side, and forces use ``rail_friction_share`` of the friction of rails. ``control`` is u: forces
+    (``Pyramids``, ``CircularCones``) or the wrench (``ContactWrench``), constant between nodes, or for ``shape``
+    "cubic" splines (``force_splines``). ``durations`` and ``placements`` are fixed unless given as free variables.
+    ``limbs_nm`` (N m) is the momentum rate of the limbs about the CoM, averaged
     between ``limb_times_s``; the cost then weighs the difference from it. ``reference_m_s2`` is an acceleration of the
     CoM, averaged between the same times; the cost then weighs ``|c'' - a|^2`` instead of ``|c''|^2``.
     ``state_densities`` adds ``-log p(c', L) - log p(c'', L')`` of the contacts of these effectors, (4.11), with the
@@ -109,6 +110,7 @@ class CentroidalProblem:
     weights: Weights = Weights()
     node_rate_hz: float = 10.0
     contact_margin_m: tuple[float, float] = (0.02, 0.015)
+    rail_friction_share: float = 1.0
     control: Control = PYRAMIDS
     shape: Shape = "constant"
     start: Start = AT_REST
@@ -209,6 +211,12 @@ class CentroidalProblem:
         """The contact of an effector in a phase."""
         return self.sequence.phases[phase].contacts[effector]
 
+    def usable_friction(self, effector: str, phase: int) -> float:
+        """Friction that the forces of a contact may use."""
+        contact = self.contact(effector, phase)
+        on_rail = any(contact.surface == rail.name for rail in self.sequence.terrain.rails)
+        return contact.friction * (self.rail_friction_share if on_rail else 1.0)
+
     def points_m(self, effector: str) -> Points:
         """Contact points ``(k, 3)`` in the contact frame, the rectangle shrunk."""
         tool = self.effectors[effector]
@@ -229,7 +237,9 @@ class CentroidalProblem:
             placement, kind = contact.placement, self.effectors[name].kind
             points_m = placement.act(self.points_m(name)) - origin_m
             patches.append(
-                ContactPatch(name, kind, points_m, placement.rotation, contact.friction, self.force_weight(name))
+                ContactPatch(
+                    name, kind, points_m, placement.rotation, self.usable_friction(name, phase), self.force_weight(name)
+                )
             )
         return tuple(patches)
 

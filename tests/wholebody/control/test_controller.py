@@ -9,10 +9,18 @@ import pinocchio as pin
 import pytest
 
 from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.rest_to_rest import from_rest_to_rest
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenario_io import sequence_of
+from stridelab.contacts.scenarios.parts import Walker
+from stridelab.contacts.scenarios.stairs import HandRail, Stairs, stairs_with_rail
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.conventions import g
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput, NotEstimable
+from stridelab.reachability.store import load_proxies
+from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate.inverse_dynamics import recompute_dynamics
 from stridelab.wholebody.control.controller import WholeBodyController
@@ -252,3 +260,22 @@ def test_a_motion_that_stops_at_once_shows_where_it_stands(talos: Robot, monkeyp
         WholeBodyController(failures_in_a_row=0).run(talos, plan.sequence, plan)
     assert ended.value.motion.q.shape == (1, talos.model.nq)
     assert np.linalg.norm(ended.value.motion.q[0, 3:7]) == pytest.approx(1.0)
+
+
+def test_a_hand_stays_where_it_has_touched_while_its_arm_turns() -> None:
+    """The arm turns about the contact point at up to 5 rad/s, which the steps of the integration do not follow."""
+    g1 = load_robot("g1")
+    rail = HandRail(height_m=0.75, y_m=-0.32)
+    scenario = stairs_with_rail(Stairs(2, 0.05), rail, walker=Walker("g1", 0.1185, 0.107, 0.101))
+    sequence = sequence_of(scenario, effector_shapes("g1"))
+    motion = WholeBodyController().run(g1, sequence, solve(from_rest_to_rest(g1, sequence, load_proxies("g1"))))
+    body, touched_m, moved_m = RigidBody(g1), None, 0.0
+    for q, v, phase in zip(motion.q, motion.v, sequence.phases_at(motion.time_s + 1e-9), strict=True):
+        if "right_hand" not in sequence.phases[phase].contacts:
+            touched_m = None
+            continue
+        body.update(q, v)
+        at_m = body.frame_state("right_hand").position_m
+        touched_m = at_m if touched_m is None else touched_m
+        moved_m = max(moved_m, float(np.linalg.norm(at_m - touched_m)))
+    assert moved_m < 5e-5

@@ -175,7 +175,7 @@ def solve_elastic(
         x[:n],
         dict(zip(contacts, s.tolist(), strict=True)),
         {
-            at: -face * problem.contact(at[1], at[0]).friction * y
+            at: -face * problem.usable_friction(at[1], at[0]) * y
             for at, y in zip(contacts, _significant_slacks(s), strict=True)
         },
         dict(zip(contacts, _significant_slacks(r), strict=True)),

@@ -98,7 +98,7 @@ def ray_wrenches(problem: CentroidalProblem, phase: int, effector: str) -> Float
     points_m = contact.placement.act(problem.points_m(effector)) - problem.com_start_m
     n = len(points_m)
     same = np.broadcast_to(contact.placement.rotation, (n, 3, 3))
-    return PointContacts(points_m, same, np.full(n, contact.friction)).wrench_rays(N_RAYS).T
+    return PointContacts(points_m, same, np.full(n, problem.usable_friction(effector, phase))).wrench_rays(N_RAYS).T
 
 
 def adhesion_columns(lp: LinearConstraints, problem: CentroidalProblem) -> tuple[list[Where], sp.csc_matrix, Vector]:

@@ -1,6 +1,7 @@
 """The centroidal problems of the thesis' experiments (4.6.2 to 4.6.4), for HRP-2 and for TALOS."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final, Literal
 
 from stridelab.centroidal.problem import CentroidalProblem
@@ -31,9 +32,13 @@ def experiment_scenario(experiment: Experiment, robot: str) -> dict[str, Any]:
 
 
 def experiment_problem(experiment: Experiment, robot: str, measure: Measure = DEFAULT_MEASURE) -> CentroidalProblem:
-    """Rest-to-rest centroidal problem of an experiment with the bundled densities of a measure."""
+    """Rest-to-rest centroidal problem of an experiment with the bundled densities of a measure.
+
+    As in the thesis, the plan uses the whole friction of a rail.
+    """
     sequence = sequence_of(experiment_scenario(experiment, robot), effector_shapes(robot))
-    return from_rest_to_rest(load_robot(robot), sequence, load_proxies(robot, measure))
+    problem = from_rest_to_rest(load_robot(robot), sequence, load_proxies(robot, measure))
+    return replace(problem, rail_friction_share=1.0)
 
 
 def flat_walk_problem(robot: str = "talos") -> CentroidalProblem:

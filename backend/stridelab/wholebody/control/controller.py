@@ -5,6 +5,9 @@ hierarchy gives accelerations and forces, which are constant until the next one:
 
     q <- q (+) (v dt + a dt^2 / 2) ,     v <- v + a dt .
 
+A hand that touches stays where it has touched. Its arm is free to turn about the contact point, and the next sample
+gets what the velocity of the point has missed, ``x'* - x'`` with ``x'* = x' + dt (J a + dJ v)`` of the sample before.
+
 A sample without a solution reuses the acceleration and forces of the previous sample and is counted in ``failures``
 (the certificate allows none); its effect on the dynamics shows in the certificate's residual. After
 ``failures_in_a_row`` or ``failures_in_all`` of them, or when the body diverges from the plan, the run ends with an
@@ -14,7 +17,7 @@ error.
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -151,6 +154,8 @@ class ControllerRun:
         )
         self._record["com_v_reference_m_s"][:] = self._references.com_v_m_s
         self._reported = 0
+        self._hands_v_m_s: dict[str, Vector3] = {}
+        self._touched_m: dict[str, Vector3] = {}
 
     def run_sample(self, i: int) -> None:
         """Solve sample ``i``, store it, integrate to the next one."""
@@ -163,6 +168,7 @@ class ControllerRun:
         self._check_divergence(i, reference.com_m)
         targets = SampleTargets(t, reference, (R[i], w[i], w_rate[i]), self._phase_forces_n[i])
         rows = self._programme.build_rows(targets)
+        self._compensate_integration(rows[0])
         result = solve_hierarchy(*rows)
         if result.failure is None:
             z = result.z
@@ -187,8 +193,16 @@ class ControllerRun:
         self._store_sample(i, z)
         dt = 1.0 / self._controller.rate_hz
         a = self._last.a
+        self._hands_v_m_s = self._programme.hand_velocities_m_s(a, dt)
         self._q = pin.integrate(body.model, self._q, dt * self._v + 0.5 * dt**2 * a)
         self._v = self._v + dt * a
+
+    def _compensate_integration(self, level_0: Rows) -> None:
+        """Add to the accelerations of held hands what the integration of the last sample missed."""
+        for name, rows in self._programme.hand_rows.items():
+            if name in self._hands_v_m_s:
+                missed_m_s = self._hands_v_m_s[name] - self._body.frame_state(name).velocity[:3]
+                level_0.b[rows] += missed_m_s * self._controller.rate_hz
 
     def samples_until(self, n: int) -> tuple[Series, Float[np.ndarray, "k nq"]]:
         """Times and postures of the first ``n`` samples, without those that an earlier call has returned."""
@@ -230,16 +244,27 @@ class ControllerRun:
         return np.asarray(J.T @ np.linalg.solve(J @ J.T + _VELOCITY_DAMPING * np.eye(len(J)), np.concatenate(speeds)))
 
     def _enter_phase(self, phase: int, t: float) -> None:
-        """Set up the hierarchy of the phase that begins."""
+        """Set up the hierarchy of the phase that begins; hands stay where they have touched."""
         contacts = self._sequence.phases[phase].contacts
+        self._touched_m = {
+            name: self._touched_m.get(name, self._body.frame_state(name).position_m)
+            for name, contact in contacts.items()
+            if contact.kind == "point"
+        }
         swings = {
             name: curve
             for name in self._sequence.effectors
             if name not in contacts and (curve := self._swing_curve(name, phase, t)) is not None
         }
         settings = self._controller.settings
+        held = {
+            name: replace(contact, placement=replace(contact.placement, position_m=self._touched_m[name]))
+            if name in self._touched_m
+            else contact
+            for name, contact in contacts.items()
+        }
         self._programme = PhaseHierarchy(
-            self._robot, self._body, contacts, swings, settings, self._avoidance, self._controller.rate_hz
+            self._robot, self._body, held, swings, settings, self._avoidance, self._controller.rate_hz
         )
         self._phase_forces_n = self._programme.stack_forces_n(self._planned_n)
         self._phase = phase

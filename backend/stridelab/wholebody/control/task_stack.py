@@ -227,6 +227,21 @@ class PhaseHierarchy:
             column += 3 * len(points)
         return forces
 
+    @cached_property
+    def hand_rows(self) -> Mapping[str, slice]:
+        """The rows of the equality that hold the contact point of each hand in contact."""
+        ends = np.cumsum([6, *(6 if self._surface[name] else 3 for name in self._contacts)])
+        return {
+            name: slice(int(end) - 3, int(end))
+            for name, end in zip(self._contacts, ends[1:], strict=True)
+            if not self._surface[name]
+        }
+
+    def hand_velocities_m_s(self, a: Float[np.ndarray, "nv"], dt_s: float) -> dict[str, Vector3]:
+        """Velocities of the hands in contact after ``dt_s`` with the acceleration that they have now."""
+        frames = {name: self._body.frame_state(name) for name in self.hand_rows}
+        return {name: frame.velocity[:3] + dt_s * (frame.J[:3] @ a + frame.drift[:3]) for name, frame in frames.items()}
+
     def stack_forces_n(self, forces_n: Mapping[str, Float[np.ndarray, "n k 3"]]) -> Float[np.ndarray, "n nf"]:
         """Forces of ``n`` samples ``(n, k, 3)`` per effector, those of the contacts side by side."""
         n = len(next(iter(forces_n.values()), ()))
