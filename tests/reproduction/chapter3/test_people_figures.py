@@ -14,13 +14,13 @@ from stridelab.reproduction.chapter3.people_figures import PEOPLE_ITEMS
 from stridelab.reproduction.chapter3.people_parameter_claims import OMEGA_R, correlation_claim, omega_claim
 from stridelab.reproduction.chapter3.people_walks import (
     FittedWalk,
-    RecordedWalk,
     fit_walk,
     fitted_walks,
     pooled_spread,
 )
 from stridelab.reproduction.claims import Claim
 from stridelab.reproduction.common.intervals import interval_of
+from stridelab.reproduction.common.recorded_walks import RecordedWalk
 from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.reproduction.result_cache import digest_of
 from stridelab.reproduction.runner import recipes_of
