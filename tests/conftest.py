@@ -11,13 +11,13 @@ import jaxtyping
 import pytest
 from hypothesis import settings
 
-from support.type_checks import OftenEnough
+from support.type_checks import OftenEnough, checked_once
 
 if TYPE_CHECKING:
     from stridelab.simulation.robot.walker import RobotWalk
     from support.service.database import TestDatabases
 
-type_checks = OftenEnough(jaxtyping.jaxtyped)
+type_checks = OftenEnough(checked_once)
 vars(jaxtyping)["jaxtyped"] = type_checks  # the decorator that the hook puts on every function and dataclass
 jaxtyping.install_import_hook(["stridelab", "experiments"], "beartype.beartype")
 os.environ.pop("COLUMNS", None)  # test workers inherit the terminal's width, which a console would use

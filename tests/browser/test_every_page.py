@@ -6,7 +6,7 @@ look at.
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,7 +26,8 @@ SIZES: tuple[ViewportSize, ...] = (
     {"width": 390, "height": 844},
 )
 """Each has to fit; the pictures for people are also as wide as a large screen."""
-CHECKED_BY_AXE: dict[int, tuple[Literal["light", "dark"], ...]] = {
+Scheme = Literal["light", "dark"]
+CHECKED_BY_AXE: dict[int, tuple[Scheme, ...]] = {
     1400: ("light", "dark"),
     800: ("light",),
     390: ("light",),
@@ -70,7 +71,10 @@ def pictures() -> Path | None:
 
 @pytest.mark.timeout(1500)
 def test_every_page_fits_and_is_accessible(open_tab: Callable[..., Tab], lab: Lab, pictures: Path | None) -> None:
-    """Each page is loaded once, at the first size, and then its window is made smaller."""
+    """Each page is loaded once, at the first size, and then its window is made smaller, and large for its pictures.
+
+    At every size the colours of the size before are looked at first: other colours cost as much as another size.
+    """
     tab = open_tab(SIZES[0]["width"], SIZES[0]["height"])
     result = {}
     for name, address in every_page(lab.fake).items():
@@ -80,35 +84,42 @@ def test_every_page_fits_and_is_accessible(open_tab: Callable[..., Tab], lab: La
         page = tab.go(address)
         _complete(page, name)
         page.evaluate(Axe().axe_script)
-        was_open = page.evaluate("[...document.querySelectorAll('main details')].map((one) => one.open)")
-        page.evaluate(UNFOLDED)
-        for size in SIZES:
-            tab.page.emulate_media(color_scheme="light")
+        schemes: list[Scheme] = ["light", "dark"]
+        for size in (*SIZES, LARGE) if pictures else SIZES:
             page.set_viewport_size(size)
-            page.evaluate(TWO_PICTURES)
-            if wrong := [*_page_faults(page, CHECKED_BY_AXE.get(size["width"], ()))]:
-                result[f"{name} at {size['width']}"] = wrong
-        if name in WITH_DIALOGS:
-            number, wrong = page.evaluate(DIALOGS, [WITHOUT_FRAMES, COUNTED])
-            assert number, name
-            result |= {f"dialogs of {name}": wrong} if wrong else {}
-        page.evaluate(AS_BEFORE, was_open)
-        if len(page.screenshot(type="png")) <= LEAST_BYTES:
-            result[name] = ["empty"]
-        if pictures is not None:
-            _store_pictures(page, name, pictures)
+            checked = CHECKED_BY_AXE.get(size["width"], ())
+            for scheme in schemes:
+                if not pictures and scheme not in checked:
+                    continue
+                page.emulate_media(color_scheme=scheme)
+                page.evaluate(TWO_PICTURES)
+                if pictures:
+                    _store_picture(page, name, pictures / f"{name}-{size['width']}-{scheme}.jpg")
+                if scheme in checked and (wrong := [*_faults_unfolded(page, name, size, scheme)]):
+                    result[f"{name} at {size['width']}, {scheme}"] = wrong
+            schemes.reverse()
     assert result == {}
     tab.missteps = [misstep for misstep in tab.missteps if "status of 404" not in misstep]
 
 
-def _store_pictures(page: Page, name: str, folder: Path) -> None:
-    for size in (*reversed(SIZES), LARGE):
-        page.set_viewport_size(size)
-        for scheme in ("light", "dark"):
-            page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
-            page.evaluate(TWO_PICTURES)
-            path = folder / f"{name}-{size['width']}-{scheme}.jpg"
-            page.screenshot(path=path, type="jpeg", quality=85, full_page=not name.startswith("view-"))
+def _faults_unfolded(page: Page, name: str, size: ViewportSize, scheme: Scheme) -> list[str]:
+    """What is wrong with the page; in the last of the sizes also with its dialogs, and with the page as it was."""
+    was_open = page.evaluate("[...document.querySelectorAll('main details')].map((one) => one.open)")
+    page.evaluate(UNFOLDED)
+    page.evaluate(TWO_PICTURES)
+    faults = [*_page_faults(page, scheme)]
+    if size == SIZES[-1] and name in WITH_DIALOGS:
+        number, wrong = page.evaluate(DIALOGS, [WITHOUT_FRAMES, COUNTED])
+        assert number, name
+        faults += wrong
+    page.evaluate(AS_BEFORE, was_open)
+    if size == SIZES[-1] and len(page.screenshot(type="png")) <= LEAST_BYTES:
+        faults.append("empty")
+    return faults
+
+
+def _store_picture(page: Page, name: str, path: Path) -> None:
+    page.screenshot(path=path, type="jpeg", quality=85, full_page=not name.startswith("view-"))
 
 
 PHONE = (390, 844)
@@ -142,7 +153,7 @@ def _excess_width(page: Page) -> int:
     return max(0, int(page.evaluate("document.documentElement.scrollWidth - innerWidth")))
 
 
-def _page_faults(page: Page, schemes: Sequence[Literal["light", "dark"]]) -> Iterator[str]:
+def _page_faults(page: Page, scheme: Scheme) -> Iterator[str]:
     """Widths, and what axe-core, which is in the page, has to say."""
     for _ in range(50):  # curves take their new width a moment later
         if not _excess_width(page):
@@ -150,14 +161,11 @@ def _page_faults(page: Page, schemes: Sequence[Literal["light", "dark"]]) -> Ite
         page.wait_for_timeout(100)
     if wide := _excess_width(page):
         yield f"{wide} pixels too wide"
-    for scheme in schemes:
-        options = WITHOUT_FRAMES if scheme == "light" else COLOURS_ALONE
-        page.emulate_media(color_scheme=scheme)
-        page.evaluate(TWO_PICTURES)
-        violations: list[dict[str, Any]] = page.evaluate(
-            f"axe.run({json.dumps(options)}).then((found) => found.violations)"
-        )
-        for one in violations:
-            if one["impact"] in COUNTED:
-                for node in one["nodes"]:
-                    yield f"{scheme}, {one['impact']}: {one['id']} at {node['target']}: {node['failureSummary']}"
+    options = WITHOUT_FRAMES if scheme == "light" else COLOURS_ALONE
+    violations: list[dict[str, Any]] = page.evaluate(
+        f"axe.run({json.dumps(options)}).then((found) => found.violations)"
+    )
+    for one in violations:
+        if one["impact"] in COUNTED:
+            for node in one["nodes"]:
+                yield f"{one['impact']}: {one['id']} at {node['target']}: {node['failureSummary']}"

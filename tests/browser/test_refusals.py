@@ -243,7 +243,7 @@ def test_a_scene_whose_first_connection_is_refused_is_taken_up(
             raise ConnectionRefusedError(address)
         return genuine(address, **options)
 
-    monkeypatch.setattr(proxy.websockets, "connect", once_refused)
+    monkeypatch.setattr(proxy.websockets, "connect", once_refused)  # type: ignore[attr-defined]
     page = tab.go(f"/view/?plan={job.id}")
     page.wait_for_selector("[data-ready]", timeout=120_000)
     assert len(tries) == 2

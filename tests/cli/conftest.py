@@ -13,7 +13,7 @@ from support.command_line import Ran, Run
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
     """Run it in ``tmp_path`` until it exits."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(app.signal, "signal", lambda *_: None)
+    monkeypatch.setattr(app.signal, "signal", lambda *_: None)  # type: ignore[attr-defined]
 
     def act(*arguments: object) -> Ran:
         monkeypatch.setattr(sys, "argv", ["stridelab", *map(str, arguments)])

@@ -44,7 +44,7 @@ def test_the_database_revision_is_compared_with_the_program(settings: Settings, 
 def test_a_clock_a_minute_off_is_reported_with_the_remedy(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
     assert parts.check_clock(settings).ok
     now = time.time
-    monkeypatch.setattr(parts.time, "time", lambda: now() + 60.0)
+    monkeypatch.setattr(parts.time, "time", lambda: now() + 60.0)  # type: ignore[attr-defined]
     late = parts.check_clock(settings)
     assert not late.ok
     assert -62.0 < float(late.detail.split()[0]) < -58.0

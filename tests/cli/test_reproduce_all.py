@@ -79,7 +79,7 @@ def test_invalid_arguments_are_refused_before_anything_is_computed(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(app.signal, "signal", lambda *_: None)
+    monkeypatch.setattr(app.signal, "signal", lambda *_: None)  # type: ignore[attr-defined]
     monkeypatch.setattr(sys, "argv", ["stridelab", "reproduce", *arguments])
     with pytest.raises(SystemExit) as end:
         app.main()
@@ -96,7 +96,7 @@ def test_an_unwritable_folder_is_reported_before_any_work(tmp_path: Path) -> Non
 
 
 def test_the_exit_code_says_that_an_item_failed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(app.signal, "signal", lambda *_: None)
+    monkeypatch.setattr(app.signal, "signal", lambda *_: None)  # type: ignore[attr-defined]
     monkeypatch.setattr("stridelab.cli.reproduce.reproduce_all", lambda *_, **__: False)
     monkeypatch.setattr(sys, "argv", ["stridelab", "reproduce", "--all", "--out", str(tmp_path)])
     with pytest.raises(SystemExit) as end:

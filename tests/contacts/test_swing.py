@@ -8,13 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.contacts.effector_geometry import sole_points_m
+from stridelab.contacts.effector_geometry import FOOT_CLEARANCE_M, sole_points_m
 from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.stairs import flat_walk, six_stairs, stairs_with_rail
 from stridelab.contacts.sequence import Contact
 from stridelab.contacts.sequence_swings import swing_of
 from stridelab.contacts.swing import (
-    FOOT_CLEARANCE_M,
     HAND_RETREAT_M,
     MARGIN_M,
     PASSING_GAP_M,

@@ -5,10 +5,12 @@ from collections.abc import Callable
 import jaxtyping
 import numpy as np
 import pytest
+from beartype import beartype
+from jaxtyping import Float
 
 from stridelab.dynamics.spatial import Placement
 from stridelab.dynamics.wrench import zmp_linearised
-from support.type_checks import EVERY, FIRST, OftenEnough
+from support.type_checks import EVERY, FIRST, OftenEnough, checked_once
 
 
 def noting(checked: list[int]) -> Callable[..., Callable[[int], int]]:
@@ -63,3 +65,25 @@ def test_a_wrong_shape_is_refused_in_every_test_that_is_the_first_to_give_it(tim
         zmp_linearised(np.zeros((4, 3)), np.zeros((5, 3)))
     with pytest.raises(jaxtyping.TypeCheckError):
         Placement.identity().act(np.zeros((4, 2)))
+
+
+def test_arguments_and_results_are_refused_with_and_without_shapes() -> None:
+    """Also a size that differs between an argument and the result."""
+
+    def lengths(rows: Float[np.ndarray, "n 3"], more: int) -> Float[np.ndarray, " n"]:
+        return np.zeros(len(rows) + more)
+
+    def text_of(number: int) -> str:
+        return str(number) if number > 0 else number  # type: ignore[return-value]
+
+    shaped, plain = (checked_once(function, typechecker=beartype) for function in (lengths, text_of))
+    assert shaped(np.zeros((2, 3)), 0).shape == (2,)
+    assert plain(1) == "1"
+    for refused, arguments in (
+        (shaped, (np.zeros((2, 3)), 1)),
+        (shaped, (np.zeros((2, 2)), 0)),
+        (plain, (0,)),
+        (plain, ("1",)),
+    ):
+        with pytest.raises(jaxtyping.TypeCheckError):
+            refused(*arguments)

@@ -68,7 +68,7 @@ def test_only_a_mass_that_the_plates_measure_is_judged_by_its_error(tmp_path: Pa
 
 def test_geometry_alone_needs_no_measured_window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a window too short for the fused estimates it says nothing, and gives the whole recording."""
-    examined = com_inputs.examine_trial
+    examined = com_inputs.examine_trial  # type: ignore[attr-defined]
 
     def brief(*arguments: Any) -> Trial:
         return replace(examined(*arguments), windows=(Window(1.0, 1.2),))

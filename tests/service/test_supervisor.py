@@ -130,7 +130,7 @@ def test_help_is_needed_from_high_use_of_the_processor_to_a_rest(
         def cpu_times(self) -> SimpleNamespace:
             return SimpleNamespace(user=used_s, system=0.0)
 
-    monkeypatch.setattr(supervised_program.psutil, "Process", Measured)
+    monkeypatch.setattr(supervised_program.psutil, "Process", Measured)  # type: ignore[attr-defined]
     monkeypatch.setattr(supervised_program, "queued_s", lambda _: 0.5 * used_s)
     program.process = SimpleNamespace(pid=1)  # type: ignore[assignment]
     signal = BusySignal(program, above=0.4, below=0.1, rest_s=60.0, clock=lambda: clock_s)

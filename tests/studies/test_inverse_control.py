@@ -242,7 +242,7 @@ def test_children_are_judged_with_the_weights_of_adults(monkeypatch: pytest.Monk
     monkeypatch.setattr(people_weights, "errors_of_people", errors_of)
     chosen, children = TermWeights(1.0, 2.0), [two_steps(name, 1.0, 1.4) for name in "ab"]
     claim, stairs = people_weights._others_claims(chosen, children, children[:1])
-    assert predicted == [chosen, people_weights.THESIS] * 2
+    assert predicted == [chosen, people_weights.THESIS] * 2  # type: ignore[attr-defined]
     assert claim.ours == pytest.approx(0.97)
     assert claim.outcome == "aim_missed"
     assert claim.n == 2

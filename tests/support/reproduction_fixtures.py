@@ -1,4 +1,7 @@
-"""Fixtures of tests of the reproduction: criteria are checked on both sides, and the numbers on the way to claims."""
+"""Fixtures of tests of the reproduction: criteria are checked on both sides, and the numbers on the way to claims.
+
+What slow functions outside of the reproduction return is computed once for all of its tests (``result_memo``).
+"""
 
 from collections.abc import Iterator
 
@@ -7,6 +10,9 @@ import pytest
 from support.flipped_verdicts import remembered_criteria
 from support.recorded_claims import assert_steps_as_recorded
 from support.recorded_steps import recorded_steps
+from support.result_memo import share_in_tests, sharing
+
+share_in_tests()
 
 
 class RisingProgress:
@@ -25,6 +31,13 @@ class RisingProgress:
 def criteria_of_claims() -> Iterator[None]:
     """Remember the criterion of every claim, for ``assert_flips``."""
     with remembered_criteria():
+        yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def shared_results() -> Iterator[None]:
+    """Estimates, fits and plans of the same arguments are computed once."""
+    with sharing():
         yield
 
 

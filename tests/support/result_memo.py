@@ -1,7 +1,8 @@
-"""Results of slow functions outside of the reproduction, by their arguments: mutants of the reproduction share them.
+"""Results of slow functions outside of the reproduction, by their arguments: its tests and its mutants share them.
 
-A function that is called with the same arguments as in the run without a change returns the stored result. Calls whose
-arguments cannot be pickled, or change during the call (random generators), are made.
+A function that is called with the same arguments as before returns a copy of the stored result. Calls whose arguments
+cannot be pickled, or change during the call (random generators), are made. In a process with tests of other folders,
+only those of the reproduction share results (``sharing``).
 """
 
 import functools
@@ -10,8 +11,8 @@ import io
 import pickle
 import sys
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
@@ -54,10 +55,28 @@ NAMES: Final[Mapping[str, tuple[str, ...]]] = {
 }  # fmt: skip
 """Slow functions and ``Class.method`` that the reproduction calls, by the module that it imports them from."""
 _stored: dict[str, bytes] = {}
+_is_on = {"sharing": True, "installed": False}
+
+
+def share_in_tests() -> None:
+    """Calls of ``NAMES`` are looked up inside of ``sharing``; to be called before the reproduction is imported."""
+    if not _is_on["installed"]:
+        store_results()
+        _is_on["sharing"] = False
+
+
+@contextmanager
+def sharing() -> Iterator[None]:
+    """Share results until the end of the block."""
+    before = _is_on["sharing"]
+    _is_on["sharing"] = True
+    yield
+    _is_on["sharing"] = before
 
 
 def store_results() -> None:
     """From now on, calls of ``NAMES`` are looked up, and their results stored in this process and its forks."""
+    _is_on["installed"] = True
     for module_name, names in NAMES.items():
         module = import_module(module_name)
         for name in names:
@@ -103,7 +122,7 @@ def digest_of_library() -> str:
 def _memoised(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(function)
     def looked_up(*arguments: Any, **named: Any) -> Any:
-        key = _key_of(name, arguments, named)
+        key = _key_of(name, arguments, named) if _is_on["sharing"] else None
         if key is None:
             return function(*arguments, **named)
         if key in _stored:

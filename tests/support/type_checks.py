@@ -4,6 +4,9 @@ A check takes about 40 us, several times as long as what the functions of a cont
 checked at its first calls within each test, and then at every so many; which ones these are depends on nothing else.
 To make a checked function takes 1 ms: it is made at the first call, that of a dataclass' constructor too, and of those
 that a function defines anew at every call, not all are made.
+
+jaxtyping as its hook applies it checks the arguments before a call, and again with the result; here beartype checks the
+function itself, and jaxtyping remembers sizes from the arguments to the result, if an annotation has a shape.
 """
 
 import dataclasses
@@ -11,8 +14,12 @@ import functools
 import inspect
 from collections import Counter
 from collections.abc import Callable
-from types import CodeType
-from typing import Any, Final
+from types import CodeType, FunctionType
+from typing import Any, Final, get_args, get_type_hints
+
+import jaxtyping
+from beartype import BeartypeConf, beartype
+from jaxtyping import jaxtyped
 
 FIRST: Final = 20
 """So many calls of a function are checked in every test,"""
@@ -20,6 +27,32 @@ EVERY: Final = 50
 """and every so many of those that follow."""
 CHECKED: Final = "_is_checked"
 """Attribute of a constructor with checks, which a subclass may inherit."""
+VIOLATIONS: Final = BeartypeConf(violation_type=jaxtyping.TypeCheckError)
+"""All functions raise the same error."""
+
+
+def checked_once(what: Any, *, typechecker: Any) -> Any:
+    """As ``jaxtyping.jaxtyped``: arguments are checked once per call, sizes remembered only where there are shapes."""
+    if not isinstance(what, FunctionType) or inspect.isgeneratorfunction(what) or inspect.iscoroutinefunction(what):
+        return jaxtyped(what, typechecker=typechecker)
+    try:
+        hints = get_type_hints(what, include_extras=True)
+    except Exception:  # a name that only type checkers import: jaxtyping leaves it out, and checks the others
+        return jaxtyped(what, typechecker=typechecker)
+    alike = FunctionType(what.__code__, what.__globals__, what.__name__, what.__defaults__, what.__closure__)
+    functools.update_wrapper(alike, what)
+    del alike.__wrapped__  # type: ignore[attr-defined]
+    alike.__kwdefaults__, alike.__annotations__ = what.__kwdefaults__, hints
+    checked = beartype(conf=VIOLATIONS)(alike)
+    return jaxtyped(checked, typechecker=None) if any(map(_has_shape, hints.values())) else checked
+
+
+def _has_shape(hint: Any) -> bool:
+    """Whether an annotation, or a part of it, is one of jaxtyping's."""
+    if isinstance(hint, list):  # arguments of a callable
+        return any(map(_has_shape, hint))
+    own = inspect.isclass(hint) and issubclass(hint, jaxtyping.AbstractArray)
+    return own or type(hint).__module__.startswith("jaxtyping") or any(map(_has_shape, get_args(hint)))
 
 
 class OftenEnough:
@@ -68,7 +101,7 @@ class OftenEnough:
                 test, calls = self._test, 0
             calls += 1
             if calls <= FIRST or not calls % EVERY:  # ``_due``, without a call more for each of millions
-                return checked()(*args, **kwargs)
+                return (unchecked if jaxtyping.config.jaxtyping_disable else checked())(*args, **kwargs)
             return unchecked(*args, **kwargs)
 
         return called

@@ -283,7 +283,7 @@ class BusyMachine:
     def __init__(self, share: float, cpu_s: float) -> None:
         self.share, self.cpu_s = share, cpu_s
         self.used_s = self.wall_s = 0.0
-        self.solve = milp.milp
+        self.solve = milp.milp  # type: ignore[attr-defined]
 
     def process_time(self) -> float:
         return self.used_s

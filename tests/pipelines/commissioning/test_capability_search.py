@@ -43,7 +43,7 @@ def test_the_largest_value_that_passes(limit: float, value: float, end: str) -> 
 
 def test_a_search_without_time_states_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([0.0, *(float(k) for k in range(20))])
-    monkeypatch.setattr(capability_search.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(capability_search.time, "monotonic", lambda: next(clock))  # type: ignore[attr-defined]
     some, _ = bisect_capability("stair", search_up_to(0.2), ends_s=2.0)
     assert (some.value, some.ended_by, len(some.attempts)) == (pytest.approx(0.15), "time", 2)
     nothing, scenario = bisect_capability("stair", search_up_to(0.2), ends_s=0.0)
@@ -54,7 +54,7 @@ def level_walk(name: str) -> LevelWalk:
     robot = load_robot(name)
     feet_y_m = foot_places_m(robot)
     scenario, step_m, step_s = scaled_walk(robot, feet_y_m, 1.0)
-    scale = com_height_m(robot) / capability_search.TALOS_COM_HEIGHT_M
+    scale = com_height_m(robot) / capability_search.TALOS_COM_HEIGHT_M  # type: ignore[attr-defined]
     return LevelWalk(name, Path("none"), feet_y_m, scale, Scenario.model_validate(scenario), step_m / step_s, None)
 
 

@@ -19,9 +19,10 @@ from stridelab.errors import NotEstimable
 from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult
 from stridelab.pipelines.gait_report.content import Curve, Panel
 from stridelab.pipelines.gait_report.drawing import Area, Line, Text, draw_panel
+from stridelab.pipelines.gait_report.fonts import wrap_text
 from stridelab.pipelines.gait_report.html import render_html
 from stridelab.pipelines.gait_report.logo import Logo
-from stridelab.pipelines.gait_report.paper import PAGE_HEIGHT, RIGHT_EDGE, Picture, lay_out, wrap_text
+from stridelab.pipelines.gait_report.paper import PAGE_HEIGHT, RIGHT_EDGE, Picture, lay_out
 from stridelab.pipelines.gait_report.pdf import render_pdf
 from stridelab.pipelines.gait_report.reasons import cautions_of, missing_measures
 from stridelab.pipelines.gait_report.report import GaitReport, gait_report

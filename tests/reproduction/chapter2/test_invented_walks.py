@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stridelab.conventions import GRAVITY_M_S2
+from stridelab.dynamics.wrench import zmp_of_motion
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.reproduction.chapter2 import fig_2_2, fig_2_8_people, numbers, table_real_walks
 from stridelab.reproduction.chapter2.fig_2_8_people import COMFORTABLE, Fused
@@ -84,7 +85,7 @@ def test_the_person_drawn_is_closest_to_the_thesis_subject_and_pairs_have_both_s
     monkeypatch.setattr(fig_2_8_people, "com_and_force_panels", lambda *shown: given.update(shown=shown) or ())
     monkeypatch.setattr(fig_2_8_people, "render_svg", lambda *_: "")
     shown = recorded_walk("b")
-    monkeypatch.setattr(fig_2_8_people.RecordedWalk, "from_file", lambda _: shown)
+    monkeypatch.setattr(RecordedWalk, "from_file", lambda _: shown)
     fig_2_8_people.run(Path(), RisingProgress())
     drawn = next(one for one in given["slow"] if one.walk.person == "b")
     assert given["shown"][1] is drawn.estimate
@@ -185,7 +186,7 @@ def test_masses_and_perfect_inputs_are_judged_by_their_worst(monkeypatch: pytest
 
 def test_formulas_are_judged_by_the_sample_that_they_fit_worst(monkeypatch: pytest.MonkeyPatch) -> None:
     """One of three samples is off by 1 mm, 2 mm and 0.3 rad; the others by nothing."""
-    zmp, gap, angle = fig_2_2.zmp_of_motion, fig_2_2._predicted_gap, fig_2_2._angle_between
+    zmp, gap, angle = zmp_of_motion, fig_2_2._predicted_gap, fig_2_2._angle_between
     rng = np.random.default_rng(0)
     truth = TrueMotion(
         time_s=np.arange(3.0), com_m=np.array([0.0, 0.0, 0.8]) + 0.01 * rng.normal(size=(3, 3)), mass_kg=90.0,

@@ -15,7 +15,7 @@ from stridelab.errors import NotEstimable, NotFound, UnreadableFile
 from stridelab.reproduction.chapter3 import height_people
 from stridelab.reproduction.chapter3.height_people import LEG_SHARE, WalkMeans, fit_hierarchy
 from stridelab.reproduction.chapter3.people_walks import FittedWalk
-from stridelab.reproduction.common.recorded_walks import left_out_text
+from stridelab.reproduction.common.recorded_walks import RecordedWalk, left_out_text
 from support.recorded_claims import assert_as_recorded
 
 TAU, SIGMA = 0.03, 0.02
@@ -172,7 +172,7 @@ def test_unreadable_recordings_are_named(tmp_path: Path, monkeypatch: pytest.Mon
     def refuse(_path: Path, _folder: Path) -> None:
         raise UnreadableFile("truncated-file", "The file is truncated.")
 
-    monkeypatch.setattr(height_people.RecordedWalk, "from_file", refuse)
+    monkeypatch.setattr(RecordedWalk, "from_file", refuse)
     _, counted, unreadable = height_people.collect_walks(tmp_path, lambda _share, _text: None)
     assert counted == {"truncated-file": 1}
     assert left_out_text(unreadable) == " Left out: p1/walk.c3d (The file is truncated)."
@@ -188,7 +188,7 @@ def test_recordings_without_a_walk_are_counted_by_their_reason(tmp_path: Path, m
         tried.append(f"{folder.name}/{path.name}")
         raise NotEstimable("not-straight" if path.name == "walk1.c3d" else "no-stature", "It turns.")
 
-    monkeypatch.setattr(height_people.RecordedWalk, "from_file", refuse)
+    monkeypatch.setattr(RecordedWalk, "from_file", refuse)
     counted = {"not-straight": 2, "no-stature": 1}
     assert height_people.collect_walks(tmp_path, lambda _share, _text: None) == ([], counted, [])
     assert tried == ["p1/walk1.c3d", "p1/walk2.c3d", "p2/walk1.c3d"], "who stands does not walk"

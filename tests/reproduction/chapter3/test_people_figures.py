@@ -14,7 +14,6 @@ from stridelab.reproduction.chapter3.people_figures import PEOPLE_ITEMS
 from stridelab.reproduction.chapter3.people_parameter_claims import OMEGA_R, correlation_claim, omega_claim
 from stridelab.reproduction.chapter3.people_walks import (
     FittedWalk,
-    RecordedWalk,
     fit_walk,
     fitted_walks,
     pooled_spread,
@@ -22,6 +21,7 @@ from stridelab.reproduction.chapter3.people_walks import (
 from stridelab.reproduction.claims import Claim
 from stridelab.reproduction.common.intervals import interval_of
 from stridelab.reproduction.common.simulated_people import PEOPLE_PER_SEED
+from stridelab.reproduction.common.recorded_walks import RecordedWalk
 from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.reproduction.result_cache import digest_of
 from stridelab.reproduction.runner import recipes_of

@@ -11,7 +11,6 @@ import pytest
 
 from stridelab.errors import Conflict, InvalidInput, StorageFull, TooLarge, Unavailable, UnreadableFile
 from stridelab.service.backup import archive as archive_module
-from stridelab.service.backup import restore
 from stridelab.service.backup.archive import open_archive
 from stridelab.service.backup.create import BackupContents, create_backup
 from stridelab.service.backup.stored_files import StoredFiles
@@ -170,7 +169,7 @@ def test_a_restore_that_fails_leaves_everything_as_it_was(
 def test_a_small_disk_is_reported_before_anything_is_done(
     backup: Path, empty: str, put_back: PutBack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(restore.shutil, "disk_usage", lambda _: type("Usage", (), {"free": 1000})())
+    monkeypatch.setattr("shutil.disk_usage", lambda _: type("Usage", (), {"free": 1000})())
     with pytest.raises(StorageFull, match="MB left"):
         put_back(backup, empty)
     assert not is_migrated(empty)

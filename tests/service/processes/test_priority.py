@@ -33,7 +33,7 @@ def test_a_process_and_its_session_are_nicer() -> None:
 
 def test_refused_calls_to_the_kernel_are_repeated_a_few_times_only() -> None:
     group, refused = mock.Mock(spec=Path), BlockingIOError()
-    with mock.patch.object(priority.time, "sleep") as slept:
+    with mock.patch("time.sleep") as slept:
         group.write_text.side_effect = [refused, refused, 2]
         priority.lower_session_priority(group=group)
         assert [call.args[0] for call in slept.call_args_list] == [0.05, 0.1]
@@ -45,6 +45,6 @@ def test_refused_calls_to_the_kernel_are_repeated_a_few_times_only() -> None:
 
 
 def test_without_permission_a_live_process_keeps_its_rank() -> None:
-    with mock.patch.object(priority.os, "setpriority", side_effect=PermissionError()) as setpriority:
+    with mock.patch("os.setpriority", side_effect=PermissionError()) as setpriority:
         priority.raise_priority()
     setpriority.assert_called_once_with(os.PRIO_PROCESS, 0, priority.LIVE_NICENESS)

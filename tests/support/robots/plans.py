@@ -196,7 +196,7 @@ def plan_with_a_hanging_solver(task: dict[str, Any], folder: Path, progress: Any
     from stridelab.pipelines import plan_centroidal
     from stridelab.service.kinds.plan_motion import run as plan_motion
 
-    plan_centroidal.solve = lambda *_args, **_options: ctypes.PyDLL(None).sleep(600)
+    plan_centroidal.solve = lambda *_args, **_options: ctypes.PyDLL(None).sleep(600)  # type: ignore[attr-defined]
     return with_json(plan_motion.run)(task, folder, progress)
 
 

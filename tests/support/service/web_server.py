@@ -211,7 +211,7 @@ async def _idle_at_start(parts: Parts, with_sample: bool) -> None:
 
 def main() -> None:
     """The web server as a program, which imports what reads uploads with the first one, and prepares no robot."""
-    api_app.IsolatedPool = LatePool  # type: ignore[misc]
+    api_app.IsolatedPool = LatePool  # type: ignore[attr-defined,misc]
     api_app._warm_robots = _idle_at_start
     api_server.main()
 

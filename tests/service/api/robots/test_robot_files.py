@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from stridelab.machine.models_folder import models_dir
 from stridelab.robots import card, data_files
 from stridelab.service import source_hash
 from stridelab.service.api.robots.children import RobotChildren
@@ -44,8 +45,8 @@ def test_the_libraries_leave_memory_when_nothing_is_made(tmp_path: Path, monkeyp
 
 def test_the_hash_names_all_that_the_files_are_made_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     models = tmp_path / "models"
-    shutil.copytree(card.models_dir() / "robots", models / "robots")
-    shutil.copytree(card.models_dir() / "reachability" / "hrp2", models / "reachability" / "hrp2")
+    shutil.copytree(models_dir() / "robots", models / "robots")
+    shutil.copytree(models_dir() / "reachability" / "hrp2", models / "reachability" / "hrp2")
     for module in (card, data_files, source_hash):
         monkeypatch.setattr(module, "models_dir", lambda: models)
     first = source_sha256("hrp2")

@@ -14,6 +14,7 @@ from typing import Any
 import httpx
 import pytest
 
+from stridelab.machine.models_folder import models_dir
 from stridelab.robots import card
 from stridelab.service.api import app
 from stridelab.service.api.robots import cache as shelf_module
@@ -104,7 +105,7 @@ def test_a_robot_whose_card_is_broken_is_unavailable_and_can_do_nothing(
 def test_a_robot_that_cannot_be_loaded_gives_the_reason(
     http: httpx.Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    good = (card.models_dir() / "robots" / "talos.toml").read_text(encoding="utf-8")
+    good = (models_dir() / "robots" / "talos.toml").read_text(encoding="utf-8")
     folder = tmp_path / "robots"
     folder.mkdir()
     (folder / "absent.toml").write_text(good.replace("example_robot_data", "no_such_package"), encoding="utf-8")

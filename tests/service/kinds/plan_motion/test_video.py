@@ -8,6 +8,7 @@ import pytest
 
 from stridelab.errors import NotEstimable
 from stridelab.robots.visuals import link_meshes
+from stridelab.schemas.plans import Film
 from stridelab.service.kinds.plan_motion import run as plan_motion
 from stridelab.service.kinds.plan_motion import video
 from stridelab.service.kinds.plan_motion.display_tracks import display_poses
@@ -51,7 +52,7 @@ def poses() -> np.ndarray:
 
 
 def test_without_ffmpeg_a_film_is_refused_before_any_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(video.shutil, "which", lambda _: None)
+    monkeypatch.setattr(video.shutil, "which", lambda _: None)  # type: ignore[attr-defined]
     require_film(None)
     progress = RecordedProgress()
     with pytest.raises(NotEstimable) as refusal:
@@ -62,7 +63,7 @@ def test_without_ffmpeg_a_film_is_refused_before_any_work(tmp_path: Path, monkey
 
 
 @pytest.mark.parametrize("film", ["gif", "mp4"])
-def test_every_frame_is_passed_to_ffmpeg(programs: Path, tmp_path: Path, film: video.Film) -> None:
+def test_every_frame_is_passed_to_ffmpeg(programs: Path, tmp_path: Path, film: Film) -> None:
     install(programs, FFMPEG)
     artifact = write_film(tmp_path, film, one_step().terrain, link_meshes(talos()), poses(), 25.0, quiet)
     assert (artifact.name, artifact.media_type) == (f"motion.{film}", video.MEDIA_TYPES[film])

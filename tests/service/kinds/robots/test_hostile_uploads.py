@@ -27,7 +27,7 @@ def read() -> Iterator[Read]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))
         runner = asyncio.Runner()
-        pool = IsolatedPool(READING)
+        pool = IsolatedPool((*READING, TARGET.partition(":")[0]))  # or each child imports pinocchio and others: 0.36 s
 
         def run(content: bytes, folder: Path) -> IsolatedOutcome:
             (folder / "upload").write_bytes(content)
