@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stridelab.recordings.recording import Plate
-from stridelab.walking.gait_events import contact_intervals
+from stridelab.walking.plate_events import contact_intervals
 from support.recordings.walks import corners
 
 RATE_HZ = 1000.0
