@@ -74,7 +74,8 @@ def calibrate_errors(motion: WalkMotion, steps: Sequence[GaitStep], measures: It
                 factor = factors[2]
             else:
                 factor = factors[0 if is_measured(motion, steps[measure.step], measure) else 1]
-            calibrated.append(replace(measure, sd=factor * measure.sd))
+            scaled = max(measure.sd**2 - measure.events_sd**2, 0.0)
+            calibrated.append(replace(measure, sd=math.hypot(factor * math.sqrt(scaled), measure.events_sd)))
         else:
             calibrated.append(measure)
     return calibrated

@@ -1,7 +1,7 @@
 r"""Strikes and lift-offs of the contacts on a plate, each with the standard deviation of its time.
 
 A contact is loaded above the plate's threshold h (20 N). Near its ends the load is the component L of the force along
-the mean force of its first (last) 20 ms, so that the noise of the empty plate scatters it without a bias, which the
+the mean force of its first (last) 40 ms, so that the noise of the empty plate scatters it without a bias, which the
 size of the force has. With sigma the noise of L, T the sampling interval and s the slope of the load, the mean of n
 samples crosses h at the time of their middle. Its deviation is
 
@@ -44,7 +44,7 @@ QUIET_SHARE: Final = 0.25
 RISE_S, FALL_S = 0.005, 0.01
 """Durations of the linear fits: a heel loads faster than toes unload."""
 MAX_BEFORE_S, MAX_AFTER_S = 0.02, 0.03
-DIRECTION_S: Final = 0.02
+DIRECTION_S: Final = 0.04
 """Duration of the contact whose mean force is the direction of the load."""
 BEFORE_S, BEHIND_S = 0.03, 0.06
 """Times before and after the first loaded sample between which the crossing is searched."""
@@ -54,6 +54,8 @@ MOST_RISE: Final = 1.6
 """Largest rise of the load within the samples of a mean, over the threshold."""
 FIRST_NOISE: Final = 0.15
 """Noise over the threshold that remains in the means from which the slope is first taken."""
+NOISE_REACH: Final = 4.0
+"""Standard deviations of noise that a sample may be off: where they reach the threshold, no dead band is seen."""
 UNKNOWN_SD_S: Final = 0.002
 """Deviation of the time of a load that does not cross the threshold near its first sample."""
 
@@ -144,13 +146,14 @@ def _load_onset(
 
     ``extrapolation_s``: duration of the line behind a dead band, and the most that it extrapolates.
     """
+    toward = force[first : first + max(3, round(DIRECTION_S * rate_hz))].mean(axis=0)
+    toward = toward / np.linalg.norm(toward)
     load = np.linalg.norm(force[first - 1 :], axis=1)
-    if load[0] < QUIET_SHARE * threshold_n:
+    is_quiet = NOISE_REACH * noise.scatter_n(toward, 1) < threshold_n
+    if is_quiet and load[0] < QUIET_SHARE * threshold_n:
         beyond_s = _beyond_s(load[1:], threshold_n, rate_hz, *extrapolation_s)
         if beyond_s > 0.0:
             return PlateEvent(first / rate_hz - beyond_s, beyond_s / math.sqrt(3.0))
-    toward = force[first : first + max(3, round(DIRECTION_S * rate_hz))].mean(axis=0)
-    toward = toward / np.linalg.norm(toward)
     begin = max(0, first - round(BEFORE_S * rate_hz))
     along = force[begin : first + round(BEHIND_S * rate_hz)] @ toward
     crossing = _threshold_crossing(along, first - begin - 0.5, threshold_n, noise, toward)
@@ -164,9 +167,8 @@ def _threshold_crossing(
 ) -> tuple[float, float] | None:
     """Crossing of the threshold nearest to ``near`` and its deviation, in samples; None if there is none."""
     sigma_n = noise.scatter_n(toward, 1)
-    rough = _MeanCrossing.nearest(
-        load, max(1, math.ceil((sigma_n / (FIRST_NOISE * threshold_n)) ** 2)), near, threshold_n
-    )
+    n = max(1, math.ceil((sigma_n / (FIRST_NOISE * threshold_n)) ** 2))
+    rough = _MeanCrossing.nearest(load, n, near, threshold_n)
     if rough is None:
         return None
     doubled = np.flatnonzero(rough.means[rough.after :] >= 2.0 * threshold_n)
