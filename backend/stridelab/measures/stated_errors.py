@@ -5,8 +5,8 @@ the same throughout a stride (the segment table, the body mass, the tare of the 
 excursion or in a mean; the state's covariance does not contain how it is correlated in time. So the deviation is
 multiplied by the factor with which the 95 % band holds the truth in 95 % of the steps of walks whose markers move with
 the skin (``scripts/make_measures_coverage.py``, even seeds 6000 to 6198 and 8000 to 8398 over a walkway, odd seeds 6001
-to 6199 over two plates, odd seeds 3001 to 3299 by markers); other seeds test it. There are three: for steps in which all
-force is measured, for the others, where the velocity follows from markers, and for a CoM of the markers alone. What
+to 6199 over two plates, odd seeds 3001 to 3299 by markers); other seeds test it. There are three: for steps in which
+all force is measured, for the others, where the velocity follows from markers, and for a CoM of the markers alone. What
 events and markers of the feet add to the error of a margin (``Measure.events_sd``) has no factor, nor do times.
 Errors of the feet, of the pelvis and of the angular momentum
 have the same cause in all three and one factor. Of the markers alone, the sideways margins and the speed of the CoM are
