@@ -92,7 +92,7 @@ def test_without_noise_only_the_interval_between_samples_is_uncertain() -> None:
     ((strike, _),) = plate_events(plate(), RATE_HZ)
     assert strike is not None
     assert strike.at_s == pytest.approx(START_S + 20.0 / SLOPES_N_S[0], abs=1e-6)
-    assert strike.sd_s < 1e-5
+    assert strike.sd_s == pytest.approx(0.02 / RATE_HZ)
     late_s, stated_s = [], []
     for offset_ms in np.arange(0.05, 1.0, 0.1):
         steep = plate()

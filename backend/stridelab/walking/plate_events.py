@@ -14,7 +14,7 @@ interval the load may be a line, or zero and then the line through the next samp
 crossings beyond what noise explains. It vanishes with T.
 
 An empty plate whose stored force is exactly zero does not show its noise, nor does one that is never empty. There sigma
-is that of third differences of the load, sigma_n = sigma / sqrt(n).
+is the median size of third differences of the loaded plate, and sigma_n = sigma / sqrt(n). Impacts do not enter it.
 
 Some laboratories store plates with a dead band: the Rehazenter files contain no force below 50 N. There the load begins
 before the first and ends after the last stored sample; linear extrapolation of the nearest samples gives the instant of
@@ -56,6 +56,12 @@ FIRST_NOISE: Final = 0.15
 """Noise over the threshold that remains in the means from which the slope is first taken."""
 NOISE_REACH: Final = 4.0
 """Standard deviations of noise that a sample may be off: where they reach the threshold, no dead band is seen."""
+NORMAL_MEDIAN: Final = 0.6745
+"""Median size of normal noise over its standard deviation."""
+MIN_DIFFERENCED: Final = 20
+"""Samples of a contact below which its third differences say nothing."""
+LEAST_SHARE: Final = 0.02
+"""Least deviation of a crossing, over the sampling interval."""
 UNKNOWN_SD_S: Final = 0.002
 """Deviation of the time of a load that does not cross the threshold near its first sample."""
 
@@ -87,8 +93,10 @@ class PlateNoise:
         means = np.concatenate([(total[n:] - total[:-n]) / n for total in sums]) if sums else np.zeros((0, 3))
         if len(means) and means.any():
             return np.asarray(means.T @ means / len(means))
-        third = np.diff(self.loaded_n, n=3, axis=0)
-        return np.asarray(third.T @ third / max(len(third), 1) / 20.0 / n)  # 1 + 9 + 9 + 1
+        if len(self.loaded_n) < MIN_DIFFERENCED:
+            return np.zeros((3, 3))
+        third = np.median(np.abs(np.diff(self.loaded_n, n=3, axis=0)), axis=0) / NORMAL_MEDIAN
+        return np.asarray(np.diag(third**2) / 20.0 / n)  # 1 + 9 + 9 + 1
 
 
 def plate_noise(plate: Plate, rate_hz: float) -> PlateNoise:
@@ -159,7 +167,7 @@ def _load_onset(
     crossing = _threshold_crossing(along, first - begin - 0.5, threshold_n, noise, toward)
     if crossing is None:
         return PlateEvent(first / rate_hz, UNKNOWN_SD_S)
-    return PlateEvent((begin + crossing[0]) / rate_hz, crossing[1] / rate_hz)
+    return PlateEvent((begin + crossing[0]) / rate_hz, max(crossing[1], LEAST_SHARE) / rate_hz)
 
 
 def _threshold_crossing(
@@ -167,7 +175,7 @@ def _threshold_crossing(
 ) -> tuple[float, float] | None:
     """Crossing of the threshold nearest to ``near`` and its deviation, in samples; None if there is none."""
     sigma_n = noise.scatter_n(toward, 1)
-    n = max(1, math.ceil((sigma_n / (FIRST_NOISE * threshold_n)) ** 2))
+    n = min(max(1, math.ceil((sigma_n / (FIRST_NOISE * threshold_n)) ** 2)), max(1, len(load) // 3))
     rough = _MeanCrossing.nearest(load, n, near, threshold_n)
     if rough is None:
         return None
