@@ -19,8 +19,8 @@ from stridelab.errors import StridelabError
 from stridelab.recordings.plate_contacts import loaded_intervals
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Plate
-from stridelab.walking.gait_events import contact_intervals
 from stridelab.walking.low_passed_plates import FILTERED_LOAD_N, low_pass_lead_s
+from stridelab.walking.plate_events import contact_intervals
 
 FILTERS = ((2, 8.0), (2, 10.0), (2, 12.0), (2, 15.0), (2, 20.0), (4, 10.0), (4, 12.0), (4, 15.0), (4, 20.0))
 """Order of one pass, and cut-off in hertz."""

@@ -9,6 +9,7 @@ make_measures_coverage.py                 400 walks, then the tables of docs/the
 make_measures_coverage.py --number 20     only so many of them
 make_measures_coverage.py --first 0       seeds from 0 on (below 9000: to tune on)
 make_measures_coverage.py --labs markers  walks in these laboratories only; their tables are printed, not written
+make_measures_coverage.py --pelvis 0.5    skin of the pelvis that moves by half as much; give it a file with --out
 make_measures_coverage.py --halves        every other walk with the factors that hold 95 % of the rest, and the reverse
 
 Values computed before are read from --out and are not computed again.
@@ -52,6 +53,7 @@ from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.simulation.force_plates import LabName
 from stridelab.simulation.ground_truth import true_motion
+from stridelab.simulation.human import marker_layout
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import NOISE_FREE, MeasurementNoise
@@ -83,6 +85,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=9000, help="first seed")
     parser.add_argument("--halves", action="store_true", help="factors of either half of the walks, on the other half")
     parser.add_argument("--labs", nargs="+", choices=LABS, help="only these laboratories; tables are printed")
+    parser.add_argument("--pelvis", type=float, default=1.0, help="motion of the pelvis' skin over the assumed one")
     request = parser.parse_args()
     stored: dict[tuple[int, str], list[Row]] = {}
     if request.out.is_file():
@@ -90,7 +93,9 @@ def main() -> None:
         stored = {(seed, lab): [tuple(row) for row in rows] for seed, lab, rows in map(json.loads, lines)}
     seeds = range(request.first, request.first + request.number)
     request.out.parent.mkdir(parents=True, exist_ok=True)
-    with request.out.open("a", encoding="utf-8") as out:
+    skin = marker_layout.SKIN_MOTION_SD_M
+    skin = {**skin, "pelvis": request.pelvis * skin["pelvis"]}
+    with request.out.open("a", encoding="utf-8") as out, patch.object(marker_layout, "SKIN_MOTION_SD_M", skin):
         for seed in seeds:
             for lab in labs_of(seed, request.labs):
                 if (seed, lab) not in stored:

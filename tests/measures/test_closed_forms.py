@@ -24,7 +24,7 @@ from stridelab.measures import (
 from stridelab.measures.energy_exchange import STEP_ERRORS, step_energies
 from stridelab.measures.rolling_wheel import CORRELATION_S, VERTICAL_SHARE, wheel_sd
 from stridelab.measures.spatiotemporal import HALF_STRIDE_CHANGE, timing_sd
-from stridelab.measures.stated_errors import FACTORS, calibrate_errors
+from stridelab.measures.stated_errors import FACTORS, calibrate_errors, is_measured
 from stridelab.measures.walk_motion import FOOT_SKIN_SD_M, MARKER_SD_M, PELVIS_SKIN_SD_M, WalkMotion
 from stridelab.recordings.recording import Side
 from stridelab.walking.curtate_cycloid import Wheel
@@ -84,6 +84,21 @@ def test_margins_are_the_distances_to_the_edges_of_the_feet() -> None:
         (k + 1) * STEP_M + FOOT_M - (SPEED_M_S * (k + 1) * STEP_S + SPEED_M_S / OMEGA_0) for k in range(STEPS_IN_WALK)
     ]
     assert values(measures, "margin_of_stability_ap_contact") == pytest.approx(ahead_m, abs=1e-6)
+
+
+def test_factors_scale_the_error_of_the_extrapolated_com_and_not_that_of_the_foot() -> None:
+    """With a state that is known exactly, what remains is the marker of the foot and its skin."""
+    of_foot_m = math.hypot(MARKER_SD_M, FOOT_SKIN_SD_M)
+    name = "margin_of_stability_ml_min"
+    for state_m in (0.0, 0.004):
+        covariance = np.broadcast_to(np.diag([state_m**2, 1e-12]), (len(plain_walk().time_s), 3, 2, 2))
+        motion = plain_walk(covariance=covariance)
+        raw = [one for one in margins_of_stability(motion, plain_steps()) if one.name == name]
+        assert [one.events_sd for one in raw] == pytest.approx([of_foot_m] * len(raw))
+        stated = calibrate_errors(motion, plain_steps(), raw)
+        factor_m = [FACTORS[name][0 if is_measured(motion, plain_steps()[m.step or 0], m) else 1] for m in raw]
+        expected = [math.hypot(factor * state_m, of_foot_m) for factor in factor_m]
+        assert [one.sd for one in stated] == pytest.approx(expected, abs=1e-6)
 
 
 def test_a_body_that_sways_outwards_has_its_smallest_margin_where_it_is_farthest_out() -> None:

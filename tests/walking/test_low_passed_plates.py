@@ -13,8 +13,8 @@ from stridelab.recordings.recording import Plate
 from stridelab.simulation.human.walker import HumanWalker
 from stridelab.simulation.human_recording import record
 from stridelab.simulation.noise import NOISE_FREE
-from stridelab.walking.gait_events import contact_intervals
 from stridelab.walking.low_passed_plates import low_pass_lead_s
+from stridelab.walking.plate_events import contact_intervals
 
 Stance = tuple[Plate, float]
 AROUND_S = 0.3

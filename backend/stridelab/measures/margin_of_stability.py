@@ -16,7 +16,7 @@ from stridelab.conventions import Series
 from stridelab.measures.extrapolated_com import ExtrapolatedCom, extrapolated_com
 from stridelab.measures.measure import Measure
 from stridelab.measures.spatiotemporal import position_sd_m
-from stridelab.measures.walk_motion import AHEAD, LEFT, MARKER_SD_M, OTHER_SIDE, FootMotion, WalkMotion
+from stridelab.measures.walk_motion import AHEAD, FOOT_SKIN_SD_M, LEFT, MARKER_SD_M, OTHER_SIDE, FootMotion, WalkMotion
 from stridelab.recordings.recording import Side
 from stridelab.walking.steps import GaitStep
 
@@ -54,8 +54,8 @@ def _single_support(motion: WalkMotion, xcom: ExtrapolatedCom, step: GaitStep, n
     if len(within) == 0 or not np.isfinite(margin).all():
         return []
     k = int(np.argmin(margin))
-    sd = _error_m(xcom, motion.nearest(at_s[k]), LEFT)
-    return [Measure("margin_of_stability_ml_min", float(margin[k]), sd, "m", side, number)]
+    sd, of_foot = _errors_m(xcom, motion.nearest(at_s[k]), LEFT)
+    return [Measure("margin_of_stability_ml_min", float(margin[k]), sd, "m", side, number, of_foot)]
 
 
 def _at_strike(motion: WalkMotion, xcom: ExtrapolatedCom, step: GaitStep, number: int) -> list[Measure]:
@@ -65,24 +65,29 @@ def _at_strike(motion: WalkMotion, xcom: ExtrapolatedCom, step: GaitStep, number
     x = [float(np.interp(step.strike_s, motion.time_s, xcom.position_m[:, axis])) for axis in (AHEAD, LEFT)]
     k = motion.nearest(step.strike_s)
     ahead_of = foot.heel_m - np.pad(xcom.position_m, ((0, 0), (0, 1)))
-    sd_ap, sd_ml = (
-        _error_m(xcom, k, axis, position_sd_m(motion, ahead_of, step.strike_s, step.strike_error, axis))
+    ahead, sideways = (
+        _errors_m(xcom, k, axis, position_sd_m(motion, ahead_of, step.strike_s, step.strike_error, axis))
         for axis in (AHEAD, LEFT)
     )
     middle = outline.mean(axis=0)
     values = (
-        ("margin_of_stability_ap_contact", outline[:, AHEAD].max() - x[0], sd_ap),
-        ("margin_of_stability_ml_contact", (outwards * outline[:, LEFT]).max() - outwards * x[1], sd_ml),
-        ("capture_point_offset_ap", middle[AHEAD] - x[0], sd_ap),
-        ("capture_point_offset_ml", outwards * (middle[LEFT] - x[1]), sd_ml),
+        ("margin_of_stability_ap_contact", outline[:, AHEAD].max() - x[0], ahead),
+        ("margin_of_stability_ml_contact", (outwards * outline[:, LEFT]).max() - outwards * x[1], sideways),
+        ("capture_point_offset_ap", middle[AHEAD] - x[0], ahead),
+        ("capture_point_offset_ml", outwards * (middle[LEFT] - x[1]), sideways),
     )
-    return [Measure(name, float(value), sd, "m", step.side, number) for name, value, sd in values]
+    return [Measure(name, float(value), sd, "m", step.side, number, own) for name, value, (sd, own) in values]
 
 
 def _outline_at(motion: WalkMotion, foot: FootMotion, at_s: float) -> np.ndarray:
     return np.array([motion.at(foot.outline_m[:, point], at_s) for point in range(foot.outline_m.shape[1])])
 
 
-def _error_m(xcom: ExtrapolatedCom, sample: int, axis: int, late_m: float = 0.0) -> float | None:
-    """Error of the extrapolated CoM, of a marker, and of their change within the error of the event."""
-    return None if xcom.sd_m is None else math.hypot(float(xcom.sd_m[sample, axis]), MARKER_SD_M, late_m)
+def _errors_m(xcom: ExtrapolatedCom, sample: int, axis: int, late_m: float = 0.0) -> tuple[float | None, float]:
+    """Error of a margin, and the part of it that is not of the extrapolated CoM.
+
+    The latter is of a marker of the foot, of its motion with the skin, and of their change within the error of the
+    event.
+    """
+    of_foot = math.hypot(MARKER_SD_M, FOOT_SKIN_SD_M, late_m)
+    return None if xcom.sd_m is None else math.hypot(float(xcom.sd_m[sample, axis]), of_foot), of_foot

@@ -26,7 +26,8 @@ class Measure:
     """One value: of the step ``step`` (from 0 in order of strikes) and its ``side``, or of the recording if None.
 
     ``sd`` is the standard deviation of the measurement error, None if it is not known. ``unit`` is "m", "s", "m/s",
-    "J/kg", "1/min", "rad/s" or "1".
+    "J/kg", "1/min", "rad/s" or "1". ``events_sd`` is the part of ``sd`` from events and from markers of the feet,
+    which no factor of ``stated_errors`` scales.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Measure:
     unit: str
     side: Side | None = None
     step: int | None = None
+    events_sd: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ def loaded_intervals(plate: Plate, rate_hz: float) -> list[tuple[float, float]]:
             contacts[-1].append(run)
         else:
             contacts.append([run])
-    noise_n = _NOISE_FACTOR * _empty_load_n(load_n, true_runs(plate.loaded), rate_hz)
+    noise_n = _NOISE_FACTOR * float(load_n[empty_samples(plate, rate_hz)].max(initial=0.0))
     spans = [_without_noise(runs, load_n, 2.0 * plate.threshold_n, noise_n) for runs in contacts]
     return [
         (i / rate_hz, (j - 1) / rate_hz)
@@ -43,13 +43,14 @@ def loaded_intervals(plate: Plate, rate_hz: float) -> list[tuple[float, float]]:
     ]
 
 
-def _empty_load_n(load_n: Series, runs: list[tuple[int, int]], rate_hz: float) -> float:
-    """Largest load of the empty plate, far from what only a contact explains; 0 if it is never empty."""
-    empty, far = np.ones(len(load_n), bool), round(_FAR_S * rate_hz)
-    for i, j in runs:
+def empty_samples(plate: Plate, rate_hz: float) -> Mask:
+    """Samples of the empty plate, far from what only a contact explains."""
+    load_n, far = np.linalg.norm(plate.force_n, axis=1), round(_FAR_S * rate_hz)
+    empty = np.ones(len(load_n), dtype=bool)
+    for i, j in true_runs(plate.loaded):
         if float(load_n[i:j].max()) > _MIN_PEAK_N:
             empty[max(0, i - far) : j + far] = False
-    return float(load_n[empty].max(initial=0.0))
+    return empty
 
 
 def _without_noise(runs: list[tuple[int, int]], load_n: Series, low_n: float, noise_n: float) -> tuple[int, int]:

@@ -19,7 +19,6 @@ from math import fsum, hypot, sqrt
 from typing import Final, Literal
 
 from stridelab.estimation.random_effects import pool_measurements
-from stridelab.walking.low_passed_plates import LEAD_SD_S
 
 EventKind = Literal["strike", "lift_off"]
 
@@ -32,13 +31,6 @@ class EventError:
     own_s: float
 
 
-PLATE_ERROR: Final[Mapping[EventKind, EventError]] = {
-    "strike": EventError(0.0, 0.0008),
-    "lift_off": EventError(0.0, 0.0004),
-}
-"""Errors of events by plates without low-pass, from the noise of simulated plates: toes unload slowly."""
-LOW_PASSED_STRIKE_ERROR: Final = EventError(0.0, LEAD_SD_S)
-"""Error of a strike by a plate whose force was low-passed before it was stored."""
 SESSION_SD_S: Final[Mapping[EventKind, float]] = {"strike": 0.0106, "lift_off": 0.0095}
 RECORDING_SD_S: Final = 0.003
 MARKER_ERROR: Final[Mapping[EventKind, EventError]] = {

@@ -15,11 +15,7 @@ markers, the shoes and the filter of the plates. Where whole stances of a record
 plates, the difference there shifts the events by markers (``walking.event_calibration``). A strike whose forefoot
 becomes slower than 0.45 v less than 20 ms after the heel, or before it, is one of a flat foot.
 
-A contact is loaded above the plate's threshold (20 N). Some laboratories store plates with a dead band: the Rehazenter
-files contain no force below 50 N. There the load begins before the first and ends after the last stored sample; linear
-extrapolation of the nearest samples gives the instant of zero load: 10 ms earlier and 11 ms later at normal pace (C4).
-A force that was low-passed before it was stored begins to rise before the foot strikes; the strike follows from the
-load above 50 N and the strength of the filter (``low_passed_plates``).
+The events of plates and their errors are those of ``walking.plate_events``.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,21 +28,19 @@ from jaxtyping import Float
 from stridelab.conventions import Points, Series
 from stridelab.recordings.foot_contact import Foot, find_feet
 from stridelab.recordings.gap_filling import true_runs
-from stridelab.recordings.plate_contacts import loaded_intervals, markers_on_plate, mean_visible
+from stridelab.recordings.plate_contacts import markers_on_plate, mean_visible
 from stridelab.recordings.recording import Plate, Recording, Side
 from stridelab.walking.event_calibration import (
     FLAT_STRIKE_ERROR,
-    LOW_PASSED_STRIKE_ERROR,
     MARKER_ERROR,
-    PLATE_ERROR,
     EventDifferences,
     EventError,
     EventKind,
     PlateDifference,
     common_difference,
 )
-from stridelab.walking.low_passed_plates import FILTERED_LOAD_N, low_pass_lead_s
 from stridelab.walking.marker_kinematics import level_speed_m_s, smooth_velocity_m_s, walking_speed_m_s
+from stridelab.walking.plate_events import plate_events
 
 LIFT_OFF_SPEED_SHARE, STRIKE_SPEED_SHARE = 0.9, 0.45
 """Speeds of the forefoot at lift-off and of the heel at the strike, per walking speed."""
@@ -220,11 +214,9 @@ def _apply_plate_events(
 ) -> None:
     """Replace the marker events in ``contacts`` by the matching events of one plate."""
     time_s = recording.time_s
-    smooth = low_pass_lead_s(plate, recording.force_rate_hz) is not None
-    strike_error = LOW_PASSED_STRIKE_ERROR if smooth else PLATE_ERROR["strike"]
-    for begins_s, ends_s in contact_intervals(plate, recording.force_rate_hz):
-        first_s = (begins_s or 0.0) - latency_s
-        last_s = (recording.duration_s if ends_s is None else ends_s) - latency_s
+    for begins, ends in plate_events(plate, recording.force_rate_hz):
+        first_s = (0.0 if begins is None else begins.at_s) - latency_s
+        last_s = (recording.duration_s if ends is None else ends.at_s) - latency_s
         loaded = (time_s >= first_s) & (time_s <= last_s)
         if not loaded.any():
             continue
@@ -233,10 +225,10 @@ def _apply_plate_events(
             for f in feet
             if np.mean((markers_on_plate(recording, plate, f) & f.resting)[loaded].any(axis=1)) > MIN_LOADED_SHARE
         ]
-        if begins_s is not None:
-            _set_nearest(contacts, standing, "strike", first_s, (first_s, last_s), strike_error)
-        if ends_s is not None:
-            _set_nearest(contacts, standing, "lift_off", last_s, (first_s, last_s), PLATE_ERROR["lift_off"])
+        if begins is not None:
+            _set_nearest(contacts, standing, "strike", first_s, (first_s, last_s), EventError(0.0, begins.sd_s))
+        if ends is not None:
+            _set_nearest(contacts, standing, "lift_off", last_s, (first_s, last_s), EventError(0.0, ends.sd_s))
 
 
 def _set_nearest(
@@ -318,66 +310,3 @@ def _shift_contact(contact: Contact, kind: EventKind, late: tuple[float, float] 
         error = EventError(remaining_s, contact.lift_off_error.own_s)
         return replace(contact, lift_off_s=contact.lift_off_s - shift_s, lift_off_error=error)
     return contact
-
-
-DEAD_BAND: Final = 1.5
-"""A contact is cut by a dead band if its first (last) sample exceeds this multiple of the threshold."""
-QUIET_SHARE: Final = 0.25
-"""Load inside a dead band, over the threshold: above it the load rises or falls steeply, and nothing is cut off."""
-RISE_S, FALL_S = 0.005, 0.01
-"""Durations of the linear fits: a heel loads faster than toes unload."""
-MAX_BEFORE_S, MAX_AFTER_S = 0.02, 0.03
-CROSSING_S: Final = 0.004
-"""Time before and after the last loaded sample in which a line gives the crossing of the threshold."""
-
-
-def contact_intervals(plate: Plate, rate_hz: float) -> list[tuple[float | None, float | None]]:
-    """Start and end of each contact in seconds of the force's clock; None if cut off by the recording."""
-    load = np.linalg.norm(plate.force_n, axis=1)
-    lead_s = low_pass_lead_s(plate, rate_hz)
-    intervals: list[tuple[float | None, float | None]] = []
-    for start_s, end_s in loaded_intervals(plate, rate_hz):
-        i, j = round(start_s * rate_hz), round(end_s * rate_hz)
-        begins = None if i == 0 else _strike_s(load, i, plate.threshold_n, rate_hz, lead_s)
-        last = j >= len(load) - 1
-        ends = None if last else _lift_off_s(load, j, plate.threshold_n, rate_hz)
-        intervals.append((begins, ends))
-    return intervals
-
-
-def _strike_s(load: Series, first: int, threshold_n: float, rate_hz: float, lead_s: float | None) -> float:
-    """Strike of a contact whose load begins at sample ``first``; ``lead_s`` is that of a low-passed onset, if it is."""
-    if lead_s is None:
-        quiet = load[first - 1] < QUIET_SHARE * threshold_n
-        beyond_s = _beyond_s(load[first:], threshold_n, rate_hz, RISE_S, MAX_BEFORE_S) if quiet else 0.0
-        rise_n = load[first] - load[first - 1]
-        within = (load[first] - threshold_n) / rise_n if beyond_s == 0.0 and rise_n > 0.0 else 0.0
-        return (first - float(np.clip(within, 0.0, 1.0))) / rate_hz - beyond_s
-    k = first + int(np.argmax(load[first:] > FILTERED_LOAD_N))
-    return k / rate_hz - _beyond_s(load[k:], 0.0, rate_hz, RISE_S, MAX_BEFORE_S) + lead_s
-
-
-def _lift_off_s(load: Series, last: int, threshold_n: float, rate_hz: float) -> float:
-    """Lift-off of a contact whose last loaded sample is ``last``.
-
-    Toes unload slowly, so that noise loads the plate again for a while: the last sample above the threshold is late. A
-    line through the samples around it crosses the threshold without this bias.
-    """
-    quiet = load[last + 1] < QUIET_SHARE * threshold_n
-    beyond_s = _beyond_s(load[last::-1], threshold_n, rate_hz, FALL_S, MAX_AFTER_S) if quiet else 0.0
-    around = max(2, round(CROSSING_S * rate_hz))
-    near = load[max(0, last - around) : last + around + 1]
-    if beyond_s > 0.0 or len(near) < 2 * around + 1:
-        return last / rate_hz + beyond_s
-    slope, at_last = np.polyfit(np.arange(-around, around + 1) / rate_hz, near, 1)
-    shift_s = (threshold_n - at_last) / slope if slope < 0.0 else 0.0
-    return last / rate_hz + float(np.clip(shift_s, -CROSSING_S, CROSSING_S))
-
-
-def _beyond_s(load: np.ndarray, threshold_n: float, rate_hz: float, stretch_s: float, most_s: float) -> float:
-    """Time before the first sample of ``load`` at which it was zero; 0 without a dead band."""
-    if load[0] < DEAD_BAND * threshold_n:
-        return 0.0
-    n = min(max(3, round(stretch_s * rate_hz)), len(load))
-    slope, at_start = np.polyfit(np.arange(n) / rate_hz, load[:n], 1)
-    return float(min(max(at_start / slope, 0.0), most_s)) if slope > 0.0 else most_s

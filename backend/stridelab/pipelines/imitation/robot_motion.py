@@ -16,7 +16,7 @@ from stridelab.measures.walk_motion import AHEAD, FootMotion, WalkMotion
 from stridelab.recordings.recording import Side
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
-from stridelab.walking.event_calibration import PLATE_ERROR
+from stridelab.walking.event_calibration import EventError
 from stridelab.walking.steps import GaitStep
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 RATE_HZ: Final = 100.0
 FEET: Final[tuple[tuple[Side, str], ...]] = (("left", "left_foot"), ("right", "right_foot"))
 """Sides and effectors."""
+PLANNED: Final = EventError(0.0, 0.0)
+"""Error of the events, which are those of the plan."""
 FROM_REST, TO_REST = 1, 2
 """Steps at the start and at the end that are not steady: the first one; the last full one and the closing one."""
 
@@ -76,10 +78,10 @@ def robot_steps(sequence: ContactSequence, replay: "Replay", motion: WalkMotion)
                 measured=True,
                 source="plates",
                 prior_strike_s=before,
-                lift_off_error=PLATE_ERROR["lift_off"],
-                strike_error=PLATE_ERROR["strike"],
-                next_lift_off_error=PLATE_ERROR["lift_off"],
-                prior_strike_error=PLATE_ERROR["strike"],
+                lift_off_error=PLANNED,
+                strike_error=PLANNED,
+                next_lift_off_error=PLANNED,
+                prior_strike_error=PLANNED,
             )
         )
     return tuple(steps)
