@@ -20,8 +20,8 @@ from stridelab.reproduction.chapter3.people_walks import (
 )
 from stridelab.reproduction.claims import Claim
 from stridelab.reproduction.common.intervals import interval_of
-from stridelab.reproduction.common.simulated_people import PEOPLE_PER_SEED
 from stridelab.reproduction.common.recorded_walks import RecordedWalk
+from stridelab.reproduction.common.simulated_people import PEOPLE_PER_SEED
 from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.reproduction.result_cache import digest_of
 from stridelab.reproduction.runner import recipes_of
