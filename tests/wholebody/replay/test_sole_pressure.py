@@ -4,8 +4,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from stridelab.contacts.scenarios.parts import Timing
+from stridelab.contacts.scenarios.stairs import Stairs, climb
+from stridelab.pipelines.plan_motion import plan_motion, replay_motion, stage_shares
+from stridelab.pipelines.progress import Stages
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
+from stridelab.schemas.scenarios import Scenario
 from stridelab.wholebody.replay.dcm_feedback import CapturePointFeedback, Sole, ankle_torques_nm, ankles_of
 from stridelab.wholebody.replay.replay import PhysicsReplay
 
@@ -65,7 +71,9 @@ def test_the_pressure_stays_inside_the_sole_wherever_it_was_planned() -> None:
     capture = CapturePointFeedback(edge_m=0.005)
     for planned_m in (0.0, 0.03, -0.05):
         for y in (5.0, -5.0):
-            shifts, _ = capture.distribute_shift(np.array([9.0, y]), soles(900.0, 1.0, planned_m), HALF_M)
+            shifts, _, missed_m = capture.distribute_shift(np.array([9.0, y]), soles(900.0, 1.0, planned_m), HALF_M)
+            assert missed_m[0] > 8.0
+            assert missed_m[1] * y > 0.0
             assert planned_m + shifts["left_foot"][1] == pytest.approx(np.sign(y) * 0.055)
             assert shifts["left_foot"][0] == pytest.approx(0.095)
 
@@ -74,9 +82,35 @@ def test_what_two_soles_cannot_do_is_done_by_shifting_load() -> None:
     """Pressure and load together move the common centre of pressure by the requested distance."""
     capture, both = CapturePointFeedback(), soles(400.0, 500.0)
     for y in (0.02, 0.075, -0.08):
-        shifts, gained = capture.distribute_shift(np.array([0.0, y]), both, HALF_M)
+        shifts, gained, missed_m = capture.distribute_shift(np.array([0.0, y]), both, HALF_M)
         assert gained["left_foot"] == pytest.approx(-gained["right_foot"])
+        assert missed_m == pytest.approx([0.0, 0.0], abs=5e-4)
         own = sum(sole.load_n * shifts[name][1] for name, sole in both.items()) / 900.0
         assert own + gained["left_foot"] * 0.2 / 900.0 == pytest.approx(y, abs=5e-4)
     gained = capture.distribute_shift(np.array([0.0, 9.0]), both, HALF_M)[1]
     assert gained["right_foot"] == pytest.approx(45.0 - 500.0), "a twentieth of the weight stays on either sole"
+
+
+def test_the_integral_does_not_grow_towards_what_the_soles_miss() -> None:
+    capture, one_foot = CapturePointFeedback(edge_m=0.005), soles(900.0, 1.0, 0.03)
+    del one_foot["right_foot"]
+    missed_m = capture.distribute_shift(np.array([0.0, 0.06]), one_foot, HALF_M)[2]
+    assert missed_m == pytest.approx([0.0, 0.035])
+    assert capture.integrable_m(np.array([0.01, 0.02]), missed_m) == pytest.approx([0.01, 0.0])
+    assert capture.integrable_m(np.array([0.01, -0.02]), missed_m) == pytest.approx([0.01, -0.02]), "back towards zero"
+    assert capture.integrable_m(np.array([0.01, 0.02]), np.zeros(2)) == pytest.approx([0.01, 0.02])
+
+
+def test_errors_do_not_grow_from_step_to_step_on_a_flight_of_five() -> None:
+    """With an integral that grew all along, 2, 7, 10 and 22 mm, until a step of the recovery met a riser."""
+    stairs = Stairs(5, 0.174, 0.285, toe_gap_m=0.06)
+    scenario = Scenario.model_validate(climb(stairs, Timing(1.5, 0.98, 0.2), "alternate"))
+    request = PlanMotionInput(scenario=scenario, replay=True)
+    planned = plan_motion(
+        PlanMotionTask(scenario=scenario, input=request), Stages(lambda *_: None, stage_shares(request))
+    )
+    assert planned.motion is not None
+    replay = replay_motion(request, planned.robot, planned.motion, lambda *_: None)
+    assert replay.completed, replay.remarks
+    assert replay.left_plan is None
+    assert replay.com_error_max_m < 0.03

@@ -5,7 +5,9 @@ The divergent component of motion ``xi = c + c' / w`` with ``w = sqrt(g / h)`` d
     xi' = w (xi - z) ,
 
 so that with ``e = xi - xi_ref`` the centre of pressure is shifted by ``d = k e + k_i w int e dt`` (Englsberger 2015,
-Morisawa 2012); the integral compensates constant errors: a load, a slope, an offset of the CoM. The part of ``d`` that
+Morisawa 2012); the integral compensates constant errors: a load, a slope, an offset of the CoM. It does not grow in the
+direction in which the soles are exhausted: on stairs that are climbed with one foot on each, that error has the other
+sign at the next step, which began with the integral of this one. The part of ``d`` that
 the soles can realise within their rectangles becomes ankle torques: a force ``f_z`` shifted by ``d`` turns the foot
 with ``d x f``, which the joint with axis ``a`` opposes by ``-a (d x f)``. On two soles load is also transferred from
 one to the other: of a grid of load shares, the one is used whose total shift is closest to d.
@@ -29,6 +31,8 @@ _MIN_LOAD_SHARE = 0.05
 _N_SHARES = 41
 _TRANSFER_COST_M = 0.01
 """Cost of transferring all the load, in units of the error of the centre of pressure."""
+_MISSED_M = 1e-6
+"""A shorter part of the shift is realised."""
 MIN_COM_HEIGHT_M = 0.15
 """Lower bound of the CoM height in the pendulum model."""
 Shift = Float[np.ndarray, "2"]
@@ -75,13 +79,27 @@ class CapturePointFeedback:
         """Shift of the centre of pressure for an error of the capture point and its integral times w."""
         return self.gain * error_m + self.integral_gain * integral_m
 
+    @staticmethod
+    def integrable_m(error_m: Shift, missed_m: Shift) -> Shift:
+        """The part of an error that the integral grows by while the soles miss ``missed_m`` of the shift."""
+        size_m = math.hypot(*missed_m)
+        if size_m < _MISSED_M:
+            return error_m
+        towards = missed_m / size_m
+        return np.asarray(error_m - max(0.0, float(error_m @ towards)) * towards)
+
     def distribute_shift(
         self, shift_m: Shift, soles: Mapping[str, Sole], half_size_m: Mapping[str, tuple[float, float]]
-    ) -> tuple[dict[str, Shift], dict[str, float]]:
-        """Per sole the shift of its centre of pressure (contact frame) and the load transferred to it (N)."""
+    ) -> tuple[dict[str, Shift], dict[str, float], Shift]:
+        """Per sole the shift of its centre of pressure (contact frame) and the load transferred to it (N).
+
+        The last value is the part of ``shift_m`` that the soles cannot realise.
+        """
         if len(soles) != 2:
             own_shifts = {name: self._clip_to_sole(shift_m, sole, half_size_m[name]) for name, sole in soles.items()}
             gained = dict.fromkeys(soles, 0.0)
+            realised_m = [own_shifts[name] @ sole.rotation[:2, :2].T for name, sole in soles.items()]
+            missed_m = shift_m - np.mean(realised_m, axis=0)
         else:
             a, b = soles.values()
             total_n = a.load_n + b.load_n
@@ -99,9 +117,10 @@ class CapturePointFeedback:
             error = rest - shares[:, None] * realised[0] - (1.0 - shares)[:, None] * realised[1]
             best = int(np.argmin((error**2).sum(axis=1) + _TRANSFER_COST_M**2 * (shares - planned) ** 2))
             own_shifts = {name: shift[best] for name, shift in zip(soles, shifts, strict=True)}
+            missed_m = error[best]
             moved_n = float(shares[best] - planned) * total_n
             gained = dict(zip(soles, (moved_n, -moved_n), strict=True))
-        return own_shifts, gained
+        return own_shifts, gained, missed_m
 
     def _clip_to_sole(self, shift_m: np.ndarray, sole: Sole, half_size_m: tuple[float, float]) -> np.ndarray:
         """Clip shifts ``(..., 2)`` in world axes to the sole; the result is in its contact frame."""

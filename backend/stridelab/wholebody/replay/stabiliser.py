@@ -84,7 +84,7 @@ class StabiliserRun:
             if stabiliser.grip is None
             else HandForceControl(stabiliser.grip, self._kinematics, self._hands, self._dt_s)
         )
-        self._integral_m, self._body_off_m = np.zeros(2), np.zeros(2)
+        self._integral_m, self._body_off_m, self._missed_m = np.zeros(2), np.zeros(2), np.zeros(2)
         self._half_size_m = {name: ankle.half_size_m for name, ankle in self._ankles.items() if name in self._soles}
         self._ahead = round(_AHEAD_S * motion.rate_hz)
         complete = None if motion.arrival is None else self._complete_capturability
@@ -167,9 +167,10 @@ class StabiliserRun:
         xi_m = capture_m - reference_m - off_m
         pause_shift_m = pause_share * (margins.capture_m[i] - margins.pressure_m[i])
         limit = capture.integral_m / max(capture.integral_gain, 1e-9)
-        self._integral_m = np.minimum(np.maximum(self._integral_m + w * self._dt_s * xi_m, -limit), limit)
+        added_m = w * self._dt_s * capture.integrable_m(xi_m, self._missed_m)
+        self._integral_m = np.minimum(np.maximum(self._integral_m + added_m, -limit), limit)
         half = {name: self._ankles[name].half_size_m for name in soles}
-        shifts, transferred = capture.distribute_shift(
+        shifts, transferred, self._missed_m = capture.distribute_shift(
             capture.shift_m(xi_m, self._integral_m) + pause_shift_m, soles, half
         )
         for name, sole in soles.items():
