@@ -126,8 +126,8 @@ in {sum(outcomes.values())} claims when it was written whole:
 Each section says what it draws at random and how often, the command that computes it again, and the digest of the code
 and models that computed it; `--stale` names those whose code has changed since. `stridelab reproduce ITEM` computes one
 of them, with all its tables and the drawing, `stridelab reproduce --all --recordings FOLDER` all of them as one report.
-One run of all items took 13:07 minutes on two cores with nothing beside it, and 25:48 minutes of processor time (50
-draws).
+One run of all items took 11:36 minutes on two cores, other work beside two of them, and 21:45 minutes of processor
+time (50 draws).
 
 Every claim has its place in the thesis: section, figure or table; the text at hand has no page numbers. Chapter 3 on
 people is in the thesis' words, the others are shortened. Verdicts are computed from the column *holds if*: a number in
