@@ -106,8 +106,8 @@ certified and 57 completed (95 % interval 86 to 98 %): 15 of 15 with both feet, 
 beside a rail (22 of the first 24 of these without the reserve and with hands that drift). The three others have five
 treads: an [integral of the balance wound up](whole-body.md#replay-in-physics) from step to step, which was mended with
 them in view. Of the 60 flights of seed 20261201, used for nothing before and judged once after it, 59 are certified and
-completed (95 % interval 91 to 100 %): 15 of 15 with both feet, 14 of 15 with one foot on each, 30 of 30 beside a rail. The
-other (1) is refused by its certificate: a gripper meets the thigh.
+completed (95 % interval 91 to 100 %): 15 of 15 with both feet, 14 of 15 with one foot on each, 30 of 30 beside a rail.
+The other (1) is refused by its certificate: a gripper meets the thigh.
 """
 SHARE = """
 They are the first {count} of {all} in a random order that was fixed before; the survey ended with the time for it."""
