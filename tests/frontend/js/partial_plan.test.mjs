@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { PartialPlan, posesAt } from "../../../frontend/stridelab_web/static/js/editor/partial_plan.js";
-import { PlaybackClock } from "../../../frontend/stridelab_web/static/js/editor/plan_playback.js";
+import { PlanPlayback, PlaybackClock } from "../../../frontend/stridelab_web/static/js/editor/plan_playback.js";
 import { assertNear } from "./near.mjs";
 
 const isNear = (actual, expected) => assertNear([actual], [expected], 1e-9);
@@ -88,4 +88,24 @@ test("a run that begins anew takes the playback back", () => {
   isNear(clock.advance(1500, plan, 2), 1.5);
   plan.add({ attempt: 1, chunks: [frames("motion", 2, 0, 0.2)] });
   isNear(clock.advance(1600, plan, 2), 0.2);
+});
+
+test("the body, and then its replay, is drawn as soon as it is there, however slow pictures are", () => {
+  const shown = [];
+  const playback = new PlanPlayback({
+    isAvailable: async () => true,
+    show: (instant) => shown.push(instant?.ghost ? "replay" : instant?.poses ? "body" : "path"),
+    drawn: () => new Promise(() => {}),
+    report: () => {},
+    reportCertificate: () => {},
+  });
+  playback.ends_s = [2];
+  playback.play();
+  playback.plan.add({ attempt: 1, chunks: [START, frames("motion", 1, 0, 0.1)] });
+  playback.onParts();
+  playback.plan.add({ attempt: 1, chunks: [frames("motion", 1, 0.2)] });
+  playback.onParts();
+  playback.plan.add({ attempt: 1, chunks: [frames("replay", undefined, 0, 0.1)] });
+  playback.onParts();
+  assert.deepEqual(shown, ["path", "body", "replay"]);
 });

@@ -103,6 +103,7 @@ export class PlanPlayback {
     if (plan.replay.time_s.length) this.report("The replay in physics is the blue figure, beside the planned motion.");
     else this.report("The body moves as far as it is solved.");
     this.play();
+    if (this.clock.stage !== stageOf(plan)) this.draw(performance.now()); // not after the pause of slow pictures
   }
 
   play() {
@@ -153,6 +154,9 @@ export class PlanPlayback {
   }
 }
 
+/** @param {PartialPlan} plan */
+const stageOf = (plan) => (plan.replay.time_s.length ? "replay" : plan.motion.time_s.length ? "body" : "path");
+
 // The time of a playback: it runs as the clock does, waits for what is not there yet, and begins anew when the body appears,
 // when its replay appears, and after the end of the motion.
 export class PlaybackClock {
@@ -167,7 +171,7 @@ export class PlaybackClock {
 
   /** @param {number} now_ms @param {PartialPlan} plan @param {number} duration_s @returns {number} seconds */
   advance(now_ms, plan, duration_s) {
-    const stage = plan.replay.time_s.length ? "replay" : plan.motion.time_s.length ? "body" : "path";
+    const stage = stageOf(plan);
     if (stage !== this.stage) Object.assign(this, { stage, t_s: 0, last_ms: now_ms, ended_ms: null });
     const until_s = Math.min(
       duration_s,
