@@ -27,7 +27,7 @@ from typing import Any, Final
 from stridelab.errors import StridelabError
 from stridelab.machine.models_folder import add_models_folder
 from stridelab.pipelines.commissioning.commission_robot import commission_robot
-from stridelab.robots.proposal.limits import estimate_of, take_estimates
+from stridelab.robots.proposal.offered_estimates import estimate_of, take_estimates
 from stridelab.robots.proposal.packages import find_description, find_package, pack_description
 from stridelab.robots.proposal.propose import card_toml, propose_card, rebuild_description
 from stridelab.schemas.robots import CommissionRobotInput

@@ -129,7 +129,7 @@ def add_robot(
 ) -> None:
     """Propose the card of your own humanoid, then learn its densities and plan, certify and replay a level walk."""
     from stridelab.robots.card import robot_names
-    from stridelab.robots.proposal.limits import take_estimates
+    from stridelab.robots.proposal.offered_estimates import take_estimates
     from stridelab.robots.proposal.packages import pack_description
     from stridelab.robots.proposal.propose import card_toml, propose_card, rebuild_description
 

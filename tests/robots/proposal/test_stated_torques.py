@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from stridelab.robots.proposal.limbs import find_limbs
-from stridelab.robots.proposal.limits import chosen_estimate, estimate_of, take_estimates
+from stridelab.robots.proposal.offered_estimates import chosen_estimate, estimate_of, take_estimates
 from stridelab.robots.proposal.posture import GRAVITY, rest_posture, single_supports, standing_torques_nm
 from stridelab.robots.proposal.propose import Proposal, propose_card, rebuild_description
 from stridelab.robots.proposal.soles import Sole

@@ -1,20 +1,20 @@
 """Limits of a proposed card: those of the description, estimates of what it lacks, and torques that cannot be right.
 
 A torque that the description states is never replaced: where it holds no posture on one leg, or not what walking adds,
-the field is remarked on with an estimate (``estimate_of``), which its user may choose.
+the field is remarked on with an estimate (``offered_estimates``), which its user may choose.
 """
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from stridelab.robots.card import LimitsCard, RobotCard
+from stridelab.robots.card import LimitsCard
 from stridelab.robots.proposal.limbs import Limbs
+from stridelab.robots.proposal.offered_estimates import offered_estimate
 from stridelab.robots.proposal.posture import GRAVITY, single_supports, standing_torques_nm
 from stridelab.robots.proposal.soles import Sole
 
@@ -31,8 +31,6 @@ WALKING: Final = {"knee": 1.5, "leg": 1.1}
 is 1.5, 1.5 and 1.9 in the knee and 0.9, 0.9 and 0.8 in the hip's roll; hips' yaw and ankles depend on the gait."""
 WEAK_JOINT: Final = 0.05
 """Torque over weight times leg length below which other joints of a leg with implausible torques are implausible."""
-_ESTIMATE: Final = re.compile(r"the estimate is ([0-9.e+-]+) N m")
-_CHOSEN: Final = "in place of what the description states"
 
 
 def joint_limits(
@@ -109,27 +107,4 @@ def remark_on_torques(
     for name, (least_nm, why) in found.items():
         estimate_nm = float(f"{max(TORQUE_SHARE['leg'] * weight_n * leg_m, least_nm):.2g}")
         stated_nm = torque_nm[re.escape(name)]
-        assumed[f"limits.torque_nm.{name}"] = (
-            f"{stated_nm:g} N m as stated, which is implausible: {why}; the estimate is {estimate_nm:g} N m"
-        )
-
-
-def estimate_of(how: str) -> float | None:
-    """The estimate (N m) that a remark of ``remark_on_torques`` offers; None for any other text."""
-    found = _ESTIMATE.search(how)
-    return None if found is None else float(found[1])
-
-
-def chosen_estimate(how: str) -> str:
-    """What is assumed of a field once its estimate was chosen."""
-    return f"{estimate_of(how):g} N m, estimated, {_CHOSEN} ({how.partition(' N m')[0]} N m)"
-
-
-def take_estimates(card: RobotCard, assumed: Mapping[str, str]) -> tuple[RobotCard, dict[str, str]]:
-    """The card with every estimate that is offered in place of what is stated, and what is then assumed."""
-    torque_nm, now = dict(card.limits.torque_nm), dict(assumed)
-    for field, how in assumed.items():
-        if (estimate_nm := estimate_of(how)) is not None:
-            torque_nm[re.escape(field.removeprefix("limits.torque_nm."))] = estimate_nm
-            now[field] = chosen_estimate(how)
-    return replace(card, limits=replace(card.limits, torque_nm=torque_nm)), now
+        assumed[f"limits.torque_nm.{name}"] = offered_estimate(stated_nm, why, estimate_nm)

@@ -16,7 +16,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from stridelab.errors import Conflict, Fault, InvalidInput, NotFound, StridelabError, TooLarge, UnreadableFile
 from stridelab.robots.card import robot_names
 from stridelab.robots.data_files import shared_folders
-from stridelab.robots.proposal.limits import chosen_estimate, estimate_of
+from stridelab.robots.proposal.offered_estimates import chosen_estimate, estimate_of
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.schemas.robots import Measure, OwnRobot, RobotFacts, RobotPackage, RobotSummary
 from stridelab.service.api.dependencies import Parts
