@@ -1,6 +1,10 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { composed, relative, withCorner } from "../../../frontend/stridelab_web/static/js/viewer/card_contacts.js";
+import {
+  composePoses,
+  relativePose,
+  withCorner,
+} from "../../../frontend/stridelab_web/static/js/viewer/card_contacts.js";
 import { assertNear } from "./near.mjs";
 
 const S = Math.SQRT1_2;
@@ -8,9 +12,9 @@ const turned = { position: [1, 2, 3], wxyz: [S, 0, 0, S] };
 
 test("a pose in a link and back", () => {
   const inner = { position: [0.1, 0.2, 0.3], wxyz: [S, S, 0, 0] };
-  const world = composed(turned, inner);
+  const world = composePoses(turned, inner);
   assertNear(world.position, [0.8, 2.1, 3.3]);
-  const again = relative(turned, world);
+  const again = relativePose(turned, world);
   assertNear(again.position, inner.position);
   assertNear(again.wxyz, inner.wxyz);
 });

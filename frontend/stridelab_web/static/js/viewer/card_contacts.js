@@ -25,14 +25,14 @@ const rounded = (/** @type {number[]} */ values, digits = 4) => values.map((v) =
 
 // The pose `inner`, which is given in the frame of `outer`, in that of the world.
 /** @param {Pose} outer @param {Pose} inner @returns {Pose} */
-export function composed(outer, inner) {
+export function composePoses(outer, inner) {
   const moved = rotate(outer.wxyz, inner.position);
   return { position: moved.map((v, i) => v + outer.position[i]), wxyz: multiply(outer.wxyz, inner.wxyz) };
 }
 
 // The pose `world` in the frame of `outer`.
 /** @param {Pose} outer @param {Pose} world @returns {Pose} */
-export function relative(outer, world) {
+export function relativePose(outer, world) {
   const back = conjugate(outer.wxyz);
   const apart = world.position.map((v, i) => v - outer.position[i]);
   return { position: rotate(back, apart), wxyz: multiply(back, world.wxyz) };
@@ -114,7 +114,7 @@ export class CardContacts {
   placeOf(name) {
     const contact = this.contacts[name],
       link = contact && this.poseOf(contact.frame);
-    return link && composed(link, { position: contact.position_m, wxyz: contact.orientation_wxyz });
+    return link && composePoses(link, { position: contact.position_m, wxyz: contact.orientation_wxyz });
   }
 
   // A click that turns nothing chooses the link below the pointer; the frame has its own window.
@@ -197,7 +197,7 @@ export class CardContacts {
     const pose = this.poseOf(link);
     if (!pose) return;
     const before = this.placeOf(name) ?? { position: at ?? pose.position, wxyz: [1, 0, 0, 0] };
-    const { position, wxyz } = relative(pose, { ...before, position: at ?? before.position });
+    const { position, wxyz } = relativePose(pose, { ...before, position: at ?? before.position });
     this.contacts[name] = {
       ...(this.contacts[name] ?? { kind: "point" }),
       frame: link,
@@ -279,7 +279,7 @@ export class CardContacts {
       half = this.contacts[name]?.contact_half_size_m;
     if (!place) return [];
     const own = half ? CORNERS.map(([i, j]) => [i * half[0], j * half[1], 0]) : [[0, 0, 0]];
-    return own.map((at) => this.project(composed(place, { position: at, wxyz: [1, 0, 0, 0] }).position));
+    return own.map((at) => this.project(composePoses(place, { position: at, wxyz: [1, 0, 0, 0] }).position));
   }
 
   /** @param {string} name */
@@ -350,7 +350,7 @@ export class CardContacts {
     };
     const eye = toWorld(viser.camera.position.clone()),
       through = toWorld(/** @type {any} */ (viser.camera.position.clone().set(x, y, 0.5)).unproject(viser.camera));
-    const [from, to] = [eye, through].map((position) => relative(place, { position, wxyz: [1, 0, 0, 0] }).position);
+    const [from, to] = [eye, through].map((position) => relativePose(place, { position, wxyz: [1, 0, 0, 0] }).position);
     const share = from[2] / (from[2] - to[2]);
     return share > 0 && Number.isFinite(share) ? [0, 1].map((i) => from[i] + share * (to[i] - from[i])) : null;
   }
