@@ -24,7 +24,7 @@ def page(lab: Lab, open_tab: Callable[..., Tab]) -> Iterator[Page]:
         lab.fake.card.own = None
 
 
-def middle(target: Locator) -> tuple[float, float]:
+def middle_px(target: Locator) -> tuple[float, float]:
     """Middle of a mark in the page; 0 of one that is drawn anew at this moment."""
     x, y = target.evaluate("""(mark) => {
         const { left, top, width, height } = mark.getBoundingClientRect();
@@ -40,7 +40,7 @@ def click_link(page: Page, link: str) -> tuple[float, float]:
     return x, y
 
 
-def saved(page: Page, lab: Lab) -> dict[str, Any]:
+def saved_card(page: Page, lab: Lab) -> dict[str, Any]:
     """Effectors of the card that the page stores."""
     with page.expect_navigation():
         page.get_by_role("button", name="Save the card").click()
@@ -54,14 +54,14 @@ def test_a_dragged_corner_changes_the_sole_and_leaves_the_opposite_one(page: Pag
     expect(page.locator('[name="contact"]')).to_have_value("right_foot")
     corners = [page.locator(f'[data-corner="{k}"]') for k in range(4)]
     until(page, lambda: all(corner.is_visible() for corner in corners))
-    (x, y), opposite = middle(corners[0]), middle(corners[2])
+    (x, y), opposite = middle_px(corners[0]), middle_px(corners[2])
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + 30, y + 12, steps=4)
     page.mouse.up()
-    until(page, lambda: middle(corners[0]) == pytest.approx((x + 30, y + 12), abs=2.0))
-    until(page, lambda: middle(corners[2]) == pytest.approx(opposite, abs=2.0))
-    foot = saved(page, lab)["right_foot"]
+    until(page, lambda: middle_px(corners[0]) == pytest.approx((x + 30, y + 12), abs=2.0))
+    until(page, lambda: middle_px(corners[2]) == pytest.approx(opposite, abs=2.0))
+    foot = saved_card(page, lab)["right_foot"]
     half, place = foot["contact_half_size_m"], foot["position_m"]
     assert half != pytest.approx(robots.HALF_M, abs=0.005)
     assert [place[i] - half[i] for i in (0, 1)] == pytest.approx([-each for each in robots.HALF_M], abs=2e-4)
@@ -74,8 +74,8 @@ def test_a_clicked_link_becomes_a_hand_where_it_was_clicked(page: Page, lab: Lab
     expect(page.locator('[name="clicked"]')).to_have_value("")
     page.locator('[name="clicked"]').select_option("left_hand")
     mark = page.locator('[data-contact="left_hand"]')
-    until(page, lambda: mark.is_visible() and middle(mark) == pytest.approx((x, y), abs=2.0))
-    hand = saved(page, lab)["left_hand"]
+    until(page, lambda: mark.is_visible() and middle_px(mark) == pytest.approx((x, y), abs=2.0))
+    hand = saved_card(page, lab)["left_hand"]
     assert (hand["frame"], hand["kind"]) == ("base_link", "point")
     assert max(map(abs, hand["position_m"])) > 0.01, "the surface that was clicked, not the origin"
 
@@ -90,18 +90,18 @@ def test_the_link_of_a_hand_is_no_contact_and_that_of_a_foot_must_be_one(page: P
     expect(page.locator('[name="clicked"]')).to_have_value("right_hand")
     page.locator('[name="clicked"]').select_option("")
     expect(page.locator('[data-contact="right_hand"]')).to_have_count(0)
-    assert set(saved(page, lab)) == {"left_foot", "right_foot"}
+    assert set(saved_card(page, lab)) == {"left_foot", "right_foot"}
 
 
 def test_another_link_keeps_the_place_of_a_sole_and_numbers_change_it(page: Page, lab: Lab) -> None:
     mark = page.locator('[data-contact="left_foot"]')
-    before = middle(mark)
+    before = middle_px(mark)
     page.get_by_role("combobox", name="Link").select_option("base_link")
     expect(page.get_by_role("button", name="Save the card")).to_be_enabled()
-    until(page, lambda: middle(mark) == pytest.approx(before, abs=2.0))
+    until(page, lambda: middle_px(mark) == pytest.approx(before, abs=2.0))
     page.get_by_label("Half width (m)").fill("0.04")
     page.get_by_label("Half width (m)").press("Tab")
-    foot = saved(page, lab)["left_foot"]
+    foot = saved_card(page, lab)["left_foot"]
     assert foot["frame"] == "base_link"
     assert foot["position_m"] == pytest.approx([0.0, 0.09, -0.9], abs=1e-4)
     assert foot["contact_half_size_m"] == pytest.approx([0.1, 0.04])

@@ -94,7 +94,7 @@ class MeshConverter:
                 if self._triangles > MAX_TRIANGLES:
                     self.assumed[f"mesh {filename[:120]}"] = "too many triangles, left out"
                     return None
-            self._read[path] = _load(path, filename)
+            self._read[path] = _load_surface(path, filename)
         read = self._read[path]
         vertices, faces = read.vertices * scale, read.faces
         extent_m = float(np.ptp(vertices, axis=0).max())
@@ -245,7 +245,7 @@ class _Surface:
     colour: Colour | None = None
 
 
-def _load(path: Path, filename: str) -> _Surface:
+def _load_surface(path: Path, filename: str) -> _Surface:
     if (corners := _binary_stl_corners(path)) is not None:
         _, first, index = np.unique(corners.view(_POINT), return_index=True, return_inverse=True)
         return _Surface(corners[first].astype(float), index.reshape(-1, 3))
@@ -291,7 +291,7 @@ def _load_parts(path: Path, filename: str) -> _Surface:
             alone.write_bytes(_part_alone(root, part))
             surfaces.append(surface := _load_all(alone))
             if (colour := _part_colour(root, part)) is not None:
-                areas_m2[colour] = areas_m2.get(colour, 0.0) + _area(surface)
+                areas_m2[colour] = areas_m2.get(colour, 0.0) + _surface_area_m2(surface)
     largest = max(areas_m2, key=lambda colour: areas_m2[colour]) if areas_m2 else None
     starts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
     if starts[-1] != len(whole.vertices):  # parts that other nodes of the file repeat
@@ -360,7 +360,7 @@ def _local_name(element: ET.Element) -> str:
     return element.tag.rsplit("}", 1)[-1]
 
 
-def _area(surface: _Surface) -> float:
+def _surface_area_m2(surface: _Surface) -> float:
     a, b, c = (surface.vertices[surface.faces[:, k]] for k in range(3))
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
