@@ -24,9 +24,8 @@ interface FrameLayout {
 // What a camera is told of a scene.
 interface MovingScene {
   nodes: { viser: ViserClient };
-  layout: Pick<FrameLayout, "n_frames" | "width"> & {
+  layout: Pick<FrameLayout, "n_frames" | "width" | "bodies" | "sticks"> & {
     points: [string, number, ...unknown[]][];
-    bodies: [string, number][];
   };
   values: ArrayLike<number>;
 }

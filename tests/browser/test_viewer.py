@@ -194,12 +194,14 @@ def test_layers_can_be_switched_off(tab: Tab, estimated: tuple[str, str]) -> Non
     def size(state: dict[str, Any], name: str) -> float:
         return float(max(state[name]["scale"]))
 
-    drawn(page, lambda state: size(state, "/skeleton/0") > 0.01 and size(state, "/paths/fused") == 1)
-    page.get_by_label("Lines").uncheck()
+    drawn(page, lambda state: size(state, "/body/thigh/l") > 0.01 and size(state, "/paths/fused") == 1)
+    drawn(page, lambda state: size(state, "/skeleton/0") < 1e-4)
+    page.get_by_label("Body").uncheck()
     page.get_by_label("Path").uncheck()
-    drawn(page, lambda state: size(state, "/skeleton/0") < 1e-4 and size(state, "/paths/fused") < 1e-4)
+    drawn(page, lambda state: size(state, "/body/thigh/l") < 1e-4 and size(state, "/paths/fused") < 1e-4)
+    page.get_by_label("Body").check()
     page.get_by_label("Lines").check()
-    drawn(page, lambda state: size(state, "/skeleton/0") > 0.01)
+    drawn(page, lambda state: size(state, "/body/thigh/l") > 0.01 and size(state, "/skeleton/0") > 0.01)
 
 
 def test_lost_connection_is_taken_up_at_the_same_instant(

@@ -6,10 +6,11 @@ raises an error if the user gave it, and adds a remark if it was selected from t
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
+from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel, without_foreign_subject
 from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, StridelabError
@@ -34,7 +35,8 @@ class Trial:
     """A recording with all facts that follow from the file and its plate switches.
 
     ``masses`` are the masses estimated from the force, at most one of each kind. ``motion`` and ``stated_kg`` (the
-    user's mass, else the file's) are the inputs of the window search.
+    user's mass, else the file's) are the inputs of the window search. ``joint_centres_m`` are those of the segment
+    model by name, shape (n, 3), for drawing the body; empty if the segments cannot be placed.
     """
 
     recording: Recording
@@ -44,6 +46,7 @@ class Trial:
     remarks: tuple[Remark, ...]
     motion: VerticalMotion | None = None
     stated_kg: float | None = None
+    joint_centres_m: Mapping[str, Points] = field(default_factory=dict)
 
     @property
     def force_mass(self) -> MassEstimate | None:
@@ -83,12 +86,15 @@ def examine_trial(
     match = identify_source(source, recording, map_of_present_labels(source.marker_map, recording))
     match = named_by_static(match, recording, static)
     recording = without_foreign_subject(recording, match.landmarks)
-    motion = vertical_motion(recording, match.landmarks, _markers_com_m(recording, match))
+    body = _place_body(recording, match)
+    com_m = body.com_m if body is not None and recording.plates else None
+    motion = vertical_motion(recording, match.landmarks, com_m)
     stated_kg = source.subject.mass_kg or recording.subject.mass_kg
     search = find_windows(recording, match.landmarks, motion, stated_kg=stated_kg)
     remarks = (*recording.remarks, *match.degraded, *search.remarks)
     masses = weigh(recording, search.windows, motion)
-    return Trial(recording, match, search.windows, masses, remarks, motion, stated_kg)
+    joint_centres_m = {} if body is None else body.joint_centres_m
+    return Trial(recording, match, search.windows, masses, remarks, motion, stated_kg, joint_centres_m)
 
 
 def identify_source(source: RecordingSource, recording: Recording, marker_map: Mapping[str, str]) -> MarkerSetMatch:
@@ -129,12 +135,12 @@ def named_by_static(match: MarkerSetMatch, recording: Recording, static: "Trial 
     return replace(match, name=name, landmarks=landmarks | technical, degraded=remarks)
 
 
-def _markers_com_m(recording: Recording, match: MarkerSetMatch) -> Points | None:
-    """Geometric CoM, shape (n, 3), used for its velocity; None if the segments cannot be placed."""
-    if match.name is None or not recording.plates or recording.n_frames < 2:
+def _place_body(recording: Recording, match: MarkerSetMatch) -> GeometricCom | None:
+    """Segments and geometric CoM, which gives the velocity; None if the segments cannot be placed."""
+    if match.name is None or recording.n_frames < 2:
         return None
     try:
-        return SegmentModel().com(recording, match.landmarks, subject=recording.subject).com_m
+        return SegmentModel().com(recording, match.landmarks, subject=recording.subject)
     except StridelabError:
         return None
 

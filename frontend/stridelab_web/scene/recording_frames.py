@@ -6,12 +6,17 @@ import numpy as np
 
 from stridelab.schemas.recordings import Recording
 from stridelab_web.parquet import Columns, xyz_columns
+from stridelab_web.scene.body_frames import BODY, body_sticks
 from stridelab_web.scene.com_frames import ComFrames, add_com
 from stridelab_web.scene.cycloid_frames import WheelFrames, add_wheel, com_of
 from stridelab_web.scene.frames import Arrow, Frames, Point, Sheet, Stick
 from stridelab_web.scene.stability_frames import StabilityFrames, add_stability
 
 ARROW_THRESHOLD_N: Final = 20.0
+SKELETON: Final = "/skeleton/"
+"""Lines between markers."""
+LINES: Final = f"{BODY}line"
+"""The same where no joint centres are stored: they are the body then."""
 
 BONES: Final = (
     ("asis", "knee_lateral"), ("asis", "psis"), ("trochanter", "knee_lateral"), ("knee_lateral", "ankle_lateral"),
@@ -49,7 +54,8 @@ def build_frames(
         if track is not None:
             at_of[label] = sheet.add_block(track)
             points.append(Point(f"/markers/{k}", at_of[label], label))
-    sticks = _skeleton_sticks(recording, at_of)
+    body = body_sticks(tracks, sheet)
+    sticks = (*body, *_skeleton_sticks(recording, at_of, SKELETON if body else LINES))
 
     arrows: list[Arrow] = []
     measured = [(plate.index, *_plate_force(tracks, plate.index)) for plate in recording.plates if plate.use]
@@ -86,11 +92,11 @@ def _floor_m(recording: Recording) -> float:
     return min((corner[2] for plate in recording.plates if plate.use for corner in plate.corners_m), default=0.0)
 
 
-def _skeleton_sticks(recording: Recording, at_of: dict[str, int]) -> tuple[Stick, ...]:
+def _skeleton_sticks(recording: Recording, at_of: dict[str, int], before: str) -> tuple[Stick, ...]:
     place = {landmark: at_of[label] for landmark, label in recording.landmarks.items() if label in at_of}
     pairs = [*SPINE, *((f"{side}_{a}", f"{side}_{b}") for side in "lr" for a, b in BONES)]
     ends = [(place[a], place[b]) for a, b in pairs if a in place and b in place]
-    return tuple(Stick(f"/skeleton/{k}", a, b) for k, (a, b) in enumerate(ends))
+    return tuple(Stick(f"{before}{k}", a, b) for k, (a, b) in enumerate(ends))
 
 
 def _plate_force(tracks: Columns, index: int) -> tuple[np.ndarray | None, np.ndarray | None]:

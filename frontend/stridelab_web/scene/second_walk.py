@@ -13,11 +13,11 @@ import numpy as np
 from stridelab_web.parquet import Columns, xyz_columns
 from stridelab_web.scene import com_frames, stability_frames
 from stridelab_web.scene.frames import Frames, Point, Stick, Track
+from stridelab_web.scene.recording_frames import LINES, SKELETON
 
 OTHER: Final = "/other"
 """Beginning of the names of all nodes of the second walk; the rest is the name of the same node of the first."""
-BODY: Final = "/skeleton/"
-STICKS: Final = (BODY, stability_frames.BASE, stability_frames.INSIDE, stability_frames.OUTSIDE)
+STICKS: Final = (SKELETON, LINES, stability_frames.BASE, stability_frames.INSIDE, stability_frames.OUTSIDE)
 POINTS: Final = (com_frames.FUSED, stability_frames.XCOM)
 TRACKS: Final = (com_frames.PATH, stability_frames.XCOM_PATH)
 FLAT_S: Final = 0.1

@@ -9,7 +9,8 @@ import viser
 from stridelab.schemas.recordings import Recording
 from stridelab.translations.catalogue import gettext
 from stridelab_web.scene import com_frames, cycloid_frames, stability_frames
-from stridelab_web.scene.frames import Frames
+from stridelab_web.scene.body_frames import median_length_m, profile_of
+from stridelab_web.scene.frames import Frames, Stick
 from stridelab_web.scene.second_walk import OTHER
 from stridelab_web.viewer import meshes
 from stridelab_web.viewer.scene_parts import (
@@ -24,7 +25,7 @@ from stridelab_web.viewer.scene_parts import (
 
 BLUE, ORANGE, BROWN = (11, 92, 156), (226, 132, 20), (176, 96, 0)
 MARKER, BONE, PLATE, PLATE_OFF = (62, 78, 94), (166, 180, 194), (214, 224, 232), (235, 235, 235)
-AXIS_COLOUR, WHEEL = (58, 66, 76), (0, 121, 92)
+AXIS_COLOUR, WHEEL, SKIN = (58, 66, 76), (0, 121, 92), (196, 206, 216)
 PURPLE, GREEN, RED = (110, 64, 170), (0, 121, 92), (196, 43, 28)
 SECOND = (0, 133, 153)
 """Colour of the second walk."""
@@ -83,7 +84,9 @@ def build_gait_scene(server: viser.ViserServer, recording: Recording, frames: Fr
         f"{OTHER}/": (bone, SECOND),
     }
     for stick in frames.sticks:
-        add_mesh(scene, stick.name, *next((of[start] for start in of if stick.name.startswith(start)), (bone, BONE)))
+        solid = _limb_mesh(frames, stick)
+        drawn = (solid, SKIN) if solid else next((of[a] for a in of if stick.name.startswith(a)), (bone, BONE))
+        add_mesh(scene, stick.name, *drawn)
     for hoop in frames.hoops:
         add_mesh(scene, hoop.name, meshes.wheel(RIM_SHARE, SPOKES), WHEEL)
     for arrow in frames.arrows:
@@ -91,6 +94,15 @@ def build_gait_scene(server: viser.ViserServer, recording: Recording, frames: Fr
     _add_com(scene, frames)
     corners = centre + extent * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     place_camera(server, corners, view)
+
+
+def _limb_mesh(frames: Frames, stick: Stick) -> meshes.Mesh | None:
+    """The solid of a limb, as thick as its median length says; None for what is no limb, or never seen."""
+    profile = profile_of(stick)
+    length_m = median_length_m(frames.values, stick)
+    if profile is None or not length_m > 0.0:
+        return None
+    return meshes.solid_of_revolution([(height, share * length_m) for height, share in profile])
 
 
 def _add_plates(scene: viser.SceneApi, recording: Recording, towards_camera: np.ndarray) -> None:
@@ -134,7 +146,8 @@ def _first_position(frames: Frames, at: int) -> np.ndarray:
 
 def _scene_bounds(recording: Recording, frames: Frames) -> tuple[np.ndarray, np.ndarray]:
     """Centre and half extents of everything, from the 2nd to the 98th percentile, because markers may be stray."""
-    clouds = [frames.values[:, p.at : p.at + 3].reshape(-1, 3) for p in frames.points]
+    ends = [point.at for point in frames.points] + [stick.end for stick in frames.sticks if profile_of(stick)]
+    clouds = [frames.values[:, at : at + 3] for at in ends]
     clouds += [np.asarray(plate.corners_m, dtype=np.float32) for plate in recording.plates if plate.use]
     cloud = np.concatenate(clouds) if clouds else np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.8]])
     cloud = cloud[np.isfinite(cloud).all(axis=1)]

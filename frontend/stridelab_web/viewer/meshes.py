@@ -1,6 +1,7 @@
 """Small triangle meshes: sticks, arrow heads, paths, patches and balls."""
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 import trimesh
@@ -22,6 +23,12 @@ def cylinder(radius_m: float) -> Mesh:
     low = np.column_stack([radius_m * ring, np.zeros(SIDES)])
     vertices = np.concatenate([low, low + np.array([0, 0, 1])])
     return vertices.astype(np.float32), _tube_faces(2, SIDES)
+
+
+def solid_of_revolution(profile: Sequence[tuple[float, float]]) -> Mesh:
+    """The solid about the z axis with a ring for every pair of height and radius of ``profile``."""
+    rings = [np.column_stack([radius * _unit_circle(SIDES), np.full(SIDES, height)]) for height, radius in profile]
+    return np.concatenate(rings).astype(np.float32), _tube_faces(len(rings), SIDES)
 
 
 def cone(radius_m: float, height_m: float) -> Mesh:

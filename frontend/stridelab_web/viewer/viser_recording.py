@@ -13,7 +13,7 @@ from stridelab_web.scene.frames import ARROW_M_PER_N, HEAD_M, Frames
 RATE_HZ: Final = 25.0
 MAX_FRAMES: Final = 1000
 """Recordings longer than 40 s have fewer frames per second; each frame costs a message per node."""
-HIDDEN_NODES: Final = ("/forces/total", "/inputs/axis/", "/momentum/")
+HIDDEN_NODES: Final = ("/skeleton/", "/forces/total", "/inputs/axis/", "/momentum/")
 """Nodes that are hidden at first, as on the page; the player's list of nodes shows them."""
 SHORTEST_M: Final = 1e-3
 

@@ -41,6 +41,21 @@ def test_facts_of_the_sample(tmp_path: Path) -> None:
     assert set(facts.landmarks.values()) <= set(facts.labels)
 
 
+def test_joint_centres_of_the_segment_model_are_stored_for_the_scene(tmp_path: Path) -> None:
+    label_of = parsed(tmp_path).landmarks
+    tracks = tmp_path / "tracks.parquet"
+
+    def track(name: str) -> np.ndarray:
+        return columns(tracks, *(f"{name}_{axis}_m" for axis in AXES))
+
+    for side in "lr":
+        outer, inner = (track(label_of[f"{side}_knee_{which}"]) for which in ("lateral", "medial"))
+        np.testing.assert_allclose(track(f"joint_{side}_knee"), (outer + inner) / 2, atol=1e-5)
+        thigh_m = np.linalg.norm(track(f"joint_{side}_hip") - track(f"joint_{side}_knee"), axis=1)
+        assert 0.35 < np.median(thigh_m) < 0.5
+        assert np.ptp(thigh_m) < 0.03
+
+
 def test_inside_the_window_the_plates_add_up_to_the_true_wrench(tmp_path: Path) -> None:
     parsed(tmp_path)
     tracks, truth = tmp_path / "tracks.parquet", SAMPLE / "truth.parquet"

@@ -8,6 +8,7 @@ viewer. ``propose_markers``, of ``POST /marker-sets/propose``: the landmarks of 
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import Trial, clock_of, event_delays_of, examine_trial, read_source, subject_fields
 from stridelab.recordings.marker_proposal import propose_marker_map
 from stridelab.recordings.plate_contacts import centre_of_pressure_m, loaded_intervals, wrench_track
-from stridelab.recordings.recording import Plate, Recording, Window
+from stridelab.recordings.recording import Plate
 from stridelab.recordings.static_pose import stands_still
 from stridelab.schemas.base import Remark
 from stridelab.schemas.marker_sets import MarkerSetProposal, ProposedLabel
@@ -24,6 +25,9 @@ from stridelab.schemas.recordings import PlateInfo, RecordingFacts
 from stridelab.schemas.tasks import ParseUploadTask
 from stridelab.service.kinds.base import ArtifactFile, Outcome
 from stridelab.service.kinds.result_tables import write_table
+
+JOINT: Final = "joint_"
+"""Beginning of the columns of a joint centre."""
 
 
 def run(task: ParseUploadTask, folder: Path, progress: ProgressCallback) -> Outcome:
@@ -34,7 +38,7 @@ def run(task: ParseUploadTask, folder: Path, progress: ProgressCallback) -> Outc
     progress(0.05, "reading the file")
     trial = examine_trial(task.recording, folder)
     progress(0.6, "writing the tracks")
-    artifacts = write_tracks(trial.recording, trial.windows, folder, task.recording.filename)
+    artifacts = write_tracks(trial, folder, task.recording.filename)
     progress(1.0, "done")
     facts = recording_facts(trial)
     own = next((one for one in task.recording.marker_sets if one.name == facts.marker_set), None)
@@ -113,22 +117,23 @@ def plate_info(plate: Plate, force_rate_hz: float) -> PlateInfo:
     return PlateInfo.from_object(plate, corners_m=plate.corners_m.tolist(), loaded_s=loaded_s, zero=zero)
 
 
-def write_tracks(
-    recording: Recording, windows: tuple[Window, ...], folder: Path, filename: str
-) -> tuple[ArtifactFile, ArtifactFile]:
-    """Write ``tracks.parquet`` and ``tracks.csv``: markers and the wrench of each plate at the marker instants."""
-    return write_table(folder, "tracks", track_columns(recording, windows), {"file": filename, "frame": "world, z up"})
+def write_tracks(trial: Trial, folder: Path, filename: str) -> tuple[ArtifactFile, ArtifactFile]:
+    """Write ``tracks.parquet`` and ``tracks.csv``: markers, joint centres and plate wrenches at the marker instants."""
+    return write_table(folder, "tracks", track_columns(trial), {"file": filename, "frame": "world, z up"})
 
 
-def track_columns(recording: Recording, windows: tuple[Window, ...]) -> dict[str, Series | Mask]:
-    """``time_s``, ``complete``, ``<label>_x_m..``, and per plate ``plate<i>_fx_n.. _mx_nm.. _copx_m..``.
+def track_columns(trial: Trial) -> dict[str, Series | Mask]:
+    """``time_s``, ``complete``, ``<label>_x_m..``, ``joint_<name>_x_m..``, ``plate<i>_fx_n.. _mx_nm.. _copx_m..``.
 
     Moments are about the world origin. ``complete`` marks the frames in which the sum over the plates in use is the
-    whole contact wrench. The centre of pressure is NaN while the load of the plate is below its threshold.
+    whole contact wrench. The centre of pressure is NaN while the load of the plate is below its threshold. Joint
+    centres are those of the segment model; a marker of the same name takes their place.
     """
+    recording, windows = trial.recording, trial.windows
     columns: dict[str, Series | Mask] = {"time_s": recording.time_s}
     columns["complete"] = wrench_track(recording, windows).complete
-    for label, track in recording.markers_m.items():
+    joints = {f"{JOINT}{name}": centre_m for name, centre_m in trial.joint_centres_m.items()}
+    for label, track in (joints | dict(recording.markers_m)).items():
         columns |= {f"{label}_{axis}_m": track[:, i] for i, axis in enumerate("xyz")}
     for plate in recording.plates:
         alone = wrench_track(replace(recording, plates=(replace(plate, use=True),)), windows)

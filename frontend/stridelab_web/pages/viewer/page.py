@@ -25,15 +25,19 @@ from stridelab_web.pages.results import measures
 from stridelab_web.pages.verdicts import shown_verdict
 from stridelab_web.pages.viewer import planner
 from stridelab_web.parquet import read_columns, read_texts
+from stridelab_web.scene.body_frames import BODY
 from stridelab_web.scene.documents import Document, document_of
 from stridelab_web.scene.frame_cache import FrameCache
 from stridelab_web.scene.frames import Frames
+from stridelab_web.scene.recording_frames import SKELETON
 from stridelab_web.scene.result_files import frames_of, second_recording, shown_in_scene
 from stridelab_web.scene.second_walk import OTHER
 
 GZIP_LEVEL: Final = 6
 RECORDING_LAYERS = (
-    Layer("/skeleton/", "Lines"),
+    Layer(BODY, "Body", tooltip="Drawn around the joint centres of the segment model; its thickness is not measured"),
+    Layer("/markers/", "Markers"),
+    Layer(SKELETON, "Lines", False, tooltip="Lines between markers"),
     Layer("/forces/plate", "Forces"),
     Layer("/forces/total", "Total force", False),
 )
@@ -162,7 +166,7 @@ async def _recording_page(request: Request) -> Response:
         downloads=[(text, f"{scene}/{name}") for name, text in planner.EXPORTS.items()],
         layers=[layer.translated() for layer in layers],
         uploads=True,
-        bodies=False,
+        bodies=True,
         bands=bool(job_id),
         links=links,
         verdict=verdict,

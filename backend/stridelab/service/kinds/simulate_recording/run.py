@@ -36,7 +36,7 @@ def run(task: SimulateRecordingTask, folder: Path, progress: ProgressCallback) -
     tables = write_table(folder, "truth", truth_columns(simulated.truth), provenance)
     progress(0.85, "reading it back")
     trial = examine_trial(RecordingSource(file=SIMULATED_RECORDING_FILE, filename=SIMULATED_RECORDING_FILE), folder)
-    write_tracks(trial.recording, trial.windows, folder, SIMULATED_RECORDING_FILE)
+    write_tracks(trial, folder, SIMULATED_RECORDING_FILE)
     (folder / SIMULATED_FACTS_FILE).write_text(recording_facts(trial).model_dump_json(), encoding="utf-8")
     summary = SimulateRecordingSummary(
         speed_m_s=mean_speed_m_s(simulated),

@@ -139,13 +139,14 @@ export class Camera {
       : null;
   }
 
-  // Positions of the points and bodies that exist at a frame.
+  // Positions of the points, bodies and limbs that exist at a frame.
   /** @param {number} frame */
   positionsAt(frame) {
     const { layout, values } = this.scene,
       row = Math.round(frame) * layout.width;
-    return [...layout.points, ...layout.bodies]
-      .map(([, k]) => [0, 1, 2].map((i) => values[row + k + i]))
+    const limbs = layout.sticks.filter(([name]) => name.startsWith("/body/"));
+    return [...[...layout.points, ...layout.bodies].map(([, k]) => k), ...limbs.map(([, , end]) => end)]
+      .map((k) => [0, 1, 2].map((i) => values[row + k + i]))
       .filter((p) => p.every(Number.isFinite));
   }
 }

@@ -64,6 +64,7 @@ const live = {
     width: 3,
     points: /** @type {MovingScene["layout"]["points"]} */ ([["/com/live", 0]]),
     bodies: [],
+    sticks: [],
   },
   values: REST,
 };

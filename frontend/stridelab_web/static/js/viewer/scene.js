@@ -8,21 +8,22 @@ import { rotationFromZ } from "./quaternions.js";
 
 const arrowNodes = (/** @type {FrameLayout} */ layout) => layout.arrows.flatMap((arrow) => [arrow[0], arrow[1]]);
 const COM_NODES = ["/com/plan", "/com/plan/light"]; // the two halves of the CoM ball (viewer/plan_scene.py)
+const INSIDE = ["/cones/", "/com/", "/inputs/", "/axis/"];
 
 export class Scene {
   /** @param {PageElement} frame @param {FrameLayout} layout @param {ArrayLike<number>} values */
   constructor(frame, layout, values) {
     this.layout = layout;
     this.values = values;
-    // Nodes inside a robot's body, which are drawn in front of it while `seeThrough`.
-    const cones = layout.points.map(([name]) => name).filter((name) => name.startsWith("/cones/"));
+    // Nodes inside of a body, which are drawn in front of it while `seeThrough`.
+    const names = [...layout.points, ...layout.sticks, ...layout.ellipsoids].map(([name]) => name);
     const within = [
-      ...cones,
+      ...names.filter((name) => INSIDE.some((start) => name.startsWith(start))),
       ...arrowNodes(layout),
       ...layout.still.filter((name) => name.startsWith("/paths/")),
-      ...COM_NODES,
+      ...(layout.bodies.length ? COM_NODES : []),
     ];
-    this.interiorNodes = layout.bodies.length ? within : [];
+    this.interiorNodes = layout.bodies.length || names.some((name) => name.startsWith("/body/")) ? within : [];
     this.seeThrough = true;
     this.magnification = 1;
     this.row = new Float64Array(layout.width);
