@@ -51,6 +51,7 @@ interface Vector3 {
 }
 
 interface Color {
+  getHexString(): string;
   r: number;
   g: number;
   b: number;

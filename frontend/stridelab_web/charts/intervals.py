@@ -44,12 +44,13 @@ class Row:
 
 @dataclass(frozen=True)
 class Layer:
-    """Nodes of a scene that can be hidden: those whose names begin with ``prefix``."""
+    """Nodes of a scene that can be hidden: those whose names begin with ``prefix``; ``scale`` is that of its arrows."""
 
     prefix: str
     label: str
     shown: bool = True
     tooltip: str = ""
+    scale: str = ""
 
     def translated(self) -> "Layer":
         """The layer with its label and its tooltip in the language of the page."""

@@ -22,6 +22,7 @@ from stridelab_web.scene.frame_codec import (
 
 ARROW_M_PER_N: Final = 1 / 1000
 """Length of a force arrow: a body weight of 700 N is 0.7 m long."""
+FORCE_SCALE: Final = f"1 m = {1 / ARROW_M_PER_N:.0f} N"
 HEAD_M: Final = 0.08
 """Length of an arrow's head; the shaft ends where it begins."""
 LABELS: Final = (

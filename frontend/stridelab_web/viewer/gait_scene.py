@@ -145,15 +145,18 @@ def _first_position(frames: Frames, at: int) -> np.ndarray:
 
 
 def _scene_bounds(recording: Recording, frames: Frames) -> tuple[np.ndarray, np.ndarray]:
-    """Centre and half extents of everything, from the 2nd to the 98th percentile, because markers may be stray."""
-    ends = [point.at for point in frames.points] + [stick.end for stick in frames.sticks if profile_of(stick)]
-    clouds = [frames.values[:, at : at + 3] for at in ends]
+    """Centre and half extents of the body and of the 2nd to 98th percentile of the rest: markers may be stray."""
+    clouds = [frames.values[:, point.at : point.at + 3] for point in frames.points]
     clouds += [np.asarray(plate.corners_m, dtype=np.float32) for plate in recording.plates if plate.use]
     cloud = np.concatenate(clouds) if clouds else np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.8]])
     cloud = cloud[np.isfinite(cloud).all(axis=1)]
     if not len(cloud):
         cloud = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.8]])
-    low, high = np.percentile(cloud, 2, axis=0), np.percentile(cloud, 98, axis=0)
+    low, high = np.percentile(cloud, [2, 98], axis=0)
+    limbs = [frames.values[:, stick.end : stick.end + 3] for stick in frames.sticks if profile_of(stick)]
+    seen = [track[np.isfinite(track).all(axis=1)] for track in limbs]
+    body = np.concatenate([[low, high], *(np.percentile(track, [2, 98], axis=0) for track in seen if len(track))])
+    low, high = body.min(axis=0), body.max(axis=0)
     return (low + high) / 2, np.maximum((high - low) / 2, 0.3)
 
 

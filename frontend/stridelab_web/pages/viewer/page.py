@@ -28,7 +28,7 @@ from stridelab_web.parquet import read_columns, read_texts
 from stridelab_web.scene.body_frames import BODY
 from stridelab_web.scene.documents import Document, document_of
 from stridelab_web.scene.frame_cache import FrameCache
-from stridelab_web.scene.frames import Frames
+from stridelab_web.scene.frames import FORCE_SCALE, Frames
 from stridelab_web.scene.recording_frames import SKELETON
 from stridelab_web.scene.result_files import frames_of, second_recording, shown_in_scene
 from stridelab_web.scene.second_walk import OTHER
@@ -38,7 +38,7 @@ RECORDING_LAYERS = (
     Layer(BODY, "Body", tooltip="Drawn around the joint centres of the segment model; its thickness is not measured"),
     Layer("/markers/", "Markers"),
     Layer(SKELETON, "Lines", False, tooltip="Lines between markers"),
-    Layer("/forces/plate", "Forces"),
+    Layer("/forces/plate", "Forces", scale=FORCE_SCALE),
     Layer("/forces/total", "Total force", False),
 )
 COM_LAYERS = (

@@ -24,7 +24,7 @@ from stridelab_web.pages.viewer.preparing import preparation_page
 from stridelab_web.scene.contacts import contact_facts, effector_side, half_sizes, placed_contacts
 from stridelab_web.scene.density_nodes import GROUP, SHOWN_MASS
 from stridelab_web.scene.documents import Document
-from stridelab_web.scene.frames import Frames
+from stridelab_web.scene.frames import FORCE_SCALE, Frames
 from stridelab_web.scene.plan_frames import GHOST, MEASURED, MOMENTUM, MOMENTUM_M_PER_NMS, PERSON, ROBOT
 from stridelab_web.scene.plan_frames import GROUP as CONES
 from stridelab_web.scene.result_files import PERSON as PERSON_TABLE
@@ -97,7 +97,7 @@ async def plan_page(request: Request, job_id: str) -> Response:
     if (waiting := await preparation_page(request, scenario.robot, scenario.name)) is not None:
         return waiting
     layers = [
-        Layer("/forces/", "Forces"),
+        Layer("/forces/", "Forces", scale=FORCE_SCALE),
         Layer(CONES, "Cones", False, "Friction cones of the loaded contacts: forces must lie inside"),
         Layer("/contacts/", "Contacts"),
         Layer("/paths/", "Path"),

@@ -10,6 +10,7 @@ import { DarkMode } from "./dark_mode.js";
 import { Scene } from "./scene.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
 import { fetchChecked } from "../shared/api.js";
+import { showLayerColours } from "./layer_colours.js";
 import { framePosition, nearestFrame } from "./interpolation.js";
 import { showFailure, hideOverlay, showGoneFiles } from "./loading_overlay.js";
 import { translate } from "../shared/translate.js";
@@ -74,6 +75,7 @@ async function start() {
   magnification.closest("label").hidden = !layout.ellipsoids.length;
   await scene.nodes.ready();
   darkMode = new DarkMode(scene.nodes, scene.tintedNodes);
+  showLayerColours(player, scene.nodes);
   hoverNames = new HoverNames(stage, iframe, scene, camera);
   new AdaptiveResolution(scene.nodes, () => playing);
   slider.max = String(time_s.length - 1);
