@@ -184,9 +184,11 @@ def test_the_centre_of_mass_is_seen_through_the_body_unless_switched_off(tab: Ta
     assert "through" not in page.url
 
 
-def test_a_recording_has_nothing_to_see_through(tab: Tab, lab: Lab) -> None:
+def test_forces_are_seen_through_the_body_of_a_person(tab: Tab, lab: Lab) -> None:
     page = opened(tab, f"/view/?recording={lab.fake.add_recording().id}")
-    expect(page.get_by_label("See through")).to_be_hidden()
+    assert page.evaluate(DRAWN_OVER, ["/forces/plate1_head", "/body/thigh/l", "/markers/0"]) == [True, False, False]
+    page.get_by_label("See through").uncheck()
+    assert page.evaluate(DRAWN_OVER, ["/forces/plate1_head"]) == [False]
 
 
 def test_the_robot_at_the_start_does_not_keep_its_footholds(tab: Tab, lab: Lab) -> None:
