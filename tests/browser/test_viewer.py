@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 from playwright.sync_api import Page, expect
 
-from support.browser.page import Service, Tab
+from support.browser.page import DRAWN_OVER, Service, Tab
 
 STATE = """() => {
     const viser = document.querySelector("iframe").contentWindow.__viserMutable;
@@ -202,6 +202,14 @@ def test_layers_can_be_switched_off(tab: Tab, estimated: tuple[str, str]) -> Non
     page.get_by_label("Body").check()
     page.get_by_label("Lines").check()
     drawn(page, lambda state: size(state, "/body/thigh/l") > 0.01 and size(state, "/skeleton/0") > 0.01)
+
+
+def test_the_centre_of_mass_is_seen_through_the_body(tab: Tab, estimated: tuple[str, str]) -> None:
+    page = scene(tab, f"/view/?recording={estimated[0]}&job={estimated[1]}&t=1")
+    names = ["/com/fused", "/forces/plate1_head", "/body/thigh/l", "/markers/0"]
+    assert page.evaluate(DRAWN_OVER, names) == [True, True, False, False]
+    page.get_by_label("See through").uncheck()
+    assert page.evaluate(DRAWN_OVER, names) == [False] * 4
 
 
 def test_lost_connection_is_taken_up_at_the_same_instant(

@@ -43,6 +43,14 @@ RINGED = """() => {
     return ring.outlineStyle !== "none" && parseFloat(ring.outlineWidth) > 0 && width > 0 && height > 0;
 }"""
 """Whether what has the focus is seen to have it."""
+DRAWN_OVER = """(names) => names.map((name) => {
+    let material = null;
+    document.querySelector("iframe").contentWindow.__viserMutable.nodeRefFromName[name].traverse((part) => {
+        material ??= part.material ?? null;
+    });
+    return !material.depthTest;
+})"""
+"""Whether these nodes of a scene are drawn over the body."""
 
 
 def run(work: Coroutine[None, None, Answer]) -> Answer:

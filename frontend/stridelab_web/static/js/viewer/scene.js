@@ -9,6 +9,8 @@ import { rotationFromZ } from "./quaternions.js";
 const arrowNodes = (/** @type {FrameLayout} */ layout) => layout.arrows.flatMap((arrow) => [arrow[0], arrow[1]]);
 const COM_NODES = ["/com/plan", "/com/plan/light"]; // the two halves of the CoM ball (viewer/plan_scene.py)
 const INSIDE = ["/cones/", "/com/", "/inputs/", "/axis/"];
+// A person without joint centres has lines in place of limbs (scene/recording_frames.py).
+const isLimb = (/** @type {string} */ name) => /^\/body\/(?!line)/.test(name);
 
 export class Scene {
   /** @param {PageElement} frame @param {FrameLayout} layout @param {ArrayLike<number>} values */
@@ -23,7 +25,7 @@ export class Scene {
       ...layout.still.filter((name) => name.startsWith("/paths/")),
       ...(layout.bodies.length ? COM_NODES : []),
     ];
-    this.interiorNodes = layout.bodies.length || names.some((name) => name.startsWith("/body/")) ? within : [];
+    this.interiorNodes = layout.bodies.length || names.some(isLimb) ? within : [];
     this.seeThrough = true;
     this.magnification = 1;
     this.row = new Float64Array(layout.width);
