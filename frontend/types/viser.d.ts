@@ -45,6 +45,7 @@ interface Vector3 {
   add(other: Vector3): Vector3;
   sub(other: Vector3): Vector3;
   normalize(): Vector3;
+  length(): number;
   addScaledVector(other: Vector3, scale: number): Vector3;
   project(camera: SceneCamera): Vector3;
   unproject(camera: SceneCamera): Vector3;

@@ -7,6 +7,7 @@ const PADDING_M = 0.6,
   MARGIN = 1.08,
   MIN_TRAVEL_M = 0.3,
   BODY_M = 0.25,
+  FAR = 1.3,
   DESIGN_ASPECT = 1.25;
 
 export class Camera {
@@ -57,21 +58,22 @@ export class Camera {
     this.viser.requestRender();
   }
 
-  // In a scene that is higher than wide, where the whole path would be small, moves near to the positions of a frame in the
-  // direction of view. Returns whether it moved.
+  // Where the view of the whole path would show a small body, moves near to it at a frame, in the direction of view: a
+  // robot in a scene that is higher than wide, a person wherever the path is long. Returns whether it moved.
   /** @param {number} frame */
   moveNear(frame) {
     const { camera, cameraControl } = this.viser,
       positions = this.positionsAt(frame);
-    if (camera.aspect >= 1 || !positions.length) return false;
+    const isRobot = this.scene.layout.bodies.length > 0;
+    if (!positions.length || (isRobot && camera.aspect >= 1)) return false;
     const low = [0, 1, 2].map((i) => Math.min(...positions.map((p) => p[i]))),
       high = [0, 1, 2].map((i) => Math.max(...positions.map((p) => p[i])));
     const radius = Math.hypot(...high.map((v, i) => v - low[i])) / 2 + BODY_M,
       to = this.toViserFrame(low.map((v, i) => (v + high[i]) / 2));
-    const direction = cameraControl.getPosition(to.clone()).sub(cameraControl.getTarget(to.clone())).normalize();
-    const from = to
-      .clone()
-      .addScaledVector(direction, radius / (Math.tan((camera.fov * Math.PI) / 360) * camera.aspect));
+    const offset = cameraControl.getPosition(to.clone()).sub(cameraControl.getTarget(to.clone()));
+    const near = radius / (Math.tan((camera.fov * Math.PI) / 360) * Math.min(1, camera.aspect));
+    if (camera.aspect >= 1 && offset.length() < FAR * near) return false;
+    const from = to.clone().addScaledVector(offset.normalize(), near);
     cameraControl.setLookAt(from.x, from.y, from.z, to.x, to.y, to.z, false);
     return true;
   }
