@@ -62,6 +62,16 @@ def body_sticks(tracks: Columns, sheet: Sheet) -> tuple[Stick, ...]:
     return tuple(sticks)
 
 
+def foot_places_m(tracks: Columns) -> dict[str, np.ndarray]:
+    """Middles ``(frames, 3)`` of ankle and forefoot of the sides that have both."""
+    places_m = {}
+    for side in "lr":
+        ankle_m, forefoot_m = (xyz_columns(tracks, f"{JOINT}{side}_{end}_", "_m") for end in ("ankle", "forefoot"))
+        if ankle_m is not None and forefoot_m is not None:
+            places_m[side] = (ankle_m + forefoot_m) / 2
+    return places_m
+
+
 def profile_of(stick: Stick) -> Profile | None:
     """The profile of a stick of ``body_sticks``; None for other sticks."""
     limb = LIMBS.get(stick.name.removeprefix(BODY).partition("/")[0])

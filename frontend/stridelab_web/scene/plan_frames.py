@@ -27,6 +27,7 @@ from stridelab_web.scene.frames import (
     Track,
     resample_track,
 )
+from stridelab_web.scene.shadows import ground_below_m, shadow_points, sole_places_m
 
 POSE, FORCE = 7, 6
 COM = "/com/plan"
@@ -101,7 +102,12 @@ def plan_frames(
     if momentum is not None:
         sheet.add_block(MOMENTUM_M_PER_NMS / ARROW_M_PER_N * momentum)
         arrows.append(Arrow(f"{MOMENTUM}com_shaft", f"{MOMENTUM}com_head", com_at, "angular momentum about the CoM"))
+    shadows: list[Point] = []
     if motion is not None:
+        soles_m = sole_places_m(scenario, motion.poses)
+        shadows = shadow_points(
+            sheet, ROBOT, soles_m, {foot: ground_below_m(scenario, m) for foot, m in soles_m.items()}
+        )
         for k, link in enumerate(motion.links):
             bodies.append(Body(f"{ROBOT}{link}", sheet.add_block(motion.poses[:, k])))
         forces = {effector: motion.forces[:, k] for k, effector in enumerate(motion.effectors)}
@@ -131,6 +137,7 @@ def plan_frames(
             Point(COM, com_at, "centre of mass"),
             *person_com,
             *(Point(name, at_of[touch.effector], f"friction cone of {touch.effector}") for name, touch in coned),
+            *shadows,
         ),
         bodies=tuple(bodies),
         sticks=bones,

@@ -6,10 +6,11 @@ import numpy as np
 
 from stridelab.schemas.recordings import Recording
 from stridelab_web.parquet import Columns, xyz_columns
-from stridelab_web.scene.body_frames import BODY, body_sticks
+from stridelab_web.scene.body_frames import BODY, body_sticks, foot_places_m
 from stridelab_web.scene.com_frames import ComFrames, add_com
 from stridelab_web.scene.cycloid_frames import WheelFrames, add_wheel, com_of
 from stridelab_web.scene.frames import Arrow, Frames, Point, Sheet, Stick
+from stridelab_web.scene.shadows import shadow_points
 from stridelab_web.scene.stability_frames import StabilityFrames, add_stability
 
 ARROW_THRESHOLD_N: Final = 20.0
@@ -57,6 +58,9 @@ def build_frames(
     body = body_sticks(tracks, sheet)
     sticks = (*body, *_skeleton_sticks(recording, at_of, SKELETON if body else LINES))
 
+    floor_m = np.full(len(time_s), _floor_m(recording))
+    feet_m = foot_places_m(tracks)
+    shadows = shadow_points(sheet, BODY, feet_m, dict.fromkeys(feet_m, floor_m))
     arrows: list[Arrow] = []
     measured = [(plate.index, *_plate_force(tracks, plate.index)) for plate in recording.plates if plate.use]
     present = [(index, cop, force) for index, cop, force in measured if cop is not None and force is not None]
@@ -78,7 +82,7 @@ def build_frames(
     return Frames(
         time_s,
         sheet.to_array(len(time_s)),
-        points=(*points, *shown.points, *rolling.points, *balance.points),
+        points=(*points, *shown.points, *rolling.points, *balance.points, *shadows),
         sticks=(*sticks, *shown.sticks, *rolling.sticks, *balance.sticks),
         arrows=(*arrows, *balance.arrows),
         ellipsoids=shown.ellipsoids,

@@ -12,6 +12,7 @@ from stridelab_web.scene import com_frames, cycloid_frames, stability_frames
 from stridelab_web.scene.body_frames import median_length_m, profile_of
 from stridelab_web.scene.frames import Frames, Stick
 from stridelab_web.scene.second_walk import OTHER
+from stridelab_web.scene.shadows import is_shadow
 from stridelab_web.viewer import meshes
 from stridelab_web.viewer.scene_parts import (
     Colour,
@@ -19,6 +20,7 @@ from stridelab_web.viewer.scene_parts import (
     add_floor,
     add_mesh,
     add_path,
+    add_shadows,
     place_camera,
     prepare_scene,
 )
@@ -69,7 +71,8 @@ def build_gait_scene(server: viser.ViserServer, recording: Recording, frames: Fr
     along = _walking_direction(recording, np.stack([centre - extent * [1, 0, 0], centre + extent * [1, 0, 0]]))
     view = np.array([along[1], -along[0], 0.0]) + 0.45 * along + [0.0, 0.0, 0.28]
     _add_plates(scene, recording, view)
-    for point in frames.points:
+    add_shadows(scene, frames)
+    for point in (each for each in frames.points if not is_shadow(each)):
         _add_point(scene, point.name, _first_position(frames, point.at))
     bone, thin = meshes.cylinder(BONE_RADIUS_M), meshes.cylinder(AXIS_RADIUS_M)
     thick = meshes.cylinder(MARGIN_RADIUS_M)

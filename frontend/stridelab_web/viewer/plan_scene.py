@@ -15,7 +15,15 @@ from stridelab_web.scene.plan_frames import COM, GHOST, MEASURED, MOMENTUM, PERS
 from stridelab_web.viewer import meshes
 from stridelab_web.viewer.contact_markers import COLOURS, add_fixed_marks
 from stridelab_web.viewer.robot_links import add_robot
-from stridelab_web.viewer.scene_parts import Colour, add_arrow, add_mesh, add_path, place_camera, prepare_scene
+from stridelab_web.viewer.scene_parts import (
+    Colour,
+    add_arrow,
+    add_mesh,
+    add_path,
+    add_shadows,
+    place_camera,
+    prepare_scene,
+)
 from stridelab_web.viewer.terrain import add_terrain, is_ground
 
 COM_COLOUR: Colour = (20, 30, 40)
@@ -60,6 +68,7 @@ def build_plan_scene(
     copies = frozenset(copy.name for copy in frames.copies)
     _add_reach(scene, scenario, reach, copies)
     add_robot(scene, [b.name.removeprefix(ROBOT) for b in frames.bodies if b.name.startswith(ROBOT)], link_meshes)
+    add_shadows(scene, frames)
     for ghost in (body.name for body in frames.bodies if body.name.startswith(GHOST)):
         scene.add_frame(ghost, show_axes=False)
     for arrow in frames.arrows:

@@ -6,11 +6,14 @@ from typing import Literal
 import numpy as np
 import viser
 
-from stridelab_web.scene.frames import HEAD_M, Arrow
+from stridelab_web.scene.frames import HEAD_M, Arrow, Frames
+from stridelab_web.scene.shadows import is_shadow
 from stridelab_web.viewer import meshes
 
 Colour = tuple[int, int, int]
 SHAFT_RADIUS_M, HEAD_RADIUS_M = 0.012, 0.03
+SHADOW_M, SHADOW_OPACITY, SHADOW_PIXELS = 0.42, 0.45, 64
+"""Width of the shadow of a foot, how dark its middle is, and the pixels of its picture."""
 FOV_RAD = 0.7
 WIDE, NARROW = 1.6, 1.25
 """Width over height of the picture above a timeline, and beside a panel; a wider one shows more."""
@@ -56,6 +59,19 @@ def add_mesh(
     return scene.add_mesh_simple(
         name, *mesh, color=colour, opacity=opacity, side=side, cast_shadow=False, receive_shadow=False
     )
+
+
+def add_shadows(scene: viser.SceneApi, frames: Frames) -> None:
+    """Add a round spot for every shadow of ``frames``, black in the middle and clear at its rim."""
+    axis = np.linspace(-1.0, 1.0, SHADOW_PIXELS)
+    inside = np.clip(1.0 - np.hypot(*np.meshgrid(axis, axis)), 0.0, 1.0)
+    picture = np.zeros((SHADOW_PIXELS, SHADOW_PIXELS, 4), dtype=np.uint8)
+    picture[..., 3] = np.round(255 * SHADOW_OPACITY * inside * inside * (3.0 - 2.0 * inside))
+    for point in frames.points:
+        if is_shadow(point):
+            scene.add_image(
+                point.name, picture, SHADOW_M, SHADOW_M, format="png", cast_shadow=False, receive_shadow=False
+            )
 
 
 def add_arrow(scene: viser.SceneApi, arrow: Arrow, colour: Colour) -> None:
