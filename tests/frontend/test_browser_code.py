@@ -57,7 +57,7 @@ def test_the_client_of_viser_has_no_panel_and_names_its_licences() -> None:
 
 def test_the_scene_adds_only_nodes_that_the_client_draws() -> None:
     """Those of frontend/viser_client/replacements/nothing.ts would not be seen."""
-    drawn = {"frame", "grid", "icosphere", "label", "light_ambient", "mesh_simple", "point_cloud"}
+    drawn = {"frame", "grid", "icosphere", "image", "label", "light_ambient", "mesh_simple", "point_cloud"}
     sources = (Path(viser_client.__file__).parent / "viewer").glob("*.py")
     added = {name for path in sources for name in re.findall(r"\.add_([a-z_]+)\(", path.read_text())}
     assert added == drawn
