@@ -290,11 +290,11 @@ def test_a_draw_that_allows_no_estimate_is_counted_and_named() -> None:
     progress: list[tuple[float, str]] = []
     draws = accept_draws(range(2, 7), root_of, lambda fraction, message: progress.append((fraction, message)))
     assert draws.results == {2: np.sqrt(2.0), 4: 2.0, 6: np.sqrt(6.0)}
-    assert draws.note == " 3 of 5 draws accepted, refused: seed 3, 5 (It has none: 2)."
+    assert draws.describe_refused() == " 3 of 5 draws accepted, refused: seed 3, 5 (It has none: 2)."
     assert progress == [(k / 5, f"draw {k + 1} of 5") for k in range(5)]
     one = accept_draws((3, 4), root_of, ignore_progress)
-    assert one.note == " 1 of 2 draws accepted, refused: seed 3 (It has none)."
-    assert accept_draws((4,), root_of, ignore_progress).note == ""
+    assert one.describe_refused() == " 1 of 2 draws accepted, refused: seed 3 (It has none)."
+    assert accept_draws((4,), root_of, ignore_progress).describe_refused() == ""
     with pytest.raises(NotEstimable, match=r"Only 1 of 3 draws allow an estimate: It has none: 2\.") as error:
         accept_draws((3, 4, 5), root_of, ignore_progress)
     assert error.value.code == "too-few-draws"

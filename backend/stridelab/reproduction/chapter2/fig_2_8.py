@@ -96,7 +96,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
         claims=claims,
         note="Simulated, because the recordings of the thesis are not public. The difference between the thesis' "
         "filter and the geometry is a correction of the segment table only if the clocks are synchronous; the effect "
-        f"of a delay of two frames is larger.{draws.note}",
+        f"of a delay of two frames is larger.{draws.describe_refused()}",
         tables={"offsets": columns},
         drawing=render_svg(*_trial_panels(_simulated_trial(next(iter(draws.results))))),
         references=("carpentier2017thesis", "carpentier2016spectral", "dumas2007"),
