@@ -1,6 +1,7 @@
 """The proxy against the truth: areas and volumes where they are known, and a small run of the whole."""
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from stridelab.reachability.proxy.feasibility_correction import load_feasibility
 from stridelab.reachability.standing_conditions import axis_rotations
 from stridelab.reachability.store import load_card, load_proxies
 from stridelab.reproduction.chapter4.fig_4_5 import comparison_table, figure_claims, stack_svgs
+from stridelab.reproduction.studies import proxy_accuracy
 from stridelab.reproduction.studies.proxy_accuracy import (
     BANDWIDTH_M,
     Truth,
@@ -182,3 +184,21 @@ def test_blocks_lie_below_each_other() -> None:
     block = '<svg viewBox="0 0 720 100" width="720" height="100"></svg>\n'
     assert 'viewBox="0 0 720 200"' in stack_svgs([block, block])
     assert "translate(0 100)" in stack_svgs([block, block])
+
+
+def test_positions_without_a_posture_are_searched_evenly_in_the_set() -> None:
+    """Ten rounds each; where the set is twice as dense, its samples count half, and those outside not at all."""
+    asked: list[tuple[int, int, int]] = []
+
+    def search_feasible(contacts: ContactBatch, com_m: np.ndarray, rounds: int, seed: int) -> tuple[np.ndarray, object]:
+        asked.append((len(contacts.heading_rad), rounds, seed))
+        assert com_m[:, 0].max() < 3.0, "outside of the set"
+        return com_m[:, 0] < 1.0, None
+
+    draws = np.column_stack([np.repeat([0.5, 2.0, 3.5], [2000, 1000, 500]), np.zeros((3500, 2))])
+    log_q = np.repeat([np.log(2.0), 0.0, -0.1], [2000, 1000, 500])
+    contacts = ContactBatch({"left_foot": Target(np.zeros((1, 3)), np.eye(3)[None])}, np.zeros(1))
+    search = Mock(spec=StanceTruth, search_feasible=search_feasible)
+    share = proxy_accuracy._false_feasible(search, contacts, draws, log_q, 0.0, 4000)
+    assert share == pytest.approx(0.5, abs=0.03)
+    assert asked == [(4000, 10, 2)]

@@ -121,7 +121,7 @@ def compare_densities(
                 label,
                 volumes,
                 tuple(product.volumes_m3(MASSES).tolist()),
-                float((truth.kernels.log_density(draws[:2000]) >= edge).mean()),
+                float((truth.kernels.log_density(draws) >= edge).mean()),
                 float((product.log_density(truth.unseen_m) >= threshold).mean()),
                 _false_feasible(search, contacts, draws, log_q, threshold, probes),
                 _as_triple(mode),
