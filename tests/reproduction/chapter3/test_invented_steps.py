@@ -129,6 +129,8 @@ def test_double_support_needs_both_crossings() -> None:
     assert people_parameter_claims.double_support_claims({"fast": of[1:]}) == []
     halves = [invented_walk("c", double_support_errors_s=lambda: rows[1:2])]
     assert people_parameter_claims.double_support_claims({"fast": halves}) == []
+    assert people_parameter_claims.start_error_ms(of[0]) == pytest.approx(-580.0 / 3.0)
+    assert np.isnan(people_parameter_claims.start_error_ms(of[1]))
 
 
 @pytest.mark.parametrize(("significant", "latency_s"), [(True, 0.018), (False, 0.0)])
