@@ -142,7 +142,8 @@ simulation), *people* (recordings of people) or *external* (numbers published by
 behind it (draws, steps, people, contact sets, plans).
 
 Where cases are drawn, an interval of 95 % stands beside the number: by 2000 bootstrap samples of the draws, people,
-steps or contact sets, the binomial one (Clopper and Pearson) for a share, that of Fisher for a correlation. A claim on
+steps or contact sets, the binomial one (Clopper and Pearson) for a share, that of Fisher for a correlation; in figure
+4.5 that of a density and a share, for three contact sets at once. A claim on
 every case (*always*, *for all the subjects*) stands on the most extreme one, which has no such interval: a sample can
 refute it and not prove it, so its verdict is that of the sample, beside the number of cases in the range and the
 interval of their share. Where there is neither, the row says why: *deterministic* (nothing is drawn), *sampling error

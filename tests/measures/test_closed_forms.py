@@ -237,8 +237,11 @@ def test_a_linear_law_of_foot_placement_is_recovered() -> None:
         middle_s = 0.5 * (step.lift_off_s + step.strike_s)
         outwards = 1.0 if step.side == "left" else -1.0
         other: Side = "right" if step.side == "left" else "left"
-        y, v = swaying.at(swaying.com_m, middle_s)[1], swaying.at(swaying.velocity_m_s, middle_s)[1]
-        standing = swaying.at(heels[other], step.lift_off_s)[1]
+        y, v = (
+            swaying.interpolate_track(swaying.com_m, middle_s)[1],
+            swaying.interpolate_track(swaying.velocity_m_s, middle_s)[1],
+        )
+        standing = swaying.interpolate_track(heels[other], step.lift_off_s)[1]
         placed = y + outwards * (0.05 + 0.4 * outwards * (y - standing) + 0.2 * outwards * v)
         later = swaying.time_s > step.strike_s - 0.02
         heels[side_of(k)][later, 1] = placed

@@ -172,12 +172,12 @@ def test_an_excerpt_starts_again_at_zero_and_keeps_what_was_measured(thesis: lis
 
 
 def test_an_excerpt_may_be_the_whole_trial_and_no_sample_more(thesis: list[StudyTrial]) -> None:
-    """The last sample stands for the time up to the next one."""
+    """The last sample stands for the time up to the next one; less than half a sample is none."""
     whole, end_s = thesis[0], 9.2
-    same = whole.excerpt_between(0.0, end_s)
+    same = whole.excerpt_between(-0.4 / RATE_HZ, end_s + 0.4 / RATE_HZ)
     np.testing.assert_array_equal(same.truth.com_m, whole.truth.com_m)
     np.testing.assert_array_equal(same.wrench.force_n, whole.wrench.force_n)
-    for start_s, beyond_s in ((-0.1 / RATE_HZ, end_s), (0.0, end_s + 0.1 / RATE_HZ), (2.0, 2.0), (2.0, 1.0)):
+    for start_s, beyond_s in ((-0.6 / RATE_HZ, end_s), (0.0, end_s + 0.6 / RATE_HZ), (2.0, 2.0), (2.0, 1.0)):
         with pytest.raises(InvalidInput, match="An excerpt must lie between"):
             whole.excerpt_between(start_s, beyond_s)
 

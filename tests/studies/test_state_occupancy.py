@@ -1,6 +1,7 @@
 """(4.11): states are sampled with a sole at rest and obey Newton and Euler; their log-densities along plans."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +19,7 @@ from stridelab.centroidal.solver import solve
 from stridelab.centroidal.state_density import StateDensity
 from stridelab.errors import InvalidInput
 from stridelab.reachability.learning.com_sampling import configuration_stream
+from stridelab.reproduction.chapter4 import occupancy
 from stridelab.reproduction.studies.state_occupancy import (
     StateSamples,
     change_within_phases,
@@ -31,6 +33,8 @@ from stridelab.reproduction.studies.state_occupancy import (
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
+from support.recorded_claims import assert_as_recorded
+from support.reproduction_fixtures import RisingProgress
 from support.robots.sequences import rest_to_rest, two_steps
 
 
@@ -173,3 +177,40 @@ def test_what_the_term_needs_is_refused_by_name(dense: CentroidalProblem) -> Non
     assert refused.value.code == "densities-need-constant-forces"
     with pytest.raises(InvalidInput, match="densities of velocity and rates"):
         solve(replace(dense, control=CircularCones()), "native")
+
+
+def test_claims_are_on_the_worst_motion_and_on_all_plans(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Invented changes of three motions in nats; of the two plans on stairs, one has not converged."""
+    changes = iter([4.0, 0.2, 0.1, 2.0, 0.3, 0.06, 5.0, 0.05, 0.4])
+    sampled: list[tuple[object, ...]] = []
+
+    def sample(*of: object) -> SimpleNamespace:
+        sampled.append(of)
+        return SimpleNamespace(velocities=lambda: None, rates=lambda: None)
+
+    def compared(experiment: int, _: object) -> dict[str, object]:
+        numbers = {f"{what}_{case}": 1.0 for what in ("state_nats", "iterations") for case in ("with", "without")}
+        return {"experiment": experiment, "converged": experiment == 2, "moved_m": 0.001 * experiment, **numbers}
+
+    for name, thing in {
+        "load_robot": lambda name: name,
+        "sample_states": sample,
+        "experiment_problem": lambda *_: None,
+        "solve": lambda *_: SimpleNamespace(phase=None),
+        "rates_of_plan": lambda _: (None, None),
+        "position_log_density": lambda *_: None,
+        "nats_below_mode": lambda *_: None,
+        "change_within_phases": lambda *_: next(changes),
+        "densities_of_soles": lambda _: {},
+        "_compare_costs": compared,
+    }.items():
+        monkeypatch.setattr(occupancy, name, thing)
+    result = occupancy.run.run(range(7, 8), RisingProgress())
+    claims = {claim.key: claim for claim in result.claims}
+    assert sampled == [("talos", "right_foot", 2000, 7, "conditioned")]
+    assert claims["position"].ours == 2.0
+    assert (claims["velocity"].ours, claims["rate"].ours) == pytest.approx((0.15, 0.08))
+    assert (claims["converges"].ours, claims["converges"].verdict, claims["converges"].n) == (0.5, "not_met", 2)
+    assert "moves by at most 3.0 mm" in claims["converges"].note
+    assert result.n == 3
+    assert_as_recorded("occupancy of invented motions", result.claims)

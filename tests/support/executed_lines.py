@@ -22,7 +22,8 @@ PACKAGE: Final = Path("backend/stridelab/reproduction")
 _coverage: Any = import_module("coverage").Coverage(data_file=None, source=[str(PACKAGE)], config_file=False)
 _seconds = defaultdict[str, float](float)
 _fixtures_of: dict[str, list[str]] = {}
-_unusable: set[str] = set()
+_failed: set[str] = set()
+_skipped: set[str] = set()
 _running: list[tuple[str, float]] = []
 """Contexts that are entered, the innermost last, and the processor time spent in those inside of each."""
 
@@ -52,13 +53,13 @@ def pytest_fixture_setup(fixturedef: Any) -> Iterator[None]:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """A test that fails without a change says nothing on one."""
+    """A test that fails or is skipped without a change says nothing on one."""
     if not report.passed:
-        _unusable.add(report.nodeid)
+        (_failed if report.failed else _skipped).add(report.nodeid)
 
 
 def pytest_sessionfinish() -> None:
-    """Write lines and seconds per test, those of its fixtures included."""
+    """Write lines and seconds per test, those of its fixtures included, and whether it has failed."""
     _coverage.stop()
     data = _coverage.get_data()
     lines = defaultdict[str, set[tuple[str, int]]](set)
@@ -71,9 +72,10 @@ def pytest_sessionfinish() -> None:
         test: {
             "seconds": _seconds[test] + sum(_seconds[name] for name in fixtures),
             "lines": sorted(lines[test].union(*(lines[name] for name in fixtures))),
+            "failed": test in _failed,
         }
         for test, fixtures in _fixtures_of.items()
-        if test not in _unusable
+        if test not in _skipped
     }
     Path(os.environ["STRIDELAB_EXECUTED_LINES"]).write_text(json.dumps(tests), encoding="utf-8")
 

@@ -19,11 +19,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Self
+from typing import Any, Final, Self
 
 from support.mutant_tests import ExecutedTests
 
@@ -276,7 +276,8 @@ class Copy:
         """Run all tests on the code as it is: which lines each of them executes.
 
         ``results`` is a file of results of slow functions outside of the reproduction that runs have in common,
-        ``lines`` that of the lines, which is only written if it does not exist.
+        ``lines`` that of the lines, which is only written if it does not exist. Tests that fail run once more: what
+        fails twice is not used, and named.
         """
         results = results or self.folder / "results.pickle"
         lines = lines or self.folder / "lines.json"
@@ -287,10 +288,22 @@ class Copy:
             return ExecutedTests(self.folder / PACKAGE, json.loads(lines.read_text(encoding="utf-8")))
         for _ in range(1 if results.exists() else 2):  # also with stored results: tests are in the order of that time
             start_s = time.monotonic()
-            if failed := self.first_failure(tests, UNCHANGED_LIMIT_S, **files):
-                print(f"Fails without a change, and is not used: {failed}", flush=True)
+            self.first_failure(tests, UNCHANGED_LIMIT_S, **files)
             print(f"Without a change: {time.monotonic() - start_s:.0f} s", flush=True)
-        return ExecutedTests(self.folder / PACKAGE, json.loads(lines.read_text(encoding="utf-8")))
+        executed: dict[str, dict[str, Any]] = json.loads(lines.read_text(encoding="utf-8"))
+        if failed := _failed_tests(executed):
+            again = self.folder / "again.json"
+            self.first_failure(failed, UNCHANGED_LIMIT_S, lines=str(again))
+            executed |= json.loads(again.read_text(encoding="utf-8"))
+        for test in _failed_tests(executed):
+            print(f"Fails twice without a change, and is not used: {test}", flush=True)
+            del executed[test]
+        lines.write_text(json.dumps(executed), encoding="utf-8")
+        return ExecutedTests(self.folder / PACKAGE, executed)
+
+
+def _failed_tests(executed: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    return [test for test, of in executed.items() if of["failed"]]
 
 
 def _imported_names() -> set[str]:

@@ -52,8 +52,11 @@ def _row(motion: WalkMotion, step: GaitStep) -> tuple[float, float, float] | Non
     if OTHER_SIDE[step.side] not in motion.feet or not motion.covers(step.lift_off_s, step.strike_s):
         return None
     outwards = 1.0 if step.side == "left" else -1.0
-    standing = motion.at(motion.feet[OTHER_SIDE[step.side]].heel_m, step.lift_off_s)[LEFT]
-    com, velocity = motion.at(motion.com_m, middle_s)[LEFT], motion.at(motion.velocity_m_s, middle_s)[LEFT]
-    placed = motion.at(motion.feet[step.side].heel_m, step.strike_s)[LEFT]
+    standing = motion.interpolate_track(motion.feet[OTHER_SIDE[step.side]].heel_m, step.lift_off_s)[LEFT]
+    com, velocity = (
+        motion.interpolate_track(motion.com_m, middle_s)[LEFT],
+        motion.interpolate_track(motion.velocity_m_s, middle_s)[LEFT],
+    )
+    placed = motion.interpolate_track(motion.feet[step.side].heel_m, step.strike_s)[LEFT]
     row = (outwards * (com - standing), outwards * velocity, outwards * (placed - com))
     return (float(row[0]), float(row[1]), float(row[2])) if np.isfinite(row).all() else None

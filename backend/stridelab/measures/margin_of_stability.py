@@ -54,7 +54,7 @@ def _single_support(motion: WalkMotion, xcom: ExtrapolatedCom, step: GaitStep, n
     if len(within) == 0 or not np.isfinite(margin).all():
         return []
     k = int(np.argmin(margin))
-    sd, of_foot = _errors_m(xcom, motion.nearest(at_s[k]), LEFT)
+    sd, of_foot = _errors_m(xcom, motion.find_sample(at_s[k]), LEFT)
     return [Measure("margin_of_stability_ml_min", float(margin[k]), sd, "m", side, number, of_foot)]
 
 
@@ -63,7 +63,7 @@ def _at_strike(motion: WalkMotion, xcom: ExtrapolatedCom, step: GaitStep, number
     foot = motion.feet[step.side]
     outline = _outline_at(motion, foot, step.strike_s)
     x = [float(np.interp(step.strike_s, motion.time_s, xcom.position_m[:, axis])) for axis in (AHEAD, LEFT)]
-    k = motion.nearest(step.strike_s)
+    k = motion.find_sample(step.strike_s)
     ahead_of = foot.heel_m - np.pad(xcom.position_m, ((0, 0), (0, 1)))
     ahead, sideways = (
         _errors_m(xcom, k, axis, position_sd_m(motion, ahead_of, step.strike_s, step.strike_error, axis))
@@ -80,7 +80,9 @@ def _at_strike(motion: WalkMotion, xcom: ExtrapolatedCom, step: GaitStep, number
 
 
 def _outline_at(motion: WalkMotion, foot: FootMotion, at_s: float) -> np.ndarray:
-    return np.array([motion.at(foot.outline_m[:, point], at_s) for point in range(foot.outline_m.shape[1])])
+    return np.array(
+        [motion.interpolate_track(foot.outline_m[:, point], at_s) for point in range(foot.outline_m.shape[1])]
+    )
 
 
 def _errors_m(xcom: ExtrapolatedCom, sample: int, axis: int, late_m: float = 0.0) -> tuple[float | None, float]:

@@ -69,7 +69,9 @@ def timing_sd(strikes: Sequence[tuple[float, EventError]], lift_offs: Sequence[t
 def position_sd_m(motion: WalkMotion, track: Points, at_s: float, error: EventError, axis: int) -> float:
     """Error of a position at an event, from the change of ``track`` along ``axis`` within the event's error."""
     sd_s = math.hypot(error.common_s, error.own_s)
-    return 0.5 * abs(float(motion.at(track, at_s + sd_s)[axis] - motion.at(track, at_s - sd_s)[axis]))
+    return 0.5 * abs(
+        float(motion.interpolate_track(track, at_s + sd_s)[axis] - motion.interpolate_track(track, at_s - sd_s)[axis])
+    )
 
 
 def _of_step(motion: WalkMotion, step: GaitStep, number: int) -> list[Measure]:
@@ -90,7 +92,10 @@ def _of_step(motion: WalkMotion, step: GaitStep, number: int) -> list[Measure]:
         values.append(("step_length", step.length_m, heels_sd_m(AHEAD), "m"))
     if motion.covers(step.lift_off_s, step.strike_s):
         outwards = 1.0 if step.side == "left" else -1.0
-        width = motion.at(landing, step.strike_s)[LEFT] - motion.at(standing, step.lift_off_s)[LEFT]
+        width = (
+            motion.interpolate_track(landing, step.strike_s)[LEFT]
+            - motion.interpolate_track(standing, step.lift_off_s)[LEFT]
+        )
         values.append(("step_width", outwards * float(width), heels_sd_m(LEFT), "m"))
     values.append(("walking_speed", step.speed_m_s, _speed_sd_m_s(motion, step), "m/s"))
     if step.prior_strike_s is not None:
@@ -112,7 +117,7 @@ def _speed_sd_m_s(motion: WalkMotion, step: GaitStep) -> float:
     """
     duration = step.next_lift_off_s - step.lift_off_s
     faster = [
-        float(motion.velocity_m_s[motion.nearest(at_s), AHEAD]) - step.speed_m_s
+        float(motion.velocity_m_s[motion.find_sample(at_s), AHEAD]) - step.speed_m_s
         for at_s in (step.lift_off_s, step.next_lift_off_s)
     ]
     ends = timing_sd([], [(-faster[0], step.lift_off_error), (faster[1], step.next_lift_off_error)])
@@ -132,7 +137,10 @@ def _of_stride(motion: WalkMotion, step: GaitStep, following: GaitStep, number: 
     ]
     if motion.covers(step.strike_s, following.strike_s):
         heel = motion.feet[step.side].heel_m
-        ahead = motion.at(heel, following.strike_s)[AHEAD] - motion.at(heel, step.strike_s)[AHEAD]
+        ahead = (
+            motion.interpolate_track(heel, following.strike_s)[AHEAD]
+            - motion.interpolate_track(heel, step.strike_s)[AHEAD]
+        )
         length_sd = math.hypot(
             math.sqrt(2.0) * MARKER_SD_M,
             position_sd_m(motion, heel, step.strike_s, first, AHEAD),
@@ -152,7 +160,9 @@ def _excursions(motion: WalkMotion, step: GaitStep, start_s: float, end_s: float
         return []
     com = motion.com_m[motion.samples(start_s, end_s)]
     sd = math.sqrt(2.0) * motion.varying_sd_m
-    ahead = motion.at(motion.com_m, end_s)[AHEAD] - motion.at(motion.com_m, start_s)[AHEAD]
+    ahead = (
+        motion.interpolate_track(motion.com_m, end_s)[AHEAD] - motion.interpolate_track(motion.com_m, start_s)[AHEAD]
+    )
     speed = float(ahead) / (end_s - start_s)
     return [
         *(

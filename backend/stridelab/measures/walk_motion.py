@@ -106,11 +106,11 @@ class WalkMotion:
         first, last = np.searchsorted(self.time_s, [start_s - 1e-9, end_s + 1e-9])
         return slice(int(first), int(last))
 
-    def nearest(self, at_s: float) -> int:
+    def find_sample(self, at_s: float) -> int:
         """The sample nearest to ``at_s``."""
         return int(np.argmin(np.abs(self.time_s - at_s)))
 
-    def at(self, track: Points, at_s: float) -> Vector3:
+    def interpolate_track(self, track: Points, at_s: float) -> Vector3:
         """Linear interpolation of a track of shape (n, 3)."""
         return np.array([np.interp(at_s, self.time_s, track[:, axis]) for axis in range(3)])
 

@@ -176,25 +176,27 @@ def _threshold_crossing(
     """Crossing of the threshold nearest to ``near`` and its deviation, in samples; None if there is none."""
     sigma_n = noise.scatter_n(toward, 1)
     n = min(max(1, math.ceil((sigma_n / (FIRST_NOISE * threshold_n)) ** 2)), max(1, len(load) // 3))
-    rough = _MeanCrossing.nearest(load, n, near, threshold_n)
+    rough = _MeanCrossing.find_nearest(load, n, near, threshold_n)
     if rough is None:
         return None
     doubled = np.flatnonzero(rough.means[rough.after :] >= 2.0 * threshold_n)
-    later = rough.after + (int(doubled[0]) if len(doubled) else len(rough.means) - rough.after) + rough.lag
-    rise_n = threshold_n / max(later - rough.at, 0.5)
+    later = rough.after + (int(doubled[0]) if len(doubled) else len(rough.means) - rough.after) + rough.compute_lag()
+    rise_n = threshold_n / max(later - rough.locate_instant(), 0.5)
     most = max(1, int(MOST_RISE * threshold_n / rise_n))
     n = min(max(1, round((WIDENING * sigma_n / rise_n) ** (2.0 / 3.0))), most)
-    found = _MeanCrossing.nearest(load, n, rough.at, threshold_n) or rough
+    found = _MeanCrossing.find_nearest(load, n, rough.locate_instant(), threshold_n) or rough
     rise_n = max(found.mean_rise_n(), 0.3 * rise_n)
     if found.n > 1:
-        return found.at, noise.scatter_n(toward, found.n) / rise_n
+        return found.locate_instant(), noise.scatter_n(toward, found.n) / rise_n
     share = found.share
-    return found.at, math.hypot(sigma_n * math.hypot(share, 1.0 - share) / rise_n, found.bend(threshold_n, sigma_n))
+    return found.locate_instant(), math.hypot(
+        sigma_n * math.hypot(share, 1.0 - share) / rise_n, found.estimate_bend(threshold_n, sigma_n)
+    )
 
 
 @dataclass(frozen=True)
 class _MeanCrossing:
-    """The instant ``at`` at which the mean of ``n`` samples rises through the threshold, in samples.
+    """The instant at which the mean of ``n`` samples rises through the threshold, in samples.
 
     ``after`` is the first of ``means`` above it, and ``share`` that of the interval before it which lies below.
     """
@@ -205,7 +207,7 @@ class _MeanCrossing:
     share: float
 
     @classmethod
-    def nearest(cls, load: Series, n: int, near: float, threshold_n: float) -> "_MeanCrossing | None":
+    def find_nearest(cls, load: Series, n: int, near: float, threshold_n: float) -> "_MeanCrossing | None":
         """The crossing nearest to the instant ``near``."""
         if len(load) <= n:
             return None
@@ -217,24 +219,22 @@ class _MeanCrossing:
         share = (threshold_n - means[after - 1]) / (means[after] - means[after - 1])
         return cls(n, means, after, float(share))
 
-    @property
-    def lag(self) -> float:
+    def compute_lag(self) -> float:
         """From the first of the samples of a mean to their middle."""
         return 0.5 * (self.n - 1)
 
-    @property
-    def at(self) -> float:
+    def locate_instant(self) -> float:
         """The instant of the crossing."""
-        return self.after - 1 + self.share + self.lag
+        return self.after - 1 + self.share + self.compute_lag()
 
     def mean_rise_n(self) -> float:
         """Rise of the means per sample, over twice the samples of a mean."""
         width = max(self.n, 2)
-        middle = self.at - self.lag
+        middle = self.locate_instant() - self.compute_lag()
         ends = np.interp([middle - width, middle + width], np.arange(len(self.means)), self.means)
         return float(ends[1] - ends[0]) / (2 * width)
 
-    def bend(self, threshold_n: float, sigma_n: float) -> float:
+    def estimate_bend(self, threshold_n: float, sigma_n: float) -> float:
         """Deviation of the crossing of a load that may be bent between the two samples around it, in samples."""
         before_n, after_n = self.means[self.after - 1], self.means[self.after]
         following = self.means[min(self.after + 1, len(self.means) - 1)] - after_n

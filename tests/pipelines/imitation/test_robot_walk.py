@@ -63,12 +63,12 @@ def test_the_person_stands_where_and_when_the_robot_does() -> None:
                 for name in (hold.side, "com")
             )
             if share == 1.0:
-                middle = points[hold.side][motion.nearest(own_s), :2] - hold.position_m
+                middle = points[hold.side][motion.find_sample(own_s), :2] - hold.position_m
                 assert foot == pytest.approx(walk.footholds[k].position_m + 0.5 * middle, abs=2e-3)
             # the body is scaled by the legs alone, its way by the share of the steps as well
             before = np.interp(rests_s - 0.5, columns["time_s"], columns["com_x_m"])
             assert com[0] - before == pytest.approx(share * 0.5 * 1.2 * 0.5 * pace / np.sqrt(0.5), rel=1e-3)
-            reach_m = points[hold.side][motion.nearest(own_s), 0] - motion.com_m[motion.nearest(own_s), 0]
+            reach_m = points[hold.side][motion.find_sample(own_s), 0] - motion.com_m[motion.find_sample(own_s), 0]
             assert foot[0] - com[0] == pytest.approx(0.5 * reach_m, abs=5e-3)
     unknown = replace(recorded, strikes_s=np.full(len(recorded.footholds), np.nan))
     assert tracks_of_robot(motion.time_s, points, unknown, walk, pace, durations_s) == {}

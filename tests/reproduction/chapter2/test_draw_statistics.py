@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from stridelab.conventions import Progress
 from stridelab.errors import NotEstimable
 from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum
 from stridelab.estimation.evaluation.truth_errors import TruthError
@@ -125,8 +124,7 @@ def test_spectra_are_those_of_all_draws_and_of_a_walk_without_noise(monkeypatch:
     f = np.arange(0.0, 100.0, 0.125)
     walks: list[tuple[str, int]] = []
 
-    def error_spectra(noise: str, seed: int, tell: Progress, share: float) -> dict[str, ErrorSpectrum]:
-        tell(share, "")
+    def error_spectra(noise: str, seed: int) -> dict[str, ErrorSpectrum]:
         walks.append((noise, seed))
         density = np.tile((1.0 / (0.1 + f) + 0.02 * f)[:, None], (1, 3))
         return dict.fromkeys(fig_2_6.INPUTS, ErrorSpectrum(f, (0.1 if noise == "none" else 1.0 + seed) * density))
@@ -290,11 +288,11 @@ def test_a_draw_that_allows_no_estimate_is_counted_and_named() -> None:
     progress: list[tuple[float, str]] = []
     draws = accept_draws(range(2, 7), root_of, lambda fraction, message: progress.append((fraction, message)))
     assert draws.results == {2: np.sqrt(2.0), 4: 2.0, 6: np.sqrt(6.0)}
-    assert draws.note == " 3 of 5 draws accepted, refused: seed 3, 5 (It has none: 2)."
+    assert draws.describe_refused() == " 3 of 5 draws accepted, refused: seed 3, 5 (It has none: 2)."
     assert progress == [(k / 5, f"draw {k + 1} of 5") for k in range(5)]
     one = accept_draws((3, 4), root_of, ignore_progress)
-    assert one.note == " 1 of 2 draws accepted, refused: seed 3 (It has none)."
-    assert accept_draws((4,), root_of, ignore_progress).note == ""
+    assert one.describe_refused() == " 1 of 2 draws accepted, refused: seed 3 (It has none)."
+    assert accept_draws((4,), root_of, ignore_progress).describe_refused() == ""
     with pytest.raises(NotEstimable, match=r"Only 1 of 3 draws allow an estimate: It has none: 2\.") as error:
         accept_draws((3, 4, 5), root_of, ignore_progress)
     assert error.value.code == "too-few-draws"
@@ -341,3 +339,23 @@ def test_a_run_without_flight_leaves_the_others(monkeypatch: pytest.MonkeyPatch,
     assert mean[f"{refused}_smoother"] == pytest.approx(0.01 * np.sqrt((3**2 + 5**2) / 2))
     assert f"With {refused} noise: 2 of 3 draws accepted, refused: seed 4 (Too short)." in result.note
     assert other not in result.note
+
+
+def test_fifty_excerpts_without_a_single_support_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first that is accepted counts, with the number of those before it."""
+    codes: list[str | None] = ["no-single-support"] * 49 + [None]
+    attempts: list[int] = []
+
+    def excerpt(_gait: str, _noise: str, _seed: int, attempt: int, _force_s: tuple[float, float]) -> Mock:
+        attempts.append(attempt)
+        return Mock(spec=StudyTrial, seed=attempt)
+
+    monkeypatch.setattr(table_partial_force, "_random_excerpt", excerpt)
+    monkeypatch.setattr(table_partial_force, "_rejection_code", lambda trial: codes[trial.seed])
+    trial, rejected = table_partial_force.excerpt_with_single_support("human", "invented", 1)
+    assert trial.seed == rejected == 49
+    codes[-1] = "no-single-support"
+    attempts.clear()
+    with pytest.raises(NotEstimable, match="None of 50 excerpts"):
+        table_partial_force.excerpt_with_single_support("human", "invented", 2)
+    assert attempts == list(range(50))

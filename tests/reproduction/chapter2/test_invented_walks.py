@@ -11,9 +11,11 @@ import pytest
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.wrench import zmp_of_motion
 from stridelab.estimation.estimator import ComEstimate
-from stridelab.reproduction.chapter2 import fig_2_2, fig_2_8_people, numbers, table_real_walks
+from stridelab.estimation.evaluation.truth_errors import TruthError
+from stridelab.reproduction.chapter2 import fig_2_2, fig_2_8_people, numbers, table_coverage, table_real_walks
 from stridelab.reproduction.chapter2.fig_2_8_people import COMFORTABLE, Fused
 from stridelab.reproduction.chapter2.table_real_walks import AssessedWalk
+from stridelab.reproduction.common.matching_samples import matching_samples
 from stridelab.reproduction.common.recorded_walks import RecordedWalk
 from stridelab.reproduction.studies.estimator_study import StudyTrial
 from stridelab.simulation.ground_truth import TrueMotion
@@ -204,3 +206,58 @@ def test_formulas_are_judged_by_the_sample_that_they_fit_worst(monkeypatch: pyte
     assert ours["theorem_1_m"] == pytest.approx(2e-3, abs=1e-9)
     assert ours["axis_angle_rad"] == pytest.approx(0.3, abs=1e-6)
     assert ours["cart_line_angle_rad"] == pytest.approx(0.3, abs=1e-6)
+
+
+def test_samples_of_a_part_are_those_at_its_times() -> None:
+    """A track from 2 s on, and estimates that begin later, end earlier and differ by rounding errors."""
+    time_s = 2.0 + np.arange(100) / 30.0
+    for first, end in ((0, 100), (7, 90), (98, 100), (40, 41)):
+        part = matching_samples(time_s, time_s[first:end] + 1e-9)
+        assert (part.start, part.stop) == (first, end)
+    assert matching_samples(np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.6, 1.0, 1.9])) == slice(1, 3)
+
+
+def test_the_geometry_is_that_of_the_time_of_the_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The geometric path begins 0.3 s before the plates; the estimate is 2 mm to its left."""
+    monkeypatch.setattr(fig_2_8_people, "walk_frame", lambda _: np.eye(3))
+    time_s = np.arange(100) / 100.0
+    com_m = np.column_stack([1.2 * time_s, np.sin(time_s), 0.9 + 0.1 * time_s**2])
+    walk = recorded_walk()
+    walk.geometric = SimpleNamespace(time_s=time_s, com_m=com_m)
+    fused = com_m[30:80] + np.array([0.0, 0.002, 0.0])
+    estimate = Mock(spec=ComEstimate, time_s=time_s[30:80], com_m=fused, velocity_m_s=None)
+    assert fig_2_8_people._offset_m(walk, estimate) == pytest.approx([0.0, 0.002, 0.0])
+
+
+def test_a_rank_counts_what_is_larger_than_a_billionth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Singular values of 1, 1.1e-9 and 0.9e-9; in free fall a single one."""
+    states = np.zeros((21, 3))
+    given: list[int] = []
+
+    def matrix(c: np.ndarray, _v: np.ndarray, _a: np.ndarray) -> np.ndarray:
+        given.append(c.size)
+        one = np.diag(next(values))
+        return one if c.size == 3 else np.tile(one, (len(c), 1, 1))
+
+    truth = SimpleNamespace(com_m=states, velocity_m_s=states, acceleration_m_s2=states)
+    values = iter([[1.0, 1.1e-9, 0.9e-9], [1.0, 1.0, 1.1e-9], [1.0, 0.9e-9, 0.9e-9]])
+    monkeypatch.setattr(numbers, "force_matrix", matrix)
+    monkeypatch.setattr(numbers, "force_and_geometry_matrix", matrix)
+    claims = numbers._rank_claims(Mock(spec=StudyTrial, truth=truth))
+    assert [claim.ours for claim in claims] == [2.0, 3.0, 1.0]
+    assert given == [9, 9, 3], "every tenth of 21 samples, and one"
+
+
+def test_a_table_assumed_to_be_rigid_varies_by_a_hundredth_of_a_millimetre(monkeypatch: pytest.MonkeyPatch) -> None:
+    error, given = Mock(spec=TruthError), list[tuple[Any, ...]]()
+
+    def smoother_error(*of: Any) -> TruthError:
+        given.append(of)
+        return error
+
+    monkeypatch.setattr(table_coverage, "_smoother_error", smoother_error)
+    assert table_coverage._rigid_table("human", 3) is error
+    ((trial, priors),) = given
+    assert (trial.gait, trial.seed, trial.noise) == ("human", 3, table_coverage.THESIS_NOISE)
+    assert priors.table_varying_m == 1e-5
+    assert priors.marker_m == pytest.approx(np.mean(trial.noise_sd_m))

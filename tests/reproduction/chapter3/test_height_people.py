@@ -154,6 +154,14 @@ def test_a_turn_is_that_between_both_halves_whatever_the_heading(heading_deg: fl
             height_people.walk_means(fitted_walk(turn_deg, heading_deg=heading_deg), "lab")
 
 
+def test_a_walk_that_sways_is_straight() -> None:
+    """Each half goes to both sides, by up to 30 degrees, and ahead on average."""
+    walk = fitted_walk()
+    walk.estimate.velocity_m_s[:, 1] = 0.7 * np.sin(2.0 * np.pi * walk.estimate.time_s) * (walk.estimate.time_s < 0.99)
+    walk.estimate.velocity_m_s[:, 0] *= 1.0 + 0.5 * np.cos(2.0 * np.pi * walk.estimate.time_s)
+    assert height_people.walk_means(walk, "lab").speed_m_s == pytest.approx(1.2, rel=0.01)
+
+
 def test_what_is_no_straight_walk_of_a_known_person_is_refused() -> None:
     run = fitted_walk()
     run.fits[1].step.strike_s = run.fits[1].step.next_lift_off_s

@@ -129,6 +129,8 @@ def test_double_support_needs_both_crossings() -> None:
     assert people_parameter_claims.double_support_claims({"fast": of[1:]}) == []
     halves = [invented_walk("c", double_support_errors_s=lambda: rows[1:2])]
     assert people_parameter_claims.double_support_claims({"fast": halves}) == []
+    assert people_parameter_claims.start_error_ms(of[0]) == pytest.approx(-580.0 / 3.0)
+    assert np.isnan(people_parameter_claims.start_error_ms(of[1]))
 
 
 @pytest.mark.parametrize(("significant", "latency_s"), [(True, 0.018), (False, 0.0)])
@@ -248,3 +250,7 @@ def test_a_quarter_of_the_simulated_people_are_women_of_ordinary_build(monkeypat
     for body in built:
         assert 18.5 < body["mass_kg"] / body["height_m"] ** 2 < 25.0
         assert 0.5 < body["speed_m_s"] ** 2 / (GRAVITY_M_S2 * 0.53 * body["height_m"]) / 0.175 < 2.0, "an ordinary walk"
+
+
+def test_steps_are_compared_at_every_percent() -> None:
+    assert people_walks.PERCENT.tolist() == pytest.approx([0.01 * k for k in range(101)])

@@ -11,6 +11,7 @@ import pytest
 from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
 from stridelab.reproduction.chapter4 import numbers
 from stridelab.reproduction.chapter4.numbers import FacetCounts
+from support.recorded_claims import assert_as_recorded
 
 
 def test_a_violation_is_the_sine_between_ray_and_facet() -> None:
@@ -115,6 +116,7 @@ def test_a_kernel_takes_the_least_time_over_all_pairs(monkeypatch: pytest.Monkey
     assert asked == [("hrp2", "uniform", 0), *[("", "", 200)] * 3]
     assert claim.ours == pytest.approx(1e9 * 3.0 / (200 * 400))
     assert (claim.thesis, claim.holds_to, claim.verdict, claim.n) == (10.0, 20.0, "not_met", 3)
+    assert_as_recorded("a kernel by an invented clock", [claim], timed=True)
     assert "400 kernels at 200 points; least of 3" in claim.note
 
 

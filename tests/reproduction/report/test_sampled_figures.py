@@ -77,4 +77,4 @@ def test_the_page_states_the_sample_of_figure_4_5() -> None:
     part = re.search(r"\n## fig-4\.5:.*?\n## ", BOOK.read_text(encoding="utf-8"), re.DOTALL)
     assert part is not None
     assert f"{fig_4_5.DRAWS} " in part.group()
-    assert fig_4_5.RESAMPLES == 200
+    assert f"density of {2 * fig_4_5.DRAWS} postures" in part.group()

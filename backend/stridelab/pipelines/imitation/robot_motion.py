@@ -65,7 +65,7 @@ def robot_steps(sequence: ContactSequence, replay: "Replay", motion: WalkMotion)
         if landing is None or standing is None:
             raise ValueError("a swinging sole lands beside the other one")
         ahead_m = float(landing.placement.position_m[AHEAD] - standing.placement.position_m[AHEAD])
-        com = [motion.at(motion.com_m, at)[AHEAD] for at in (off_s, next_s)]
+        com = [motion.interpolate_track(motion.com_m, at)[AHEAD] for at in (off_s, next_s)]
         steps.append(
             GaitStep(
                 side=side,

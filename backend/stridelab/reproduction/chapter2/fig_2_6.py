@@ -28,9 +28,13 @@ Bands = Float[np.ndarray, "3 3"]
 @reproduces("fig-2.6", "Spectra of the errors of the three inputs", draws="many", default_seeds=3)
 def run(seeds: range, tell: Progress) -> Reproduction:
     """Mean power spectra over one draw per seed of the thesis' noise, and the spectrum of the axis without noise."""
-    noisy = [_error_spectra("thesis", seed, tell, k / (len(seeds) + 1)) for k, seed in enumerate(seeds)]
+    noisy = []
+    for k, seed in enumerate(seeds):
+        tell(k / (len(seeds) + 1), f"walk {k + 1} of {len(seeds)}")
+        noisy.append(_error_spectra("thesis", seed))
     mean = {name: _mean_spectrum([one[name] for one in noisy]) for name in INPUTS}
-    clean = _error_spectra("none", 0, tell, len(seeds) / (len(seeds) + 1))["axis"]
+    tell(len(seeds) / (len(seeds) + 1), "a walk without noise")
+    clean = _error_spectra("none", 0)["axis"]
     bands = {name: _band_rms(spectrum) for name, spectrum in mean.items()}
     return Reproduction(
         claims=_spectrum_claims(noisy, clean),
@@ -102,8 +106,7 @@ def _spectrum_claims(noisy: Sequence[Mapping[str, ErrorSpectrum]], clean: ErrorS
     )
 
 
-def _error_spectra(noise: str, seed: int, tell: Progress, fraction: float) -> dict[str, ErrorSpectrum]:
-    tell(fraction, "simulating a walk")
+def _error_spectra(noise: str, seed: int) -> dict[str, ErrorSpectrum]:
     trial = simulate_trial("robot", noise, seed)
     total = Wrench(trial.wrench.force_n, trial.wrench.moment_nm)
     inputs = filter_inputs(trial.geometric.com_m, total, trial.mass_kg)

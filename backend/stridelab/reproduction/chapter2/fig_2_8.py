@@ -25,6 +25,7 @@ from stridelab.reproduction.claims import Claim, Measured, Reproduction, at_leas
 from stridelab.reproduction.common.accepted_draws import accept_draws
 from stridelab.reproduction.common.estimator_errors import rms
 from stridelab.reproduction.common.intervals import interval_of, resampled_interval
+from stridelab.reproduction.common.matching_samples import matching_samples
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.simulation.human.walker import HumanWalker, Walk
 from stridelab.simulation.human_recording import record
@@ -64,8 +65,7 @@ class _Trial:
         return np.asarray(self._within_estimate(error, self.fused_com(LATENCY_S)).mean(axis=0))
 
     def _within_estimate(self, track: Points, estimate: ComEstimate) -> Float[np.ndarray, "window 3"]:
-        first = int(np.argmin(np.abs(self.geometric.time_s - estimate.time_s[0])))
-        return track[first : first + len(estimate.time_s)]
+        return track[matching_samples(self.geometric.time_s, estimate.time_s)]
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
         claims=claims,
         note="Simulated, because the recordings of the thesis are not public. The difference between the thesis' "
         "filter and the geometry is a correction of the segment table only if the clocks are synchronous; the effect "
-        f"of a delay of two frames is larger.{draws.note}",
+        f"of a delay of two frames is larger.{draws.describe_refused()}",
         tables={"offsets": columns},
         drawing=render_svg(*_trial_panels(_simulated_trial(next(iter(draws.results))))),
         references=("carpentier2017thesis", "carpentier2016spectral", "dumas2007"),

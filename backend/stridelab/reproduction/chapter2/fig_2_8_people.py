@@ -20,6 +20,7 @@ from stridelab.reproduction.chapter2.fig_2_8 import com_and_force_panels
 from stridelab.reproduction.claims import Claim, Measured, Reproduction, at_least, at_most, target
 from stridelab.reproduction.common.estimator_errors import as_columns, rms
 from stridelab.reproduction.common.intervals import resampled_interval
+from stridelab.reproduction.common.matching_samples import matching_samples
 from stridelab.reproduction.common.recorded_walks import LeftOut, RecordedWalk, left_out_text, read_some
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 
@@ -105,8 +106,7 @@ def _thesis_estimate(walk: RecordedWalk, read_later_s: float) -> ComEstimate:
 
 
 def _offset_m(walk: RecordedWalk, estimate: ComEstimate) -> Vector3:
-    first = int(np.argmin(np.abs(walk.geometric.time_s - estimate.time_s[0])))
-    geometry = walk.geometric.com_m[first : first + len(estimate.time_s)]
+    geometry = walk.geometric.com_m[matching_samples(walk.geometric.time_s, estimate.time_s)]
     return np.asarray(walk_frame(estimate.velocity_m_s) @ (estimate.com_m - geometry).mean(axis=0))
 
 

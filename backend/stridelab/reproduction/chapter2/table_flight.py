@@ -38,7 +38,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
         flown = list(draws.results.values())
         shares = {name: [each[name].share for each in flown] for name in NAMES}
         errors = {name: [each[name].error_m for each in flown] for name in NAMES}
-        notes += [f" With {noise} noise:{draws.note}"] if draws.note else []
+        notes += [f" With {noise} noise:{draws.describe_refused()}"] if draws.describe_refused() else []
         rows += [
             {
                 "noise": noise,

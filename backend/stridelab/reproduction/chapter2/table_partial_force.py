@@ -16,6 +16,7 @@ from stridelab.reproduction.claims import Claim, Reproduction, reproduces, targe
 from stridelab.reproduction.common.estimator_errors import GAITS, as_columns, rms
 from stridelab.reproduction.common.estimators import NAMES, SMOOTHER, study_estimators, true_noise_priors
 from stridelab.reproduction.common.intervals import resampled_interval
+from stridelab.reproduction.common.matching_samples import matching_samples
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
 from stridelab.simulation.robot.gait_plan import WALKS, GaitName
@@ -65,7 +66,7 @@ def partial_force_errors(gait: GaitName, noise: str, seed: int, name: str) -> Pa
     trial, _ = excerpt_with_single_support(gait, noise, seed)
     estimate = study_estimators(trial, beyond_window=True)[name].estimate(trial.geometric, trial.wrench, trial.mass_kg)
     error = error_m(estimate, trial.truth.time_s, trial.truth.com_m)
-    seen = (estimate.time_s > FORCE_S[0] - 1e-6) & (estimate.time_s < FORCE_S[1] + 1e-6)
+    seen = trial.wrench.complete[matching_samples(trial.wrench.time_s, estimate.time_s)]
     distance = np.hypot(error[:, 0], error[:, 1])
     whole = truth_error(estimate, trial.truth.time_s, trial.truth.com_m)
     return PartialForceErrors(distance[seen], np.sqrt(np.mean(error[seen] ** 2, axis=0)), distance[~seen], whole)

@@ -104,8 +104,9 @@ def _p_value_claims() -> tuple[Claim, ...]:
 
 def _model_claims(fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
     """3.4.2: number of parameters."""
-    wheel, theta = fits[0].path.wheel, fits[0].path.theta_rad
-    free, even = free_parameter_counts(theta, wheel.R_m, wheel.r_m)
+    path = next(iter(fits)).path
+    theta = path.theta_rad
+    free, even = free_parameter_counts(theta, path.wheel.R_m, path.wheel.r_m)
     return (
         Measured("parameters", 3.0, float(even), "1", at_most(3.0, "thesis", otherwise="thesis_in_error")).says(
             "only three parameters are necessary to describe all the CoM trajectories (3.4.2)",

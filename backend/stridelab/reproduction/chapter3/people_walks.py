@@ -20,6 +20,7 @@ from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.marker_sets import identify
 from stridelab.reproduction.common.intervals import Interval
+from stridelab.reproduction.common.matching_samples import matching_samples
 from stridelab.reproduction.common.recorded_walks import LeftOut, RecordedWalk, read_some
 from stridelab.walking.curtate_cycloid import Plane
 from stridelab.walking.double_support import double_support_of_wheel
@@ -35,7 +36,6 @@ SOURCE: Final = (
     "Adults of Schreiber and Moissenet 2019 (doi 10.1038/s41597-019-0124-4, data at doi 10.6084/m9.figshare.7734767)"
 )
 PERCENT: Final = np.linspace(0.0, 1.0, 101)
-EDGE_S: Final = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class FittedWalk:
         geometric = self.walk.geometric
         values = []
         for fit in self.fits:
-            inside = (geometric.time_s >= fit.time_s[0] - EDGE_S) & (geometric.time_s <= fit.time_s[-1] + EDGE_S)
+            inside = matching_samples(geometric.time_s, fit.time_s)
             com_m = geometric.com_m[inside]
             path_m = np.column_stack([com_m @ self.ahead, com_m[:, 2]])
             values.append(getattr(fit_path(geometric.time_s[inside], path_m, fit.step.period_s).wheel, name))
@@ -128,7 +128,8 @@ class FittedWalk:
         errors = []
         for fit, following in zip(self.fits, self.fits[1:], strict=False):
             step = fit.step
-            inside = (t >= fit.time_s[0] - EDGE_S) & (t <= following.step.strike_s)
+            first = matching_samples(t, fit.time_s).start
+            inside = slice(first, int(np.searchsorted(t, following.step.strike_s, side="right")))
             wheel = fit_path(t[inside], path_m[inside], step.period_s)
             start, end = double_support_of_wheel(wheel, t[inside], (step.strike_s + step.next_lift_off_s) / 2.0)
             errors.append((

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.conventions import Progress, Series
+from stridelab.conventions import Progress
 from stridelab.dynamics.spatial import Placement
 from stridelab.reachability.card import Measure
 from stridelab.reachability.kinematics.ik_ground_truth import (
@@ -38,7 +38,6 @@ from stridelab.reproduction.claims import (
     reproduces,
     target,
 )
-from stridelab.reproduction.common.intervals import Interval
 from stridelab.reproduction.report.svg_density_maps import WIDTH, Row, svg_maps
 from stridelab.reproduction.studies.proxy_accuracy import MASSES, Comparison, Truth, compare_densities, stair_contacts
 from stridelab.robots.loader import load_robot
@@ -48,8 +47,6 @@ POSTURES: Final[Mapping[Measure, PostureRange]] = {"uniform": FREE_TRUNK, "condi
 """Postures of the ground truth with which a choice of densities is compared."""
 DRAWS: Final = 400
 PROBES: Final = 60
-RESAMPLES: Final = 200
-"""Bootstrap samples of the postures, for the intervals."""
 REGION_MASS: Final = 0.5
 """Share of the ground truth in its region of highest probability, the smallest one with this share."""
 _VIEW_HEIGHT: Final = re.compile(r'viewBox="0 0 \d+ (\d+)"')
@@ -72,7 +69,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
         bandwidths_m[measure] = held_out_bandwidth_m([com_m[:DRAWS] for com_m in postures.values()])
         for name, placements in sets.items():
             truth = Truth.from_postures(postures[name], bandwidths_m[measure])
-            rows += compare_densities(search, name, placements, truth, densities, PROBES, RESAMPLES)
+            rows += compare_densities(search, name, placements, truth, densities, PROBES, len(sets))
             blocks.append(_contact_set_maps(name, search, placements, truth, densities))
     rows.sort(key=lambda row: row.contacts)
     widths = " and ".join(f"{width_m:g} m ({measure})" for measure, width_m in bandwidths_m.items())
@@ -99,6 +96,7 @@ def figure_claims(rows: list[Comparison]) -> tuple[Claim, ...]:
     shrinks = float(max((truths[1:] / truths[:-1]).max(), (products[1:] / products[:-1]).max()))
     covers = float((products / truths).min())
     at_mode, at_ours = (max(row.denser_than_mode for row in some) for some in (uniform, conditioned))
+    low, high = np.max([row.denser_interval for row in uniform], axis=0).tolist()
     least = min(row.density_at_mode for row in uniform)
     mass, ours = (min(row.mass_inside for row in some) for some in (uniform, conditioned))
     return (
@@ -120,8 +118,8 @@ def figure_claims(rows: list[Comparison]) -> tuple[Claim, ...]:
             f"At least {mass:.2f} of the product's mass is inside the 95 % set of the truth, and the truth has at "
             f"least {least:.2f} of its maximum at the mode. By set: "
             f"{', '.join(f'{row.denser_than_mode:.2f}' for row in uniform)}. "
-            "Interval: postures drawn with replacement.",
-            interval=_percentile_interval(np.max([row.denser_resampled for row in uniform], axis=0)),
+            f"Interval: of the density of {2 * DRAWS} postures at the mode and of their share, for all sets at once.",
+            interval=(low, high),
         ),
         target("denser_than_mode_conditioned", at_ours, "1", at_most=REGION_MASS).says(
             "conditioned densities: the same",
@@ -132,14 +130,6 @@ def figure_claims(rows: list[Comparison]) -> tuple[Claim, ...]:
             no_interval="one_sample",
         ),
     )
-
-
-def _percentile_interval(resampled: Series) -> Interval | None:
-    """95 % interval of a number that was computed from resampled postures; None without resamples."""
-    if not len(resampled):
-        return None
-    low, high = np.percentile(resampled, (2.5, 97.5)).tolist()
-    return low, high
 
 
 def comparison_table(rows: list[Comparison]) -> Mapping[str, Column]:

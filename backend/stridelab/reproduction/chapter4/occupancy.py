@@ -63,7 +63,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
         compared.append(_compare_costs(experiment, densities))
     converged = [bool(row.pop("converged")) for row in compared]
     gained = [row["state_nats_with"] - row["state_nats_without"] for row in compared]
-    position, velocity, rate = (np.array([row[key] for row in rows]) for key in list(rows[0])[1:])
+    position, velocity, rate = (np.array([row[key] for row in rows]) for key in list(next(iter(rows)))[1:])
     claims = (
         Measured("position", "pushes", float(position.min()), "1", above(0.0, "words")).says(
             "the solver is gently pushed away from the constraint by the log-density of the position (nats, smallest "

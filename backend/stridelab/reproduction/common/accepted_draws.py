@@ -20,8 +20,7 @@ class AcceptedDraws(Generic[Result]):
     results: dict[int, Result]
     refused: dict[int, str]
 
-    @property
-    def note(self) -> str:
+    def describe_refused(self) -> str:
         """How many were refused and why, as a sentence that follows another one; empty where none was."""
         if not self.refused:
             return ""

@@ -49,8 +49,11 @@ def rms_ratio(ours: Sequence[float] | Series, other: Sequence[float] | Series) -
     return root_ratio(range(n)), resampled_interval(root_ratio, n)
 
 
-def share_interval(count: int, n: int) -> Interval:
-    """95 % interval of a share that ``count`` of ``n`` cases have (Clopper and Pearson 1934)."""
-    low = float(beta.ppf(0.025, count, n - count + 1)) if count > 0 else 0.0
-    high = float(beta.ppf(0.975, count + 1, n - count)) if count < n else 1.0
+def share_interval(count: int, n: int, tail: float = 0.025) -> Interval:
+    """Interval of a share that ``count`` of ``n`` cases have (Clopper and Pearson 1934); 95 % by default.
+
+    ``tail`` is the probability that it misses the share on one side.
+    """
+    low = float(beta.ppf(tail, count, n - count + 1)) if count > 0 else 0.0
+    high = float(beta.isf(tail, count + 1, n - count)) if count < n else 1.0
     return low, high

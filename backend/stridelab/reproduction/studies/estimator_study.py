@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from stridelab.body.geometric_com import GeometricCom, SegmentTrack
-from stridelab.conventions import Mask, Points, Series
+from stridelab.conventions import Points, Series
 from stridelab.errors import Fault, InvalidInput
 from stridelab.recordings.recording import Window, WrenchTrack
 from stridelab.simulation.ground_truth import TrueMotion
@@ -27,7 +27,6 @@ from stridelab.simulation.robot.walker import RATE_HZ, RobotWalk, simulate_walk
 _PRIOR_DRAWS = 400
 _LEAST_SD_M = 5e-4
 """Minimum declared standard deviation of the segment table: zero is not a valid prior."""
-_EPS_S = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,21 +52,22 @@ class StudyTrial:
     def excerpt_between(
         self, start_s: float, end_s: float, *, force_s: tuple[float, float] | None = None
     ) -> "StudyTrial":
-        """The part from ``start_s`` to ``end_s``, with time shifted to start at 0.
+        """The part from ``start_s`` to ``end_s``, to the nearest sample, with time shifted to start at 0.
 
         ``force_s`` is the interval, in the time of the excerpt, in which the force is measured; outside it is not.
         Raises ``InvalidInput`` (``excerpt-invalid``) for an interval that is not inside the trial.
         """
         time_s = self.truth.time_s
-        if not 0.0 <= start_s < end_s <= time_s[-1] + 1.0 / RATE_HZ + _EPS_S:
+        first, end = (round(at_s * RATE_HZ) for at_s in (start_s, end_s))
+        if not 0 <= first < end <= len(time_s):
             message = f"An excerpt must lie between 0 and {time_s[-1]:.2f} s, not {start_s:g} to {end_s:g} s."
             raise InvalidInput("excerpt-invalid", message, [Fault("start_s", message)])
-        inside = (time_s >= start_s - _EPS_S) & (time_s < end_s - _EPS_S)
-        t = np.arange(int(inside.sum())) / RATE_HZ
+        inside = slice(first, end)
+        t = np.arange(end - first) / RATE_HZ
         truth, geometric = self.truth, self.geometric
         return replace(
             self,
-            truth=replace(_masked_truth(truth, inside), time_s=t),
+            truth=replace(_truth_within(truth, inside), time_s=t),
             geometric=replace(
                 geometric,
                 time_s=t,
@@ -93,8 +93,8 @@ def simulate_trial(
         np.random.default_rng([seed, part]) for part in range(5)
     )
     time_s = source.motion.time_s
-    recorded = (time_s > -_EPS_S) & (time_s < source.plan.duration_s - _EPS_S)
-    t, n = time_s[recorded], int(recorded.sum())
+    recorded = slice(*np.searchsorted(np.rint(time_s * RATE_HZ), [0, round(source.plan.duration_s * RATE_HZ)]))
+    t = time_s[recorded]
     exact = link_masses(source.robot.model)
     body_model = exact.perturb(preset.mass_model, masses_rng) if preset.mass_model > 0.0 else exact
     q = source.motion.q[recorded]
@@ -104,10 +104,10 @@ def simulate_trial(
         noisy_q = q.copy()
         sigma, joints = preset.configuration_rad, q.shape[1] - 7
         noisy_q[:, 7:] += coloured_noise(
-            joints_rng, n, joints, sigma, RATE_HZ, preset.high_pass_hz, preset.high_pass_order
+            joints_rng, len(t), joints, sigma, RATE_HZ, preset.high_pass_hz, preset.high_pass_order
         )
         noisy = link_poses(source.robot.model, noisy_q)
-    truth = _masked_truth(source.truth, recorded)
+    truth = _truth_within(source.truth, recorded)
     geometric = _geometric_com(source, noisy, body_model, t, preset.mass_model)
     biased = _com_of_links(clean, body_model)
     sd_x, sd_y, sd_z = (float(s) for s in (geometric.com_m - biased).std(axis=0))
@@ -148,15 +148,15 @@ def _preset_of(noise: NoisePreset | str) -> NoisePreset:
     return PRESETS[noise]
 
 
-def _masked_truth(truth: TrueMotion, mask: Mask) -> TrueMotion:
+def _truth_within(truth: TrueMotion, inside: slice) -> TrueMotion:
     return TrueMotion(
-        truth.time_s[mask],
+        truth.time_s[inside],
         truth.mass_kg,
-        truth.com_m[mask],
-        truth.velocity_m_s[mask],
-        truth.acceleration_m_s2[mask],
-        truth.momentum_nms[mask],
-        truth.momentum_rate_nm[mask],
+        truth.com_m[inside],
+        truth.velocity_m_s[inside],
+        truth.acceleration_m_s2[inside],
+        truth.momentum_nms[inside],
+        truth.momentum_rate_nm[inside],
     )
 
 
@@ -222,9 +222,12 @@ def _noisy_wrench(
 def _wrench_track(
     time_s: Series, force_n: Points, moment_nm: Points, force_s: tuple[float, float] | None
 ) -> WrenchTrack:
-    """Wrench measured everywhere, or only from ``force_s[0]`` to ``force_s[1]``."""
-    start_s, end_s = force_s or (0.0, float(time_s[-1]))
-    complete = (time_s >= start_s - _EPS_S) & (time_s <= end_s + _EPS_S)
+    """Wrench measured everywhere, or only from ``force_s[0]`` to ``force_s[1]``, to the nearest sample."""
+    complete = np.ones(len(time_s), dtype=bool)
+    if force_s is not None:
+        first, last = (round(at_s * RATE_HZ) for at_s in force_s)
+        complete = (np.arange(len(time_s)) >= first) & (np.arange(len(time_s)) <= last)
     measured = complete[:, None]
-    windows = (Window(float(time_s[complete][0]), float(time_s[complete][-1])),) if complete.any() else ()
-    return WrenchTrack(time_s, np.where(measured, force_n, 0.0), np.where(measured, moment_nm, 0.0), complete, windows)
+    start_s, end_s = time_s[complete][[0, -1]].tolist()
+    force_n, moment_nm = np.where(measured, force_n, 0.0), np.where(measured, moment_nm, 0.0)
+    return WrenchTrack(time_s, force_n, moment_nm, complete, (Window(start_s, end_s),))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.stats import norm
 
 from stridelab.conventions import Points, Series, Vector3
 from stridelab.dynamics.spatial import Placement
@@ -17,6 +18,7 @@ from stridelab.reachability.kinematics.ik_ground_truth import ContactBatch, Stan
 from stridelab.reachability.learning.kde import KernelDensity
 from stridelab.reachability.proxy.contact_set_proxy import ContactSet
 from stridelab.reachability.proxy.effector_proxy import Proxy
+from stridelab.reproduction.common.intervals import Interval, share_interval
 
 MASSES: Final = (0.5, 0.8, 0.95)
 BANDWIDTH_M: Final = 0.04
@@ -26,6 +28,8 @@ PROBES: Final = 300
 """Number of CoM positions in the product's set for which a posture is searched."""
 ROUNDS: Final = 10
 PRODUCT_DRAWS: Final = 20_000
+TAIL: Final = 0.025
+"""Probability that a 95 % interval lies above, or below, the number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,16 +52,6 @@ class Truth:
         kernels = KernelDensity(com_m[:half], bandwidth_m)
         return Truth(kernels, com_m[half:], kernels.log_density(com_m[half:]))
 
-    def resampled(self, rng: np.random.Generator) -> "Truth":
-        """The truth from postures drawn with replacement from its own, kernels and held-out postures apart."""
-        halves = (self.kernels.centres_m, self.unseen_m)
-        drawn = [half[rng.integers(0, len(half), len(half))] for half in halves]
-        return Truth.from_postures(np.concatenate(drawn), self.kernels.bandwidth_m)
-
-    def share_denser_than(self, point_m: Vector3) -> float:
-        """Share of the held-out postures that are denser than the truth at a point."""
-        return float((self.log_p > float(self.kernels.log_density(point_m[None])[0])).mean())
-
     def volume_m3(self, mass: float, seed: int = 0) -> float:
         """Volume of the level set of the kernel density that contains the share ``mass`` of the held-out samples."""
         log_p = self.kernels.log_density(self.kernels.sample(10 * len(self.log_p), np.random.default_rng(seed)))
@@ -72,8 +66,8 @@ class Comparison:
     product inside the 95 % set of the truth, ``truth_inside`` the share of the truth inside the 95 % set of the
     product. ``false_feasible`` is the share of the volume of the product's set without a posture. ``density_at_mode``
     is the truth's density at the product's mode relative to its maximum, ``denser_than_mode`` the share of the truth
-    with a higher density than there: at most 0.5 if the mode lies in the smallest set with half of the truth, and
-    ``denser_resampled`` the same for postures drawn from the truth's with replacement.
+    with a higher density than there (``share_denser``): at most 0.5 if the mode lies in the smallest set with half of
+    the truth.
     """
 
     contacts: str
@@ -85,8 +79,8 @@ class Comparison:
     false_feasible: float
     mode_m: tuple[float, float, float]
     density_at_mode: float
-    denser_than_mode: float = float("nan")
-    denser_resampled: tuple[float, ...] = ()
+    denser_than_mode: float
+    denser_interval: Interval
 
 
 def compare_densities(
@@ -96,11 +90,12 @@ def compare_densities(
     truth: Truth,
     densities: Mapping[str, Mapping[str, Proxy]],
     probes: int = PROBES,
-    resamples: int = 0,
+    sets: int = 1,
 ) -> list[Comparison]:
-    """Compare the product of every choice of ``densities`` for one contact set with its ``truth``."""
-    rng = np.random.default_rng(3)
-    resampled = [truth.resampled(rng) for _ in range(resamples)]
+    """Compare the product of every choice of ``densities`` for one contact set with its ``truth``.
+
+    The contact set is one of ``sets``, for all of which ``denser_interval`` holds at once.
+    """
     contacts = ContactBatch.from_placements(search.robot, [placements])
     heading_rad = float(contacts.heading_rad[0])
     volumes = tuple(truth.volume_m3(mass) for mass in MASSES)
@@ -121,16 +116,36 @@ def compare_densities(
                 label,
                 volumes,
                 tuple(product.volumes_m3(MASSES).tolist()),
-                float((truth.kernels.log_density(draws[:2000]) >= edge).mean()),
+                float((truth.kernels.log_density(draws) >= edge).mean()),
                 float((product.log_density(truth.unseen_m) >= threshold).mean()),
                 _false_feasible(search, contacts, draws, log_q, threshold, probes),
                 _as_triple(mode),
                 float(np.exp(log_p_mode - top)),
-                truth.share_denser_than(mode),
-                tuple(other.share_denser_than(mode) for other in resampled),
+                *share_denser(truth, mode, sets),
             )
         )
     return comparisons
+
+
+def share_denser(truth: Truth, point_m: Vector3, sets: int = 1) -> tuple[float, Interval]:
+    """Share of all postures x_a at which the others are denser than all are at a point c, and its 95 % interval.
+
+        p(c) = mean_a K(c - x_a),    s^2 = var_a K(c - x_a) / n,    p_b = (n p(x_b) - K(0)) / (n - 1)
+
+    The interval is that of the share with ``p_b > p(c) (1 +- z s / p(c))``, the product in logarithms. It holds for
+    ``sets`` shares at once, each with an error of the density and one of the count (Bonferroni). No bootstrap: a
+    posture that is drawn twice is dense by itself.
+    """
+    com_m, h = np.vstack([truth.kernels.centres_m, truth.unseen_m]), truth.kernels.bandwidth_m
+    n, kernels = len(com_m), KernelDensity(com_m, h)
+    top = KernelDensity(np.zeros((1, 3)), h)
+    at_point, (at_centre,) = np.exp(top.log_density(com_m - point_m)), np.exp(top.log_density(np.zeros((1, 3))))
+    others = (n * np.exp(kernels.log_density(com_m)) - at_centre) / (n - 1)
+    p, s = float(at_point.mean()), float(at_point.std() / np.sqrt(n))
+    tail = TAIL / (2 * sets)
+    error = np.exp(norm.isf(tail) * s / p)
+    fewest, count, most = (int((others > density).sum()) for density in (p * error, p, p / error))
+    return count / n, (share_interval(fewest, n, tail)[0], share_interval(most, n, tail)[1])
 
 
 def _false_feasible(

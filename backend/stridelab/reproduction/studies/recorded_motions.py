@@ -96,8 +96,8 @@ def recorded_motion(path: Path) -> RecordedMotion:
         mass_kg=walk.mass_kg,
         effectors=effectors,
         proxies=human_proxies(subject.height_m, subject.sex or "male"),
-        com_start_m=motion.at(motion.com_m, start_s),
-        com_end_m=motion.at(motion.com_m, end_s),
+        com_start_m=motion.interpolate_track(motion.com_m, start_s),
+        com_end_m=motion.interpolate_track(motion.com_m, end_s),
         node_rate_hz=NODES_HZ,
         contact_margin_m=(0.0, 0.0),
         control=CircularCones(),
@@ -107,7 +107,7 @@ def recorded_motion(path: Path) -> RecordedMotion:
     )
     nodes_s = start_s + problem.grid().time_s
     force_n, measured = _mean_forces(wrench, nodes_s, motion)
-    com_m = np.array([motion.at(motion.com_m, at_s) for at_s in nodes_s])
+    com_m = np.array([motion.interpolate_track(motion.com_m, at_s) for at_s in nodes_s])
     return RecordedMotion(walk.person, problem, com_m, force_n, measured)
 
 
@@ -188,7 +188,10 @@ def _covers(plate: Plate, point_m: Vector3) -> bool:
 
 
 def _state(motion: WalkMotion, mass_kg: float, at_s: float) -> Start:
-    velocity_m_s, momentum_nms = motion.at(motion.velocity_m_s, at_s), mass_kg * motion.at(motion.momentum_per_kg, at_s)
+    velocity_m_s, momentum_nms = (
+        motion.interpolate_track(motion.velocity_m_s, at_s),
+        mass_kg * motion.interpolate_track(motion.momentum_per_kg, at_s),
+    )
     if not np.isfinite([velocity_m_s, momentum_nms]).all():
         raise NotEstimable("no-two-steps", f"A segment is hidden at {at_s:.2f} s, at the end of a step.")
     return Start(velocity_m_s, momentum_nms)
