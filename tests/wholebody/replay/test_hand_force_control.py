@@ -208,14 +208,16 @@ def test_a_hand_that_the_plan_lifts_no_longer_presses(posed: LimbKinematics) -> 
 def test_a_hand_presses_no_harder_than_half_of_its_weakest_joint_carries() -> None:
     """With a lever of 14 cm at the forearm of TALOS the usual 25 N take 3.5 of 3 N m; a plan's force is not reduced."""
     lever_m, limits_nm, rest_nm = np.array([0.3, 0.2, -0.14]), np.array([44.0, 17.9, 3.0]), np.zeros(3)
-    assert Grip().bounded_reference_n(25.0, 0.0, rest_nm, lever_m, limits_nm) == pytest.approx(1.5 / 0.14)
-    assert Grip().bounded_reference_n(25.0, 20.0, -20.0 * lever_m, lever_m, limits_nm) == 20.0
-    assert Grip().bounded_reference_n(25.0, 0.0, rest_nm, 0.1 * lever_m, limits_nm) == 25.0
+    assert Grip().bounded_reference_n(25.0, 0.0, rest_nm, lever_m, rest_nm, limits_nm) == pytest.approx(1.5 / 0.14)
+    assert Grip().bounded_reference_n(25.0, 20.0, -20.0 * lever_m, lever_m, rest_nm, limits_nm) == 20.0
+    assert Grip().bounded_reference_n(25.0, 0.0, rest_nm, 0.1 * lever_m, rest_nm, limits_nm) == 25.0
+    drag_m = np.array([0.0, 0.0, 0.06])
+    assert Grip().bounded_reference_n(25.0, 0.0, rest_nm, lever_m, drag_m, limits_nm) == pytest.approx(1.5 / 0.2)
 
 
 @pytest.mark.parametrize(("planned_nm", "most_nm"), [(0.9, 1.5), (-0.9, 1.5), (1.6, 1.6)])
 def test_what_a_hand_adds_comes_on_top_of_the_plan_of_its_joints(planned_nm: float, most_nm: float) -> None:
     """Half of the limit of a forearm is 1.5 N m, whatever its plan takes; a plan beyond that gets no more."""
     lever_m, limit_nm, plan_nm, planned_n = np.array([-0.14]), np.array([3.0]), np.array([planned_nm]), 2.0
-    reference_n = Grip().bounded_reference_n(25.0, planned_n, plan_nm, lever_m, limit_nm)
+    reference_n = Grip().bounded_reference_n(25.0, planned_n, plan_nm, lever_m, np.zeros(1), limit_nm)
     assert planned_nm - (reference_n - planned_n) * lever_m[0] == pytest.approx(most_nm)

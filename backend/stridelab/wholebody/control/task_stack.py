@@ -44,9 +44,9 @@ from stridelab.wholebody.control.tasks import Gain, force_jacobian, friction_pyr
 
 FIRM, PROMPT, MIDDLE, GENTLE = (Gain.critically_damped(kp) for kp in (400.0, 200.0, 60.0, 30.0))
 STIFF = Gain(1600.0, FIRM.kd)
-SLOW = Gain(GENTLE.kp, 3.0 * GENTLE.kd)
-"""Of the posture: an arm that a task has moved stops within 0.03 s, and does not swing on about the hand that it holds."""
 """As much damping as ``FIRM``: a hand that still moves when it touches is not stopped by a larger force."""
+SLOW = Gain(GENTLE.kp, 3.0 * GENTLE.kd)
+"""Overdamped: an arm that a task has moved does not swing on about the hand that it holds."""
 
 
 @dataclass(frozen=True)

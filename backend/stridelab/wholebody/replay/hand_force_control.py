@@ -2,13 +2,14 @@
 
 The normal force reference is the planned force, but at least
 
-    f_least = min(least_n, d m g / |((p - s) x n)_xy|, f_plan + min_i (c tau_max + sgn(J' n) tau_plan)_i / |J' n|_i) ,
+    f_least = min(least_n, d m g / |((p - s) x n)_xy|, f_plan + min_i (c tau_max + sgn(J' n) tau_plan)_i / j_i) ,
+    j = |J' n| + mu |J' - J' n n'| ,
 
 which shifts the centre of pressure by at most d, as the plan does not model it; s is the mean position of the soles.
 On a wall, 0.85 m above them, that is much less than on a rail beside the hip. What is added to the plan's force takes
-a joint's torque, together with that of the plan, to at most the share c of its limit: where the forearm of TALOS
-points across its rail, 24 N took 3.4 of 3 N m, the arm gave way, the hand slid off to the side, and was pressed on all
-the more. In contact the difference to the planned force is
+a joint's torque, together with that of the plan and with the friction of the surface in the worst direction, to at
+most the share c of its limit: where the forearm of TALOS points across its rail, 24 N took 3.4 of 3 N m, the arm gave
+way, the hand slid off to the side, and was pressed on all the more. In contact the difference to the planned force is
 added by the torques of the arm, ``J' f``. The remaining force error moves the commanded position of the hand into the
 surface or out of it,
 
@@ -91,15 +92,16 @@ class Grip:
         planned_n: float,
         planned_nm: Float[np.ndarray, "k"],
         lever_m: Float[np.ndarray, "k"],
+        drag_m: Float[np.ndarray, "k"],
         limits_nm: Float[np.ndarray, "k"],
     ) -> float:
         """Reference (N) that takes no joint beyond ``torque_share`` of its limit, the planned force at least.
 
         ``planned_nm`` are the planned torques of the limb's joints, ``lever_m`` what a newton of the normal force takes
-        from them.
+        from them, and ``drag_m`` the most that its friction takes.
         """
         left_nm = np.maximum(0.0, self.torque_share * limits_nm + np.sign(lever_m) * planned_nm)
-        arm_n = float((left_nm / np.maximum(np.abs(lever_m), 1e-9)).min())
+        arm_n = float((left_nm / np.maximum(np.abs(lever_m) + drag_m, 1e-9)).min())
         return max(planned_n, min(reference_n, planned_n + arm_n))
 
 
@@ -132,8 +134,9 @@ class HandForceControl:
                 here_m, force_n = measured.contacts[name].position_m, measured.forces_n[name]
                 n, limits_nm = contacts[name].placement.rotation[:, 2], self._kinematics.torque_limits_nm(name)
                 planned = float(planned_n[name] @ n)
+                drag_m = contacts[name].friction * np.linalg.norm(J - np.outer(n, n @ J), axis=0)
                 wanted_n = self._grip.bounded_reference_n(
-                    reference_n[name], planned, planned_nm[limb], J.T @ n, limits_nm
+                    reference_n[name], planned, planned_nm[limb], J.T @ n, drag_m, limits_nm
                 )
                 hand.update_in_contact(contacts[name], here_m, home_m, force_n, planned_n[name], wanted_n)
             else:
