@@ -45,8 +45,6 @@ from stridelab.wholebody.control.tasks import Gain, force_jacobian, friction_pyr
 FIRM, PROMPT, MIDDLE, GENTLE = (Gain.critically_damped(kp) for kp in (400.0, 200.0, 60.0, 30.0))
 STIFF = Gain(1600.0, FIRM.kd)
 """As much damping as ``FIRM``: a hand that still moves when it touches is not stopped by a larger force."""
-SLOW = Gain(GENTLE.kp, 3.0 * GENTLE.kd)
-"""Overdamped: an arm that a task has moved does not swing on about the hand that it holds."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +69,7 @@ class Settings:
     effector: Gain = FIRM
     com: Gain = PROMPT
     base: Gain = MIDDLE
-    posture: Gain = SLOW
+    posture: Gain = GENTLE
     hand: Gain = GENTLE
     ankle: Gain = MIDDLE
     momentum_per_s: float = 8.0
