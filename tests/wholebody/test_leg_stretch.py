@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 from experiments.execution import whole_body_problem
+from experiments.terrains.flights import random_flights
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solver import solve
@@ -16,11 +17,15 @@ from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.parts import Timing
 from stridelab.contacts.scenarios.stairs import Stairs, climb, descent, flat_walk
 from stridelab.conventions import Angles, Vector3
+from stridelab.pipelines.plan_motion import plan_motion, stage_shares
+from stridelab.pipelines.progress import Stages
 from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
+from stridelab.schemas.scenarios import Scenario
 from stridelab.wholebody.leg_stretch import (
     BEND_RAD,
     ENOUGH_M,
@@ -149,6 +154,28 @@ def test_a_plan_for_short_legs_does_not_lean_a_shank_against_the_next_riser(
     assert missing_heights_m(talos, lowered).worst_m <= 1.5 * ENOUGH_M
     times_s = np.linspace(0.0, lowered.sequence.duration_s, 200)
     assert min(lowered.reference_at(t).com_v_m_s[2] for t in times_s if t > 1.5) > -0.1
+
+
+def test_bounds_of_an_earlier_plan_are_kept(talos: Robot, down: tuple[CentroidalProblem, CentroidalPlan]) -> None:
+    """A plan that is solved again for another reason is not raised where the one before had to be low."""
+    problem, plan = down
+    lower, _ = lower_for_legs(talos, problem, plan, solve)
+    again, _ = lower_for_legs(talos, lower, plan, solve)
+    kept_m, between_m = lower.bounds.com_between_m, again.bounds.com_between_m
+    assert kept_m is not None
+    assert between_m is not None
+    assert (between_m[:, 1] <= kept_m[:, 1]).all()
+
+
+def test_legs_reach_in_a_plan_for_the_momentum_of_the_limbs(talos: Robot) -> None:
+    """Such a plan missed 11 mm of the trailing leg: the body swung its arms, and a gripper met a thigh."""
+    scenario = Scenario.model_validate(random_flights(2, 20261201)[1].scenario)
+    task = PlanMotionTask(scenario=scenario, input=PlanMotionInput(scenario=scenario))
+    result = plan_motion(task, Stages(lambda _fraction, _message: None, stage_shares(task.input)))
+    assert len(result.passes) > 1
+    assert missing_m(talos, result.plan) <= ENOUGH_M
+    assert result.certificate is not None
+    assert result.certificate.passed
 
 
 def test_a_plan_whose_legs_reach_is_not_solved_again(talos: Robot, proxies: Mapping[str, Proxy]) -> None:

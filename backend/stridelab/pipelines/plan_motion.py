@@ -203,6 +203,10 @@ def plan_motion(
 
     watcher.on_plan(robot, sequence)
 
+    def solve_for_legs(changed: CentroidalProblem) -> CentroidalPlan:
+        again = solve(changed)
+        return lower_for_legs(robot, changed, again, solve)[1] if again.converged else again
+
     def follow_plan(
         robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, progress: ProgressCallback | None
     ) -> WholeBodyMotion:
@@ -217,7 +221,7 @@ def plan_motion(
         try:
             with stages.run_stage(WHOLE_BODY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
                 clock = motion_progress(tell, sequence.duration_s)
-                agreed = agree(robot, problem, plan, solve, follow_plan, clock)
+                agreed = agree(robot, problem, plan, solve_for_legs, follow_plan, clock)
                 plan, motion, passes = agreed.plan, agreed.motion, agreed.passes
         except WholeBodyStopped as stop:
             motion, stopped = stop.motion, stop

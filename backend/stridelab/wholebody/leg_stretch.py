@@ -196,7 +196,9 @@ def lower_for_legs(
     legs = LegModel.of_robot(robot)
     time_s = np.linspace(0.0, plan.sequence.duration_s, max(2, round(plan.sequence.duration_s * RATE_HZ) + 1))
     fixed = replace(problem, sequence=plan.sequence, durations=None, placements=None)
-    between_m = np.tile([-np.inf, np.inf], (len(fixed.grid().phase), 1))
+    between_m = problem.bounds.com_between_m
+    if between_m is None:
+        between_m = np.tile([-np.inf, np.inf], (len(fixed.grid().phase), 1))
     shanks = ShankLean(robot, plan.sequence)
     missing = legs.missing_heights_m(plan, time_s, shanks)
     best, latest, least_m = (problem, plan), plan, missing.worst_m

@@ -86,10 +86,10 @@ def after_all(
     """The same after one thing has been seen for some seconds, and then another."""
     touching = {} if planned_n is None else {"right_hand": on_top(posed)}
     planned = {} if planned_n is None else {"right_hand": planned_n}
-    hands, n = HandForceControl(STRONG, posed, ("right_hand",), DT_S), 32
+    hands = HandForceControl(STRONG, posed, ("right_hand",), DT_S)
     for what, seconds in seen:
         for _ in range(round(seconds / DT_S)):
-            angles, tau = hands.compute_corrections(what, touching, planned, dict.fromkeys(touching, 25.0), n)
+            angles, tau = hands.compute_corrections(what, touching, planned, dict.fromkeys(touching, 25.0), REST_NM)
     limb = posed.limb["right_hand"]
     return posed.limb_jacobian("right_hand")[:3] @ angles[limb], tau[limb]
 
@@ -113,6 +113,7 @@ def test_a_hand_that_touches_stays_where_it_landed_whatever_the_base_does(posed:
     assert moved_m == pytest.approx(landed_m, abs=1e-3)
 
 
+REST_NM = np.zeros(32)
 PRESSED_N = np.array([0.0, 0.0, 25.0])
 LANDED_M, SLID_M = np.array([0.012, -0.008, 0.0]), np.array([0.020, 0.030, 0.0])
 
@@ -133,7 +134,7 @@ def test_a_hand_searches_its_surface_at_the_same_speed_for_any_force(posed: Limb
     above, still = sensed(posed, np.zeros(3), np.zeros(3), np.zeros(3)), {"right_hand": np.zeros(3)}
     hands = HandForceControl(Grip(), posed, ("right_hand",), DT_S)
     for _ in range(round(0.25 / DT_S)):
-        angles, _ = hands.compute_corrections(above, {"right_hand": on_top(posed)}, still, {"right_hand": 4.0}, 32)
+        angles, _ = hands.compute_corrections(above, {"right_hand": on_top(posed)}, still, {"right_hand": 4.0}, REST_NM)
     moved_m = posed.limb_jacobian("right_hand")[:3] @ angles[posed.limb["right_hand"]]
     assert moved_m == pytest.approx([0.0, 0.0, -0.25 * Grip().search_m_s], abs=1.5e-3)
 
@@ -154,7 +155,9 @@ def test_a_planned_force_that_rises_takes_the_place_of_the_added_one_at_once(pos
     def added_nm(planned_n: float, samples: int) -> np.ndarray:
         planned = {"right_hand": np.array([0.0, 0.0, planned_n])}
         for _ in range(samples):
-            _, tau = hands.compute_corrections(touches, touching, planned, {"right_hand": max(planned_n, 25.0)}, 32)
+            _, tau = hands.compute_corrections(
+                touches, touching, planned, {"right_hand": max(planned_n, 25.0)}, REST_NM
+            )
         return np.asarray(tau[limb])
 
     step_n = Grip().rate_n_s * DT_S
@@ -196,15 +199,25 @@ def test_a_hand_that_the_plan_lifts_no_longer_presses(posed: LimbKinematics) -> 
     hands, limb = HandForceControl(Grip(), posed, ("right_hand",), DT_S), posed.limb["right_hand"]
     touching, none = {"right_hand": on_top(posed)}, {"right_hand": np.zeros(3)}
     for _ in range(100):
-        _, pressing = hands.compute_corrections(touches, touching, none, {"right_hand": 25.0}, 32)
-    _, lifted = hands.compute_corrections(touches, {}, {}, {}, 32)
+        _, pressing = hands.compute_corrections(touches, touching, none, {"right_hand": 25.0}, REST_NM)
+    _, lifted = hands.compute_corrections(touches, {}, {}, {}, REST_NM)
     assert np.abs(pressing[limb]).max() > 1.0
     assert not lifted.any()
 
 
 def test_a_hand_presses_no_harder_than_half_of_its_weakest_joint_carries() -> None:
     """With a lever of 14 cm at the forearm of TALOS the usual 25 N take 3.5 of 3 N m; a plan's force is not reduced."""
-    lever_m, limits_nm = np.array([0.3, 0.2, -0.14]), np.array([44.0, 17.9, 3.0])
-    assert Grip().bounded_reference_n(25.0, 0.0, lever_m, limits_nm) == pytest.approx(1.5 / 0.14)
-    assert Grip().bounded_reference_n(25.0, 20.0, lever_m, limits_nm) == 20.0
-    assert Grip().bounded_reference_n(25.0, 0.0, 0.1 * lever_m, limits_nm) == 25.0
+    lever_m, limits_nm, rest_nm = np.array([0.3, 0.2, -0.14]), np.array([44.0, 17.9, 3.0]), np.zeros(3)
+    assert Grip().bounded_reference_n(25.0, 0.0, rest_nm, lever_m, rest_nm, limits_nm) == pytest.approx(1.5 / 0.14)
+    assert Grip().bounded_reference_n(25.0, 20.0, -20.0 * lever_m, lever_m, rest_nm, limits_nm) == 20.0
+    assert Grip().bounded_reference_n(25.0, 0.0, rest_nm, 0.1 * lever_m, rest_nm, limits_nm) == 25.0
+    drag_m = np.array([0.0, 0.0, 0.06])
+    assert Grip().bounded_reference_n(25.0, 0.0, rest_nm, lever_m, drag_m, limits_nm) == pytest.approx(1.5 / 0.2)
+
+
+@pytest.mark.parametrize(("planned_nm", "most_nm"), [(0.9, 1.5), (-0.9, 1.5), (1.6, 1.6)])
+def test_what_a_hand_adds_comes_on_top_of_the_plan_of_its_joints(planned_nm: float, most_nm: float) -> None:
+    """Half of the limit of a forearm is 1.5 N m, whatever its plan takes; a plan beyond that gets no more."""
+    lever_m, limit_nm, plan_nm, planned_n = np.array([-0.14]), np.array([3.0]), np.array([planned_nm]), 2.0
+    reference_n = Grip().bounded_reference_n(25.0, planned_n, plan_nm, lever_m, np.zeros(1), limit_nm)
+    assert planned_nm - (reference_n - planned_n) * lever_m[0] == pytest.approx(most_nm)

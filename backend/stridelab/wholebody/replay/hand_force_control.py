@@ -2,12 +2,14 @@
 
 The normal force reference is the planned force, but at least
 
-    f_least = min(least_n, d m g / |((p - s) x n)_xy|, c min_i tau_max,i / |J' n|_i) ,
+    f_least = min(least_n, d m g / |((p - s) x n)_xy|, f_plan + min_i (c tau_max + sgn(J' n) tau_plan)_i / j_i) ,
+    j = |J' n| + mu |J' - J' n n'| ,
 
 which shifts the centre of pressure by at most d, as the plan does not model it; s is the mean position of the soles.
-On a wall, 0.85 m above them, that is much less than on a rail beside the hip. The force takes at most the share c of
-the torque of any joint: where the forearm of TALOS points across its rail, 24 N took 3.4 of 3 N m, the arm gave way,
-the hand slid off to the side, and was pressed on all the more. In contact the difference to the planned force is
+On a wall, 0.85 m above them, that is much less than on a rail beside the hip. What is added to the plan's force takes
+a joint's torque, together with that of the plan and with the friction of the surface in the worst direction, to at
+most the share c of its limit: where the forearm of TALOS points across its rail, 24 N took 3.4 of 3 N m, the arm gave
+way, the hand slid off to the side, and was pressed on all the more. In contact the difference to the planned force is
 added by the torques of the arm, ``J' f``. The remaining force error moves the commanded position of the hand into the
 surface or out of it,
 
@@ -51,8 +53,8 @@ class Grip:
     ``rate_n_s`` limits the rate of the added force. Along the surface, corrections are limited to ``aside_m_s`` and
     ``most_aside_m``. Contact is lost after ``lost_s`` without force; a hand farther than ``beside_m`` from its position
     is then lifted by up to ``lift_m`` at ``lift_m_s``. A hand that touches nothing moves towards its surface at
-    ``search_m_s`` at least, however small its force reference. A force beyond the plan's takes at most ``torque_share``
-    of the torque limit of any joint of the arm.
+    ``search_m_s`` at least, however small its force reference. A force beyond the plan's takes no joint of the arm
+    beyond ``torque_share`` of its torque limit.
     """
 
     least_n: float = 25.0
@@ -85,14 +87,22 @@ class Grip:
         return max(planned_n, min(self.least_n, most_n))
 
     def bounded_reference_n(
-        self, reference_n: float, planned_n: float, lever_m: Float[np.ndarray, "k"], limits_nm: Float[np.ndarray, "k"]
+        self,
+        reference_n: float,
+        planned_n: float,
+        planned_nm: Float[np.ndarray, "k"],
+        lever_m: Float[np.ndarray, "k"],
+        drag_m: Float[np.ndarray, "k"],
+        limits_nm: Float[np.ndarray, "k"],
     ) -> float:
-        """Reference (N) that takes ``torque_share`` of no joint's limit, or the planned force where that is larger.
+        """Reference (N) that takes no joint beyond ``torque_share`` of its limit, the planned force at least.
 
-        ``lever_m`` are the torques of the limb's joints per newton of the normal force.
+        ``planned_nm`` are the planned torques of the limb's joints, ``lever_m`` what a newton of the normal force takes
+        from them, and ``drag_m`` the most that its friction takes.
         """
-        arm_n = self.torque_share * float((limits_nm / np.maximum(np.abs(lever_m), 1e-9)).min())
-        return max(planned_n, min(reference_n, arm_n))
+        left_nm = np.maximum(0.0, self.torque_share * limits_nm + np.sign(lever_m) * planned_nm)
+        arm_n = float((left_nm / np.maximum(np.abs(lever_m) + drag_m, 1e-9)).min())
+        return max(planned_n, min(reference_n, planned_n + arm_n))
 
 
 class HandForceControl:
@@ -109,10 +119,13 @@ class HandForceControl:
         contacts: Mapping[str, Contact],
         planned_n: Mapping[str, Vector3],
         reference_n: Mapping[str, float],
-        n_joints: int,
+        planned_nm: Float[np.ndarray, "na"],
     ) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:
-        """Angles (rad) and torques (N m) to add; planned forces and force references are of hands in contact."""
-        angles, tau = np.zeros(n_joints), np.zeros(n_joints)
+        """Angles (rad) and torques (N m) to add; planned forces and force references are of hands in contact.
+
+        ``planned_nm`` are the planned torques of all joints.
+        """
+        angles, tau = np.zeros((2, len(planned_nm)))
         for name, hand in self._hands.items():
             J, limb, w = self._kinematics.limb_jacobian(name)[:3], self._kinematics.limb[name], self._strengths[name]
             planned_m = self._kinematics.contact_placement(name).position_m
@@ -121,7 +134,10 @@ class HandForceControl:
                 here_m, force_n = measured.contacts[name].position_m, measured.forces_n[name]
                 n, limits_nm = contacts[name].placement.rotation[:, 2], self._kinematics.torque_limits_nm(name)
                 planned = float(planned_n[name] @ n)
-                wanted_n = self._grip.bounded_reference_n(reference_n[name], planned, J.T @ n, limits_nm)
+                drag_m = contacts[name].friction * np.linalg.norm(J - np.outer(n, n @ J), axis=0)
+                wanted_n = self._grip.bounded_reference_n(
+                    reference_n[name], planned, planned_nm[limb], J.T @ n, drag_m, limits_nm
+                )
                 hand.update_in_contact(contacts[name], here_m, home_m, force_n, planned_n[name], wanted_n)
             else:
                 hand.update_in_swing(home_m)

@@ -105,7 +105,9 @@ class StabiliserRun:
             hand_contacts = {name: contacts[name] for name in self._hands if name in contacts}
             planned_n = {name: motion.forces_n[name][i].sum(axis=0) for name in hand_contacts}
             reference_n = self._hand_references_n(contacts, planned_n)
-            hand_angles, hand_tau = self._grips.compute_corrections(measured, hand_contacts, planned_n, reference_n, n)
+            hand_angles, hand_tau = self._grips.compute_corrections(
+                measured, hand_contacts, planned_n, reference_n, motion.tau_nm[i]
+            )
             angles, tau = angles + hand_angles, tau + hand_tau
         return angles, tau
 
