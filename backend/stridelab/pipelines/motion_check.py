@@ -222,7 +222,7 @@ class MotionCheck:
                         return
             motion = run.recorded_motion(0.0)
             chosen, worst = thin_samples(motion.time_s, sequence.phases_at(motion.time_s + 1e-9), EVERY)
-            yield _fault_of(terrain_distances(robot, sequence, motion.q[chosen], worst))
+            yield _fault_of(terrain_distances(robot, sequence, motion.q[chosen], worst, is_only_faults=True))
         except WholeBodyStopped as stop:
             limits = ", ".join(_words_of_limit(name) for name in stop.names)
             reason = f"{NOT_FOLLOWED}; at its limit: {limits}"

@@ -58,17 +58,19 @@ def self_collision(
 
 
 def terrain_distances(
-    robot: Robot, sequence: ContactSequence, q: Configurations, worst: WorstValues
+    robot: Robot, sequence: ContactSequence, q: Configurations, worst: WorstValues, *, is_only_faults: bool = False
 ) -> tuple[Check, ...]:
     """Smallest distances (m) from boxes and rails: of all links, of legs, of arms including the hands' spheres.
 
     Penetration is negative. With hands, the largest depth of a contact point inside its own surface follows. Pairs
     whose bounding spheres are farther apart than the smallest distances until then are not measured.
+    ``is_only_faults``: nor are those farther apart than the limits, so that values above their limits may be infinite.
     """
     scene = _Scene.build_scene(robot, sequence)
     model, data, results = robot.model, robot.model.createData(), scene.geometry.createData()
     gaps, of_group = _SphereGaps(scene), {of: np.array(scene.groups) == of for of in ("leg", "arm")}
-    smallest_m = dict.fromkeys(("", "leg", "arm"), np.inf)
+    limits_m = {"": 0.0, "leg": LEG_CLEARANCE_M, "arm": ARM_CLEARANCE_M}
+    smallest_m = limits_m.copy() if is_only_faults else dict.fromkeys(limits_m, np.inf)
     values = np.full((len(q), len(scene.parts)), np.inf)
     distances, depth = values.copy(), np.full(values.shape, -np.inf)
     (is_near, is_own), is_point = scene.near_and_own_pairs(worst), scene.has_role("point")
@@ -98,9 +100,9 @@ def terrain_distances(
         return worst.at_least(name, of[:, selected], "m", limit_m, columns)
 
     return (
-        smallest_distance("terrain_distance_min", values, np.ones(len(scene.parts), dtype=bool), 0.0),
-        smallest_distance("leg_terrain_distance_min", distances, of_group["leg"], LEG_CLEARANCE_M),
-        smallest_distance("arm_terrain_distance_min", distances, of_group["arm"], ARM_CLEARANCE_M),
+        smallest_distance("terrain_distance_min", values, np.ones(len(scene.parts), dtype=bool), limits_m[""]),
+        smallest_distance("leg_terrain_distance_min", distances, of_group["leg"], limits_m["leg"]),
+        smallest_distance("arm_terrain_distance_min", distances, of_group["arm"], limits_m["arm"]),
         *([worst.at_most("hand_depth_max", depth, "m", LANDING_ERROR_M, scene.parts)] if scene.hands else []),
     )
 
