@@ -31,9 +31,13 @@ def main() -> None:
         if said.valid != truth.certified:
             why = f"{truth.stage}: {truth.reason}" if said.valid else said.reason
             place = f"{drag.effector} of {drag.scene}, phase {drag.phase}"
-            print(f"{drag.robot} {drag.seed} ({place}): says {'yes' if said.valid else 'no'}; {why}")
-    print(_agreement_table([said for _, said in measured], truths))
-    print(_time_table([said for _, said in measured]))
+            _write_line(f"{drag.robot} {drag.seed} ({place}): says {'yes' if said.valid else 'no'}; {why}")
+    _write_line(_agreement_table([said for _, said in measured], truths))
+    _write_line(_time_table([said for _, said in measured]))
+
+
+def _write_line(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
 
 
 def _plan_verdicts(rows: Path, drags: list[Drag]) -> list[PlanVerdict]:

@@ -9,6 +9,7 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.verification import Motion, interval_states, total_force_n, wrenches_of
 from stridelab.conventions import Series, g
 
+
 def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float]:
     """Every term by its name; log-densities per effector by the trapezoidal rule over each interval.
 

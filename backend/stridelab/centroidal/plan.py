@@ -83,8 +83,8 @@ class CentroidalPlan:
     interval, zero without contact; ``curves_n`` their control points ``(m, 4, k, 3)`` for splines, empty for constant
     forces. ``points_m`` are the contact points ``(k, 3)`` in the contact frame, ``phase`` the contact phase of each
     interval, ``com_a_m_s2`` the mean acceleration. ``objective`` is (4.20a) without regularisers; all terms are in
-    ``cost_terms``, which are computed where they are read. ``sequence`` contains solved durations and placements where they are free. ``solution`` holds the
-    solver attempts.
+    ``cost_terms``, which are computed where they are read. ``sequence`` contains solved durations and placements where
+    they are free. ``solution`` holds the solver attempts.
     """
 
     sequence: ContactSequence

@@ -52,6 +52,8 @@ EVERY: Final = 2
 SETTLING_S: Final = 0.3
 """Time in which bodies that the first posture of a later phase puts into each other are separated."""
 MAX_PAUSED: Final = 4
+MAX_TERRAINS: Final = 16
+"""Terrains whose pairs of shapes are stored, some 0.3 MB each."""
 PADDING: Final = 2
 """Phases before and after those that are followed in the plan, which begins and ends at rest."""
 CACHE_SIZE: Final = 4096
@@ -231,7 +233,7 @@ class MotionCheck:
             yield first, MotionResult(False, error.message)
         finally:
             self._avoidances[repr(sequence.terrain)] = avoidance
-            if len(self._avoidances) > MAX_PAUSED:
+            if len(self._avoidances) > MAX_TERRAINS:
                 self._avoidances.popitem(last=False)
 
     def _take_avoidance(self, terrain: Terrain) -> CollisionAvoidance:

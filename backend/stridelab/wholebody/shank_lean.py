@@ -64,6 +64,7 @@ class ShankLean:
             low, high = (middle, high) if is_clear(middle) else (low, middle)
         return low
 
+
 @lru_cache(maxsize=16)
 def _shank_shapes(robot: Robot, name: str) -> tuple[list[tuple[pin.SE3, coal.CollisionGeometry]], float]:
     """The shapes of a shank in the contact frame of its sole in the reference posture, and its lean (rad) there."""

@@ -137,7 +137,11 @@ def _built_sequence(scenario: str) -> tuple[Scenario, ContactSequence, list[Json
     body = json.loads(scenario)
     sequence = build_validated(body, effector_shapes(body["robot"]))
     faults = shoe_faults(_check_of(body["robot"]).robot, sequence)
-    return Scenario.model_validate(body), sequence, [{"where": fault.where, "message": fault.message} for fault in faults]
+    return (
+        Scenario.model_validate(body),
+        sequence,
+        [{"where": fault.where, "message": fault.message} for fault in faults],
+    )
 
 
 @cache
