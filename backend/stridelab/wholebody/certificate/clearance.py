@@ -58,19 +58,23 @@ def self_collision(
 
 
 def terrain_distances(
-    robot: Robot, sequence: ContactSequence, q: Configurations, worst: WorstValues, *, is_only_faults: bool = False
+    robot: Robot, sequence: ContactSequence, q: Configurations, worst: WorstValues, tolerance_m: float | None = None
 ) -> tuple[Check, ...]:
     """Smallest distances (m) from boxes and rails: of all links, of legs, of arms including the hands' spheres.
 
     Penetration is negative. With hands, the largest depth of a contact point inside its own surface follows. Pairs
     whose bounding spheres are farther apart than the smallest distances until then are not measured.
-    ``is_only_faults``: nor are those farther apart than the limits, so that values above their limits may be infinite.
+    With ``tolerance_m``, all limits are lowered by it, and pairs farther apart than these are not measured, either, so
+    that values above their limits may be infinite.
     """
     scene = _Scene.build_scene(robot, sequence)
     model, data, results = robot.model, robot.model.createData(), scene.geometry.createData()
     gaps, of_group = _SphereGaps(scene), {of: np.array(scene.groups) == of for of in ("leg", "arm")}
     limits_m = {"": 0.0, "leg": LEG_CLEARANCE_M, "arm": ARM_CLEARANCE_M}
-    smallest_m = limits_m.copy() if is_only_faults else dict.fromkeys(limits_m, np.inf)
+    smallest_m = dict.fromkeys(limits_m, np.inf)
+    if tolerance_m is not None:
+        limits_m = {of: limit_m - tolerance_m for of, limit_m in limits_m.items()}
+        smallest_m = limits_m.copy()
     values = np.full((len(q), len(scene.parts)), np.inf)
     distances, depth = values.copy(), np.full(values.shape, -np.inf)
     (is_near, is_own), is_point = scene.near_and_own_pairs(worst), scene.has_role("point")
