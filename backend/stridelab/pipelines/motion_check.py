@@ -51,7 +51,7 @@ SAMPLES: Final = 10
 """Samples between two points at which a check can be paused."""
 EVERY: Final = 2
 """Distances are measured in every second sample, every 60 ms; in the certificate every 40 ms."""
-SETTLING_S: Final = 0.3
+SETTLING_S: Final = 0.5
 """Time in which bodies that the first posture of a later phase puts into each other are separated."""
 MAX_PAUSED: Final = 4
 SEARCH_EVERY: Final = 10
