@@ -1,11 +1,11 @@
 """Motion check: whether the whole body can follow the plan of a scenario between its stances, while it is edited.
 
 The plan is that of ``plan-motion``, of the changed phases and ``PADDING`` phases on both sides. The whole-body
-controller follows it with the same tasks, limits and collision pairs at ``RATE_HZ``, in place of 250 Hz. Phases
-whose contacts, swings or durations have changed since they were checked are followed; the body starts on their contacts
-with a posture on the CoM of the plan, at its speed. Self-collisions and distances from the terrain
-are measured as in the certificate, with larger limits, as is the CoM error. What depends on the rate (drift of contacts,
-landings) and the agreement of the angular momenta is left to the plan.
+controller follows it with the same tasks, limits and collision pairs at ``RATE_HZ``, in place of 250 Hz. Phases whose
+contacts, swings or durations have changed since they were checked are followed; the body starts on their contacts with
+a posture on the CoM of the plan, at its speed. Self-collisions and distances from the terrain are measured as in the
+certificate; the CoM error and the distances have a tolerance. What depends on the rate (drift of contacts, landings)
+and the agreement of the angular momenta is left to the plan.
 """
 
 from collections import OrderedDict
