@@ -132,8 +132,7 @@ class ControllerRun:
         if avoidance is None and avoid is not None:
             avoidance = CollisionAvoidance(robot, sequence.terrain, avoid)
         self._avoidance = avoidance
-        self._q = _initial_posture(robot, sequence, plan, controller.settings, first, is_quick=span is not None)
-        self._v = np.zeros(robot.model.nv)
+        self._q, self._v = _initial_posture(robot, sequence, plan, controller.settings, first), np.zeros(robot.model.nv)
         if first > 0:
             self._v = self._initial_velocity(first, plan.reference_at(starts_s).com_v_m_s)
         self._phase = -1
@@ -336,7 +335,7 @@ class ControllerRun:
 
 
 def _initial_posture(
-    robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, settings: Settings, phase: int, *, is_quick: bool
+    robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, settings: Settings, phase: int = 0
 ) -> np.ndarray:
     """Posture on the contacts at the start of ``phase``, with the CoM of the plan; swings are on their curves."""
     placements = {name: contact.placement for name, contact in sequence.phases[phase].contacts.items()}
@@ -348,7 +347,7 @@ def _initial_posture(
             placements[name] = Placement(points[0], rotations[0])
     margins_rad = JointLimits.of_model(robot.model).margins_rad(settings.range_share, settings.joint_margin_rad)
     com_m = plan.reference_at(starts_s).com_m
-    posture = stand(robot, placements, com_m, margins_rad=margins_rad, is_quick=is_quick)
+    posture = stand(robot, placements, com_m, margins_rad=margins_rad, is_quick=phase > 0)
     if not posture.converged:
         where = "the first contacts" if phase == 0 else f"the contacts of phase {phase}"
         miss = f"{posture.worst} misses by {posture.error_m:.3f} m"
