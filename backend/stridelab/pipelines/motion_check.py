@@ -4,7 +4,7 @@ The plan is that of ``plan-motion``, of the changed phases and ``PADDING`` phase
 controller follows it with the same tasks, limits and collision pairs at ``RATE_HZ``, in place of 250 Hz. Phases whose
 contacts, swings or durations have changed since they were checked are followed; the body starts on their contacts with
 a posture on the CoM of the plan, at its speed. Self-collisions and distances from the terrain are measured as in the
-certificate; the CoM error and the distances have a tolerance. What depends on the rate (drift of contacts, landings)
+certificate, the CoM error with a larger limit. What depends on the rate (drift of contacts, landings)
 and the agreement of the angular momenta is left to the plan.
 """
 
@@ -42,20 +42,16 @@ from stridelab.wholebody.control.joint_limits import JointLimits
 from stridelab.wholebody.leg_stretch import lower_for_legs
 from stridelab.wholebody.motion import WholeBodyMotion, WholeBodyStopped
 
-RATE_HZ: Final = 100.0 / 3.0
+RATE_HZ: Final = 50.0
 COM_ERROR_M: Final = 2e-3
 """Largest CoM error; four times that of the certificate, since the integration of this rate contributes to it."""
-DISTANCE_TOLERANCE_M: Final = 1e-3
-"""By how much distances from the terrain may be below those of the certificate, for the same reason."""
 SAMPLES: Final = 10
 """Samples between two points at which a check can be paused."""
 EVERY: Final = 2
-"""Distances are measured in every second sample, every 60 ms; in the certificate every 40 ms."""
+"""Distances are measured in every second sample, every 40 ms as in the certificate."""
 SETTLING_S: Final = 0.5
 """Time in which bodies that the first posture of a later phase puts into each other are separated."""
 MAX_PAUSED: Final = 4
-SEARCH_EVERY: Final = 10
-"""All pairs of shapes are searched for near ones after this many samples, half of the usual number: 0.3 s."""
 MAX_TERRAINS: Final = 16
 """Terrains whose pairs of shapes are stored, some 0.3 MB each."""
 PADDING: Final = 2
@@ -228,7 +224,7 @@ class MotionCheck:
                         return
             motion = run.recorded_motion(0.0)
             chosen, worst = thin_samples(motion.time_s, sequence.phases_at(motion.time_s + 1e-9), EVERY)
-            yield _fault_of(terrain_distances(robot, sequence, motion.q[chosen], worst, DISTANCE_TOLERANCE_M))
+            yield _fault_of(terrain_distances(robot, sequence, motion.q[chosen], worst, tolerance_m=0.0))
         except WholeBodyStopped as stop:
             limits = ", ".join(_words_of_limit(name) for name in stop.names)
             reason = f"{NOT_FOLLOWED}; at its limit: {limits}"
@@ -244,7 +240,7 @@ class MotionCheck:
         """The pairs of an earlier run on the same terrain, or new ones; no other run gets them until they are back."""
         avoidance = self._avoidances.pop(repr(terrain), None)
         if avoidance is None:
-            return CollisionAvoidance(self.robot, terrain, AvoidanceSettings(every=SEARCH_EVERY))
+            return CollisionAvoidance(self.robot, terrain, AvoidanceSettings())
         avoidance.begin_run()
         return avoidance
 
