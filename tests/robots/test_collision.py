@@ -9,7 +9,7 @@ from stridelab.robots.card import robot_card
 from stridelab.robots.data_files import data_files
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
-from stridelab.robots.self_collision import SelfCollision
+from stridelab.robots.self_collision import PairSeparation, SelfCollision
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +49,32 @@ def test_where_the_base_is_does_not_matter(talos: Robot) -> None:
     moved = q.copy()
     moved[:7] = [3.0, -2.0, 7.0, *pin.Quaternion(pin.rpy.rpyToMatrix(1.0, 0.5, -2.0)).coeffs()]
     assert SelfCollision(talos).colliding_links(moved) == SelfCollision(talos).colliding_links(q)
+
+
+def test_rows_of_a_separation_are_the_rates_of_the_distances(talos: Robot) -> None:
+    q = posed(talos, leg_left_2_joint=0.05, leg_right_2_joint=-0.05, arm_left_2_joint=0.3)
+    collision, pairs = SelfCollision(talos), (0, 30, 60, 90)
+    separation = PairSeparation(talos, collision.hulls, pairs, gap_m=10.0)
+    data = talos.model.createData()
+
+    def errors_m(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        pin.computeJointJacobians(talos.model, data, q)
+        return separation.task_rows(talos.model, data)
+
+    e, J = errors_m(q)
+    assert J.shape == (len(pairs), talos.model.nv)
+    assert (e < 10.0 - 1e-3).all(), "all four are apart, where a distance has a derivative"
+    for direction in np.random.default_rng(1).standard_normal((5, talos.model.nv)):
+        h = 1e-4
+        ahead, behind = (errors_m(pin.integrate(talos.model, q, sign * h * direction))[0] for sign in (1.0, -1.0))
+        np.testing.assert_allclose((behind - ahead) / (2.0 * h), J @ direction, atol=5e-3)
+
+
+def test_a_pair_beyond_its_gap_has_no_row(talos: Robot) -> None:
+    data = talos.model.createData()
+    pin.computeJointJacobians(talos.model, data, talos.q_reference)
+    e, J = PairSeparation(talos, SelfCollision(talos).hulls, (0, 100), gap_m=-1.0).task_rows(talos.model, data)
+    assert (e.shape, J.shape) == ((0,), (0, talos.model.nv))
 
 
 @pytest.mark.parametrize("name", ["talos", "hrp2", "g1"])

@@ -1,12 +1,15 @@
 """Inverse kinematics of stances: the residual is zero within reach and reported beyond."""
 
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
-from stridelab.robots.inverse_kinematics import IkResult, stand
+from stridelab.robots import inverse_kinematics
+from stridelab.robots.inverse_kinematics import ComRegion, IkResult, stand, stand_in_com_region
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 
@@ -130,3 +133,27 @@ def test_a_stance_out_of_reach_is_out_of_reach_of_the_quick_search(talos: Robot)
     thorough, quick = (stand(talos, far, np.array([0.75, 0.0, 0.84]), is_quick=quick) for quick in (False, True))
     assert not quick.converged
     assert quick.error_m == pytest.approx(thorough.error_m, rel=0.1)
+
+
+@pytest.mark.parametrize(("stride_m", "converges", "most_steps"), [(0.8, True, 25), (1.4, False, 60)])
+def test_a_search_between_stretched_legs_ends_soon(
+    talos: Robot, stride_m: float, converges: bool, most_steps: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Near straight knees steps that go forth and back are halved; out of reach, the error soon falls no further."""
+    steps: list[float] = []
+    problem = inverse_kinematics._Problem
+    bounded_step = problem.bounded_step
+
+    def count(*arguments: Any) -> np.ndarray:
+        dq = bounded_step(*arguments)
+        steps.append(float(np.abs(dq).max()))
+        return dq
+
+    monkeypatch.setattr(problem, "bounded_step", count)
+    apart = {**FEET, "left_foot": Placement.from_wxyz([stride_m, 0.09, 0.0])}
+    corners_m = np.array([[-0.1, -0.15], [stride_m + 0.1, -0.15], [stride_m + 0.1, 0.15], [-0.1, 0.15]])
+    posture = stand_in_com_region(
+        talos, apart, ComRegion.over_polygon(corners_m), np.array([stride_m / 2.0, 0.0, 0.85])
+    )
+    assert posture.converged is converges
+    assert len(steps) < most_steps

@@ -9,8 +9,6 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.verification import Motion, interval_states, total_force_n, wrenches_of
 from stridelab.conventions import Series, g
 
-REGULARISERS = ("surface_force", "point_force", "duration")
-
 
 def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float]:
     """Every term by its name; log-densities per effector by the trapezoidal rule over each interval.
@@ -67,11 +65,6 @@ def _squared_rates(problem: CentroidalProblem, motion: Motion) -> tuple[Series, 
         a_squared += w * ((now.com_a_m_s2 - reference[:, k]) ** 2).sum(axis=1)
         l_squared += w * ((now.l_rate_nm - limbs_nm[:, k]) ** 2).sum(axis=1)
     return a_squared, l_squared
-
-
-def objective(terms: Mapping[str, float]) -> float:
-    """(4.20a): the sum of all terms except the regularisers."""
-    return float(sum(value for name, value in terms.items() if name not in REGULARISERS))
 
 
 def _state_density_terms(problem: CentroidalProblem, motion: Motion) -> dict[str, float]:

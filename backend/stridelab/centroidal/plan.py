@@ -4,7 +4,7 @@
 ``references_at`` and ``forces_over`` at many times at once, in a fiftieth of the time each.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -16,6 +16,14 @@ from stridelab.centroidal.nlp.kkt import Solution
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Points, Series, Vector3, g
 from stridelab.dynamics.spatial import cross
+
+REGULARISERS = ("surface_force", "point_force", "duration")
+"""Cost terms that the objective leaves out."""
+
+
+def objective(terms: Mapping[str, float]) -> float:
+    """(4.20a): the sum of all terms except the regularisers."""
+    return float(sum(value for name, value in terms.items() if name not in REGULARISERS))
 
 
 @dataclass(frozen=True)
@@ -75,8 +83,8 @@ class CentroidalPlan:
     interval, zero without contact; ``curves_n`` their control points ``(m, 4, k, 3)`` for splines, empty for constant
     forces. ``points_m`` are the contact points ``(k, 3)`` in the contact frame, ``phase`` the contact phase of each
     interval, ``com_a_m_s2`` the mean acceleration. ``objective`` is (4.20a) without regularisers; all terms are in
-    ``cost_terms``. ``sequence`` contains solved durations and placements where they are free. ``solution`` holds the
-    solver attempts.
+    ``cost_terms``, which are computed where they are read. ``sequence`` contains solved durations and placements where
+    they are free. ``solution`` holds the solver attempts.
     """
 
     sequence: ContactSequence
@@ -93,13 +101,22 @@ class CentroidalPlan:
     converged: bool
     status: str
     iterations: int
-    objective: float
-    cost_terms: Mapping[str, float]
+    compute_cost_terms: Callable[[], Mapping[str, float]]
     solve_time_s: float
     build_time_s: float
     verification: Verification
     solution: Solution | None = None
     curves_n: Mapping[str, Float[np.ndarray, "m 4 k 3"]] = field(default_factory=dict)
+
+    @cached_property
+    def cost_terms(self) -> Mapping[str, float]:
+        """Every term by its name."""
+        return self.compute_cost_terms()
+
+    @property
+    def objective(self) -> float:
+        """(4.20a): the sum of all terms except the regularisers."""
+        return objective(self.cost_terms)
 
     def forces_at(self, time_s: float) -> Mapping[str, Float[np.ndarray, "k 3"]]:
         """World-frame forces on the points of every effector; at a node those of the following interval."""

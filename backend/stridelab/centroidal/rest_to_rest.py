@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 from typing import Final
 
 import pinocchio as pin
@@ -36,6 +37,7 @@ def from_rest_to_rest(robot: Robot, sequence: ContactSequence, proxies: Mapping[
     return replace(problem, rail_friction_share=RAIL_FRICTION_SHARE)
 
 
+@lru_cache(maxsize=8)
 def standing_height_m(robot: Robot) -> float:
     """Height of the CoM above the soles of a robot at rest."""
     return float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2]) - COM_LOWERING_M

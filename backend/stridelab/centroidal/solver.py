@@ -3,12 +3,13 @@
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final, Literal
 
 import numpy as np
 
 from stridelab.centroidal.boundary_conditions import Terminal
-from stridelab.centroidal.cost_terms import cost_terms, objective
+from stridelab.centroidal.cost_terms import cost_terms
 from stridelab.centroidal.force_splines import INNER, control_points
 from stridelab.centroidal.free_variables import move_contacts
 from stridelab.centroidal.native.availability import native_can_solve
@@ -93,7 +94,6 @@ def solve(
             break
     assert verification is not None
     motion = result.motion
-    terms = cost_terms(replace(problem, sequence=result.sequence), motion)
     return CentroidalPlan(
         sequence=result.sequence,
         mass_kg=problem.mass_kg,
@@ -109,8 +109,7 @@ def solve(
         converged=converged,
         status=_status_message(attempts, result.infeasible, converged, verification, problem.terminal),
         iterations=sum(a.iterations for a in attempts),
-        objective=objective(terms),
-        cost_terms=terms,
+        compute_cost_terms=partial(cost_terms, replace(problem, sequence=result.sequence), motion),
         solve_time_s=sum(a.solve_s for a in attempts),
         build_time_s=sum(a.build_s for a in attempts),
         verification=verification,

@@ -1,11 +1,11 @@
 """Motion check: whether the whole body can follow the plan of a scenario between its stances, while it is edited.
 
 The plan is that of ``plan-motion``, of the changed phases and ``PADDING`` phases on both sides. The whole-body
-controller follows it with the same tasks, limits and collision pairs at ``RATE_HZ``, a fifth of its usual rate. Phases
-whose contacts, swings or durations have changed since they were checked are followed; the body starts on their contacts
-with a posture on the CoM of the plan, at its speed. Self-collisions and distances from the terrain
-are measured as in the certificate, the CoM error with a larger limit. What depends on the rate (drift of contacts,
-landings) and the agreement of the angular momenta is left to the plan.
+controller follows it with the same tasks, limits and collision pairs at ``RATE_HZ``, in place of 250 Hz. Phases whose
+contacts, swings or durations have changed since they were checked are followed; the body starts on their contacts with
+a posture on the CoM of the plan, at its speed. Self-collisions and distances from the terrain are measured as in the
+certificate, the CoM error with a larger limit. What depends on the rate (drift of contacts, landings)
+and the agreement of the angular momenta is left to the plan.
 """
 
 from collections import OrderedDict
@@ -49,9 +49,11 @@ SAMPLES: Final = 10
 """Samples between two points at which a check can be paused."""
 EVERY: Final = 2
 """Distances are measured in every second sample, every 40 ms as in the certificate."""
-SETTLING_S: Final = 0.3
+SETTLING_S: Final = 0.5
 """Time in which bodies that the first posture of a later phase puts into each other are separated."""
 MAX_PAUSED: Final = 4
+MAX_TERRAINS: Final = 16
+"""Terrains whose pairs of shapes are stored, some 0.3 MB each."""
 PADDING: Final = 2
 """Phases before and after those that are followed in the plan, which begins and ends at rest."""
 CACHE_SIZE: Final = 4096
@@ -222,7 +224,7 @@ class MotionCheck:
                         return
             motion = run.recorded_motion(0.0)
             chosen, worst = thin_samples(motion.time_s, sequence.phases_at(motion.time_s + 1e-9), EVERY)
-            yield _fault_of(terrain_distances(robot, sequence, motion.q[chosen], worst))
+            yield _fault_of(terrain_distances(robot, sequence, motion.q[chosen], worst, tolerance_m=0.0))
         except WholeBodyStopped as stop:
             limits = ", ".join(_words_of_limit(name) for name in stop.names)
             reason = f"{NOT_FOLLOWED}; at its limit: {limits}"
@@ -231,7 +233,7 @@ class MotionCheck:
             yield first, MotionResult(False, error.message)
         finally:
             self._avoidances[repr(sequence.terrain)] = avoidance
-            if len(self._avoidances) > MAX_PAUSED:
+            if len(self._avoidances) > MAX_TERRAINS:
                 self._avoidances.popitem(last=False)
 
     def _take_avoidance(self, terrain: Terrain) -> CollisionAvoidance:

@@ -16,8 +16,11 @@ If the CoM may lie anywhere in a region ``A c <= b``, ``e`` contains only the ro
 ``s w_c |J_c dq - (c_0 - c)|^2`` pulls the CoM towards a preferred position ``c_0``.
 """
 
+import math
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import daqp
@@ -48,9 +51,11 @@ _COM_WEIGHT = 1.0
 class _Schedule(NamedTuple):
     """Schedule of the iterations: the posture weight falls by ``decay`` for ``posture_steps`` steps, and is then 0.
 
-    After a step of at most ``settled_rad`` it falls by ``settled_decay`` instead: the posture has arrived. Not so while
-    pairs are separated, which may push again in any step.
+    After a step of at most ``settled_rad`` it falls by ``settled_decay`` instead: the posture has arrived.
     ``end_error`` is the error that ends the iterations, ``tolerance`` the one that counts as converged (m, rad).
+    ``undone_share`` is the share that is taken of a step that undoes the one before: near a straight knee, where the
+    error is not linear, full steps go forth and back. Iterations with a posture weight of 0 end after ``stalled_steps``
+    that lower the error by less than a tenth, None: never.
     """
 
     decay: float
@@ -60,11 +65,16 @@ class _Schedule(NamedTuple):
     tolerance: float
     settled_rad: float = 0.0
     settled_decay: float = 1.0
+    undone_share: float = 1.0
+    stalled_steps: int | None = None
 
 
 _THOROUGH = _Schedule(0.85, 100, 150, 1e-10, TOLERANCE)
 _QUICK = _Schedule(0.75, 45, 75, 1e-7, 1e-5, 0.02, 0.3)
+_STANCE = _QUICK._replace(undone_share=0.5, stalled_steps=6)
 _NEAR = _Schedule(0.5, 10, 40, 1e-7, 1e-5)
+_UNDONE_COSINE = -0.5
+_STALLED_SHARE = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +164,7 @@ def stand_in_com_region(
         raise InvalidInput("effector-unknown", f"{robot.title} has no effector {', '.join(unknown)}")
     problem = _Problem(robot, placements, com_m, 0.0 if margins_rad is None else margins_rad, com_region, separation)
     posture = reference_posture_at(robot, placements, com_m) if q_start is None else q_start
-    return problem.solve(posture, _NEAR if is_near else _QUICK)
+    return problem.solve(posture, _NEAR if is_near else _STANCE)
 
 
 def reference_posture_at(robot: Robot, placements: Mapping[str, Placement], com_m: Vector3) -> Float[np.ndarray, "nq"]:
@@ -165,9 +175,15 @@ def reference_posture_at(robot: Robot, placements: Mapping[str, Placement], com_
     q = robot.q_reference.copy()
     turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.zeros(3))
     q[:7] = pin.SE3ToXYZQUAT(turn * pin.XYZQUATToSE3(q[:7]))
-    data = robot.model.createData()
+    data = _shared_data(robot, threading.get_ident())[0]
     q[:3] += com_m - pin.centerOfMass(robot.model, data, q)
     return np.asarray(q)
+
+
+@lru_cache(maxsize=16)
+def _shared_data(robot: Robot, _thread: int) -> tuple[pin.Data, pin.Data]:
+    """Data of the robot's model and of the one with contact frames; making them takes as long as two steps."""
+    return robot.model.createData(), with_contact_frames(robot)[0].createData()
 
 
 class _Problem:
@@ -183,7 +199,7 @@ class _Problem:
         separation: PairSeparation | None = None,
     ) -> None:
         self.model, self._frames = with_contact_frames(robot)
-        self._data = self.model.createData()
+        self._data = _shared_data(robot, threading.get_ident())[1]
         self._targets = {name: (to_se3(p), robot.effectors[name].kind) for name, p in placements.items()}
         self._has_points = any(kind == "point" for _, kind in self._targets.values())
         self._most, self._no_rows = np.full(self.model.nv, _MAX_STEP), np.zeros((0, self.model.nv))
@@ -222,16 +238,24 @@ class _Problem:
         q = posture.copy()
         q[7:] = np.clip(q[7:], self.lower, self.upper)
         softness, least = 1.0, schedule.decay**schedule.posture_steps
+        before = np.zeros(self.model.nv)
+        lowest, stalled = np.inf, 0
         for step in range(schedule.steps):
             if step >= schedule.posture_steps or softness <= least:
                 softness = 0.0
             e, J = self.stacked_errors(q)
-            if softness == 0.0 and np.abs(e).max() < schedule.end_error:
-                break
+            if softness == 0.0:
+                error = float(np.abs(e).max())
+                stalled = 0 if error < _STALLED_SHARE * lowest else stalled + 1
+                lowest = min(lowest, error)
+                if error < schedule.end_error or stalled == schedule.stalled_steps:
+                    break
             dq = self.bounded_step(q, e, J, softness, posture)
+            if softness > 0.0 and _is_undone(before, dq):
+                dq = schedule.undone_share * dq
+            before = dq
             q = pin.integrate(self.model, q, dq)
-            has_settled = self._apart is None and np.abs(dq).max() <= schedule.settled_rad
-            softness *= schedule.settled_decay if has_settled else schedule.decay
+            softness *= schedule.settled_decay if np.abs(dq).max() <= schedule.settled_rad else schedule.decay
         return self.result_at(q, schedule.tolerance)
 
     def bounded_step(
@@ -300,3 +324,8 @@ class _Problem:
         at_limit = tuple(joint for joint, end in zip(self._joints, is_at_limit, strict=True) if end)
         converged = error_m < tolerance and error_rad < tolerance
         return IkResult(q, error_m, converged, error_rad, worst, errors_m, at_limit)
+
+
+def _is_undone(before: Float[np.ndarray, "nv"], step: Float[np.ndarray, "nv"]) -> bool:
+    """Whether ``step`` goes back on the step before it."""
+    return float(before @ step) < _UNDONE_COSINE * math.sqrt(float(before @ before) * float(step @ step))

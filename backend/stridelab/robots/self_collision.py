@@ -10,6 +10,7 @@ The module also builds the collision model from the shapes of a description: con
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 
@@ -79,23 +80,37 @@ class PairSeparation:
         """Errors ``(m,)`` and their Jacobian ``(m, nv)``; ``data`` must contain the joint Jacobians."""
         geometry = self.robot.collision
         pin.updateGeometryPlacements(model, data, geometry, self.hulls)
-        e, J = [], []
-        for number in self.pair_indices:
+        e: list[float] = []
+        wrenches: list[tuple[float, ...]] = []
+        moves: list[Float[np.ndarray, "2 nv"]] = []
+        for number, moved in zip(self.pair_indices, self._moving_coordinates, strict=True):
             pin.computeDistance(geometry, self.hulls, number)
-            nearest, pair = self.hulls.distanceResults[number], geometry.collisionPairs[number]
+            nearest = self.hulls.distanceResults[number]
             if nearest.min_distance >= self.gap_m:
                 continue
             n = np.array(nearest.normal)
-            ends = ((pair.first, nearest.getNearestPoint1(), -1.0), (pair.second, nearest.getNearestPoint2(), 1.0))
-            row = np.zeros(model.nv)
-            for part, point, sign in ends:
-                joint = geometry.geometryObjects[part].parentJoint
-                J_joint = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
-                arm = np.array(point) - data.oMi[joint].translation
-                row += sign * (n @ J_joint[:3] + cross(arm, n) @ J_joint[3:])
+            points = nearest.getNearestPoint1(), nearest.getNearestPoint2()
             e.append(self.gap_m - nearest.min_distance)
-            J.append(row)
-        return np.array(e), np.array(J).reshape(-1, model.nv)
+            wrenches += [(*n, *cross(np.array(point), n)) for point in points]
+            moves.append(moved)
+        if not e:
+            return np.zeros(0), np.zeros((0, model.nv))
+        # n' J_p of a point p: the wrench of n at p times the columns of the joints that move p
+        J = (np.array(wrenches) @ data.J).reshape(len(e), 2, -1) * np.array(moves)
+        return np.array(e), J[:, 1] - J[:, 0]
+
+    @cached_property
+    def _moving_coordinates(self) -> list[Float[np.ndarray, "2 nv"]]:
+        """Per pair, 1 for the coordinates that move its first and its second shape."""
+        model, geometry = self.robot.model, self.robot.collision
+        moves = np.zeros((model.njoints, model.nv))
+        for joint in range(1, model.njoints):
+            start = model.joints[joint].idx_v
+            moves[joint] = moves[model.parents[joint]]
+            moves[joint, start : start + model.joints[joint].nv] = 1.0
+        pairs = [geometry.collisionPairs[number] for number in self.pair_indices]
+        parts = [[geometry.geometryObjects[part].parentJoint for part in (one.first, one.second)] for one in pairs]
+        return [moves[joints] for joints in parts]
 
 
 def collision_model(

@@ -4,6 +4,7 @@ A shank turns about the pitch axis of its ankle, at a fixed place above the sole
 boxes that do not carry the sole is measured for single leans, from upright to the end of the ankle's range.
 """
 
+from functools import lru_cache
 from typing import Final
 
 import coal
@@ -47,7 +48,7 @@ class ShankLean:
     def _find_lean_rad(self, name: str, contact: Contact, phase: int, ankle_m: Vector3, most_rad: float) -> float:
         """The lean of ``largest_lean_rad`` by bisection."""
         boxes = [one for one in self._boxes if one[0] not in self._own.contact_surfaces(name, phase)]
-        shapes, lean_rad = self._shank_shapes(name)
+        shapes, lean_rad = _shank_shapes(self._robot, name)
         world = to_se3(contact.placement)
 
         def is_clear(lean: float) -> bool:
@@ -63,18 +64,20 @@ class ShankLean:
             low, high = (middle, high) if is_clear(middle) else (low, middle)
         return low
 
-    def _shank_shapes(self, name: str) -> tuple[list[tuple[pin.SE3, coal.CollisionGeometry]], float]:
-        """The shapes of a shank in the contact frame of its sole in the reference posture, and its lean (rad) there."""
-        robot, model = self._robot, self._robot.model
-        data, effector = model.createData(), robot.effectors[name]
-        frame = model.frames[model.getFrameId(effector.frame)]
-        knee, ankle = list(model.supports[frame.parentJoint])[-3:-1]
-        pin.forwardKinematics(model, data, robot.q_reference)
-        contact = data.oMi[frame.parentJoint] * frame.placement * to_se3(effector.T_frame_contact)
-        relative = contact.inverse() * data.oMi[knee]
-        parts = [part for part in robot.full_collision.geometryObjects if part.parentJoint == knee]
-        x, _, z = relative.translation - contact.inverse().act(data.oMi[ankle].translation)
-        return [(relative * part.placement, part.geometry) for part in parts], float(np.arctan2(x, z))
+
+@lru_cache(maxsize=16)
+def _shank_shapes(robot: Robot, name: str) -> tuple[list[tuple[pin.SE3, coal.CollisionGeometry]], float]:
+    """The shapes of a shank in the contact frame of its sole in the reference posture, and its lean (rad) there."""
+    model = robot.model
+    data, effector = model.createData(), robot.effectors[name]
+    frame = model.frames[model.getFrameId(effector.frame)]
+    knee, ankle = list(model.supports[frame.parentJoint])[-3:-1]
+    pin.forwardKinematics(model, data, robot.q_reference)
+    contact = data.oMi[frame.parentJoint] * frame.placement * to_se3(effector.T_frame_contact)
+    relative = contact.inverse() * data.oMi[knee]
+    parts = [part for part in robot.full_collision.geometryObjects if part.parentJoint == knee]
+    x, _, z = relative.translation - contact.inverse().act(data.oMi[ankle].translation)
+    return [(relative * part.placement, part.geometry) for part in parts], float(np.arctan2(x, z))
 
 
 def _is_clear(at: pin.SE3, shape: coal.CollisionGeometry, box_at: pin.SE3, box: coal.CollisionGeometry) -> bool:

@@ -7,11 +7,12 @@ import pytest
 
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
-from stridelab.centroidal.cost_terms import cost_terms, objective
+from stridelab.centroidal.cost_terms import cost_terms
 from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
 from stridelab.centroidal.nlp.nlp import OBJECTIVE_SCALE
 from stridelab.centroidal.nlp.solvers import run_solver
 from stridelab.centroidal.nlp.transcription import Transcription, transcribe
+from stridelab.centroidal.plan import objective
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.problem import CentroidalProblem, Weights
 from stridelab.centroidal.solver import motion_from_variables

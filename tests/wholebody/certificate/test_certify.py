@@ -94,6 +94,29 @@ def test_pairs_that_are_not_measured_change_no_distance(
     assert {check.effector for check in few} != {None}
 
 
+def test_with_a_tolerance_distances_below_the_lowered_limits_are_those_of_the_certificate(
+    talos: Robot, two_steps: TwoSteps
+) -> None:
+    """A wall beside the left arm: 4.5 mm meet a limit that is lowered to 4 mm, 3.5 mm do not."""
+    sequence, _, motion = two_steps
+    worst = WorstValues(motion.time_s[::40], phase_of_samples(sequence, motion.time_s[::40]))
+    outermost_m = float(sequence.phases[0].contacts["left_foot"].placement.position_m[1])
+
+    def arm_check(wall_y_m: float, tolerance_m: float | None) -> Check:
+        wall = Box("wall", Placement(np.array([0.3, wall_y_m, 0.9]), np.eye(3)), np.array([2.0, 0.1, 0.9]), 0.5)
+        beside = replace(sequence, terrain=Terrain((*sequence.terrain.surfaces, wall)))
+        checks = terrain_distances(talos, beside, motion.q[::40], worst, tolerance_m)
+        return next(one for one in checks if one.name == "arm_terrain_distance_min")
+
+    far_m = arm_check(outermost_m + 1.0, None).value
+    for gap_m, passes in ((0.0045, True), (0.0035, False)):
+        nearer = arm_check(outermost_m + 1.0 - far_m + gap_m, 1e-3)
+        assert nearer.limit == pytest.approx(0.004)
+        assert nearer.passed is passes
+        assert passes or nearer.value == pytest.approx(gap_m, abs=2e-4)
+    assert not arm_check(outermost_m + 1.0 - far_m + 0.0045, None).passed, "the certificate has no tolerance"
+
+
 def moved(motion: WholeBodyMotion, samples: slice, offset: dict[int, float]) -> WholeBodyMotion:
     """The configurations of some samples changed in some coordinates."""
     q = motion.q.copy()

@@ -20,6 +20,7 @@ Checks that all contacts of a phase, and of two phases at their transition, are 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -39,6 +40,8 @@ WEIGHT_RATIO: Final = 0.3
 """Ratio of successive barrier weights."""
 CENTRING_STEPS: Final = 5
 """Newton steps per barrier weight."""
+
+_DIAGONAL: Final = np.arange(4)
 
 Unknowns = Float[np.ndarray, "s 4"]
 """``(c, t)`` of every program."""
@@ -70,30 +73,39 @@ class SlackPrograms:
 
     def slack_gradients(self, x: Unknowns) -> tuple[Float[np.ndarray, "s m 4"], Float[np.ndarray, "s n 4"]]:
         """Gradients of the logarithms of all slacks; multipliers are ``weight / slack`` on the central path."""
-        slack = self.limits - np.einsum("smk,sk->sm", self.rows, x[:, :3]) - self.widths * x[:, 3:]
-        flat = np.concatenate([self.rows, self.widths[..., np.newaxis]], axis=2) / -slack[..., np.newaxis]
-        w = self.ball_width
-        ball = np.concatenate(
-            [self.centers - x[:, np.newaxis, :3], (w * (w * x[:, 3:] - self.radii))[..., np.newaxis]], axis=2
-        )
-        return flat, 2.0 * ball / self._ball_slack(x)[..., np.newaxis]
+        gradients, _ = self._gradients_at(x)
+        m = self.limits.shape[1]
+        return gradients[:, :m], gradients[:, m:]
+
+    def _gradients_at(self, x: Unknowns) -> tuple[Float[np.ndarray, "s k 4"], Float[np.ndarray, "s n"]]:
+        """Gradients of the logarithms of all slacks, half-spaces first, and twice the inverse slacks of the balls."""
+        w, m, (rows, gradients) = self.ball_width, self.limits.shape[1], self._arrays
+        column = x[:, :, np.newaxis]
+        np.divide(rows, (rows @ column - self.limits[..., np.newaxis]), out=gradients[:, :m])
+        ball = gradients[:, m:]
+        np.subtract(self.centers, x[:, np.newaxis, :3], out=ball[..., :3])
+        short = w * x[:, 3:] - self.radii
+        inverse = 2.0 / (short * short - np.einsum("snk,snk->sn", ball[..., :3], ball[..., :3]))
+        np.multiply(w, short, out=ball[..., 3])
+        ball *= inverse[..., np.newaxis]
+        return gradients, inverse
+
+    @cached_property
+    def _arrays(self) -> tuple[Float[np.ndarray, "s m 4"], Float[np.ndarray, "s k 4"]]:
+        """``(a_j, v_j)`` of the half-spaces, and space for all gradients."""
+        (s, m), n = self.limits.shape, self.radii.shape[1]
+        return np.concatenate([self.rows, self.widths[..., np.newaxis]], axis=2), np.empty((s, m + n, 4))
 
     def _newton_step(self, x: Unknowns, weight: float) -> Unknowns:
         """One damped Newton step on ``-t / weight - sum log(slack)``."""
-        flat, ball = self.slack_gradients(x)
-        grad = -(flat.sum(axis=1) + ball.sum(axis=1))
-        grad[:, 3] -= 1.0 / weight
-        H = np.einsum("sma,smb->sab", flat, flat) + np.einsum("sna,snb->sab", ball, ball)
-        curve = (2.0 / self._ball_slack(x)).sum(axis=1)
-        H[:, :3, :3] += curve[:, np.newaxis, np.newaxis] * np.eye(3)
-        H[:, 3, 3] -= self.ball_width**2 * curve
-        step = -np.linalg.solve(H, grad[..., np.newaxis])[..., 0]
-        decrement = np.sqrt(np.maximum(-(grad * step).sum(axis=1), 0.0))
+        gradients, inverse = self._gradients_at(x)
+        grad = gradients.sum(axis=1)
+        grad[:, 3] += 1.0 / weight
+        H = gradients.transpose(0, 2, 1) @ gradients
+        H[:, _DIAGONAL, _DIAGONAL] += inverse.sum(axis=1, keepdims=True) * [1.0, 1.0, 1.0, -(self.ball_width**2)]
+        step = np.linalg.solve(H, grad[..., np.newaxis])[..., 0]
+        decrement = np.sqrt(np.maximum((grad * step).sum(axis=1), 0.0))
         return np.asarray(x + step / (1.0 + decrement)[:, np.newaxis])
-
-    def _ball_slack(self, x: Unknowns) -> Float[np.ndarray, "s n"]:
-        across = ((x[:, np.newaxis, :3] - self.centers) ** 2).sum(axis=2)
-        return np.asarray((self.radii - self.ball_width * x[:, 3:]) ** 2 - across)
 
 
 ReachSet = Sequence[tuple[Placement, EffectorReach]]

@@ -58,22 +58,28 @@ def self_collision(
 
 
 def terrain_distances(
-    robot: Robot, sequence: ContactSequence, q: Configurations, worst: WorstValues
+    robot: Robot, sequence: ContactSequence, q: Configurations, worst: WorstValues, tolerance_m: float | None = None
 ) -> tuple[Check, ...]:
     """Smallest distances (m) from boxes and rails: of all links, of legs, of arms including the hands' spheres.
 
     Penetration is negative. With hands, the largest depth of a contact point inside its own surface follows. Pairs
     whose bounding spheres are farther apart than the smallest distances until then are not measured.
+    With ``tolerance_m``, all limits are lowered by it, and pairs farther apart than these are not measured, either, so
+    that values above their limits may be infinite.
     """
     scene = _Scene.build_scene(robot, sequence)
     model, data, results = robot.model, robot.model.createData(), scene.geometry.createData()
     gaps, of_group = _SphereGaps(scene), {of: np.array(scene.groups) == of for of in ("leg", "arm")}
-    smallest_m = dict.fromkeys(("", "leg", "arm"), np.inf)
+    limits_m = {"": 0.0, "leg": LEG_CLEARANCE_M, "arm": ARM_CLEARANCE_M}
+    smallest_m = dict.fromkeys(limits_m, np.inf)
+    if tolerance_m is not None:
+        limits_m = {of: limit_m - tolerance_m for of, limit_m in limits_m.items()}
+        smallest_m = limits_m.copy()
     values = np.full((len(q), len(scene.parts)), np.inf)
     distances, depth = values.copy(), np.full(values.shape, -np.inf)
     (is_near, is_own), is_point = scene.near_and_own_pairs(worst), scene.has_role("point")
     is_measured = np.where(is_point, is_near, ~is_own | scene.has_role("palm"))
-    gap_m = np.where(is_measured, gaps.lower_bounds_m(model, data, results, q), np.inf)
+    gap_m = np.where(is_measured, gaps.lower_bounds_m(model, data, q), np.inf)
     gap_m[is_measured & is_point] = -np.inf  # the depths of all contact points are measured
     for i in np.argsort(gap_m.min(axis=1, initial=np.inf), kind="stable").tolist():  # the smallest first: fewer follow
         if not gap_m[i].min(initial=np.inf) <= max(smallest_m.values()):
@@ -98,9 +104,9 @@ def terrain_distances(
         return worst.at_least(name, of[:, selected], "m", limit_m, columns)
 
     return (
-        smallest_distance("terrain_distance_min", values, np.ones(len(scene.parts), dtype=bool), 0.0),
-        smallest_distance("leg_terrain_distance_min", distances, of_group["leg"], LEG_CLEARANCE_M),
-        smallest_distance("arm_terrain_distance_min", distances, of_group["arm"], ARM_CLEARANCE_M),
+        smallest_distance("terrain_distance_min", values, np.ones(len(scene.parts), dtype=bool), limits_m[""]),
+        smallest_distance("leg_terrain_distance_min", distances, of_group["leg"], limits_m["leg"]),
+        smallest_distance("arm_terrain_distance_min", distances, of_group["arm"], limits_m["arm"]),
         *([worst.at_most("hand_depth_max", depth, "m", LANDING_ERROR_M, scene.parts)] if scene.hands else []),
     )
 
@@ -204,19 +210,20 @@ class _SphereGaps:
         self._shape, self._surfaces = first, sorted(set(second.tolist()))
         self._surface_row = np.searchsorted(self._surfaces, second)
         spheres = [bounding_sphere(part) for part in parts]
-        self._centres_m = np.array([centre for centre, _ in spheres])
+        self._joints = np.array([part.parentJoint for part in parts])
+        self._centres_m = np.array([part.placement.act(c) for part, (c, _) in zip(parts, spheres, strict=True)])
         self._radius_m = np.array([radius for _, radius in spheres])
         self._boxes = [(parts[k].placement, _half_extents_m(parts[k].geometry)) for k in self._surfaces]
         self._groups = np.array([scene.groups[pair.column] for pair in scene.pairs])
 
-    def lower_bounds_m(
-        self, model: pin.Model, data: pin.Data, placed: pin.GeometryData, q: Configurations
-    ) -> Float[np.ndarray, "n pairs"]:
+    def lower_bounds_m(self, model: pin.Model, data: pin.Data, q: Configurations) -> Float[np.ndarray, "n pairs"]:
         """Lower bounds of the distances of all pairs in configurations ``q``."""
-        centres_m = np.empty((len(q), *self._centres_m.shape))
+        joints = np.empty((len(q), model.njoints, 4, 4))
         for i, configuration in enumerate(q):
-            pin.updateGeometryPlacements(model, data, self._geometry, placed, configuration)
-            centres_m[i] = [at.act(c) for at, c in zip(placed.oMg, self._centres_m, strict=True)]
+            pin.forwardKinematics(model, data, configuration)
+            joints[i] = [at.homogeneous for at in data.oMi]
+        placed = joints[:, self._joints]
+        centres_m = np.einsum("nkij,kj->nki", placed[..., :3, :3], self._centres_m) + placed[..., :3, 3]
         to_surface_m = np.empty((len(self._boxes), *centres_m.shape[:2]))
         for row, (place, half_m) in enumerate(self._boxes):
             beyond_m = np.maximum(np.abs((centres_m - place.translation) @ place.rotation) - half_m, 0.0)

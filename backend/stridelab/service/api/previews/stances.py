@@ -27,6 +27,7 @@ from stridelab.pipelines.motion_check import MotionCheck
 from stridelab.pipelines.plan_problem import load_densities, native_unavailable_reason
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
 from stridelab.robots.visuals import link_poses
 from stridelab.schemas.scenarios import Scenario
 from stridelab.wholebody.shoe_check import shoe_faults
@@ -54,7 +55,7 @@ def answer_request(question: Json) -> Json:
     until_s = time.monotonic() + (question.get("within_s") or TIME_LIMIT_S)
     check = _check_of(question["robot"])
     scenario = question.get("scenario")
-    sequence, shoes = (None, []) if scenario is None else _built_sequence(json.dumps(scenario))
+    built, sequence, shoes = (None, None, []) if scenario is None else _built_sequence(json.dumps(scenario))
     stances = _cached_stances(question["robot"], json.dumps(question["phases"]))
     shown: int | None = question["posture_of"]
     order = sorted((k for k, stance in enumerate(stances) if stance is not None), key=lambda k: abs(k - (shown or 0)))
@@ -73,17 +74,19 @@ def answer_request(question: Json) -> Json:
             answers[k] = _stance_answer(check, verdict, shown=k == shown)
     motion = None
     are_reachable = all(one is not None and one["body"] == "reachable" for one in answers)
-    if scenario is not None and sequence is not None and not shoes and are_reachable:
-        motion = _add_motion(scenario, sequence, answers, until_s)
+    if built is not None and sequence is not None and not shoes and are_reachable:
+        motion = _add_motion(built, sequence, answers, until_s)
     return {"phases": answers, "shoes": shoes, "motion": motion}
 
 
-def _add_motion(scenario: Json, sequence: ContactSequence, answers: list[Json | None], until_s: float) -> str | None:
+def _add_motion(
+    scenario: Scenario, sequence: ContactSequence, answers: list[Json | None], until_s: float
+) -> str | None:
     """Continue the motion check, and add its result to ``answers``; None if there is no C++ solver or no density."""
     motion_check = _motion_check_of(sequence.robot)
     if motion_check is None:
         return None
-    results = motion_check.continue_check(Scenario.model_validate(scenario), sequence, _search_limit(until_s))
+    results = motion_check.continue_check(scenario, sequence, _search_limit(until_s))
     if results is None:
         return "unfinished"
     for k, result in results.items():
@@ -129,12 +132,16 @@ def _cached_stances(robot: str, phases: str) -> list[Stance | None]:
 
 
 @lru_cache(maxsize=4)
-def _built_sequence(scenario: str) -> tuple[ContactSequence, list[Json]]:
-    """The sequence of a scenario (JSON) that has been validated, and the faults of shoes that a plan is refused for."""
+def _built_sequence(scenario: str) -> tuple[Scenario, ContactSequence, list[Json]]:
+    """A scenario (JSON) that has been validated, its sequence, and the faults of shoes that a plan is refused for."""
     body = json.loads(scenario)
     sequence = build_validated(body, effector_shapes(body["robot"]))
     faults = shoe_faults(_check_of(body["robot"]).robot, sequence)
-    return sequence, [{"where": fault.where, "message": fault.message} for fault in faults]
+    return (
+        Scenario.model_validate(body),
+        sequence,
+        [{"where": fault.where, "message": fault.message} for fault in faults],
+    )
 
 
 @cache
@@ -165,8 +172,14 @@ def _contact_placements(check: StanceCheck, contacts: Sequence[Json]) -> Mapping
     return placements
 
 
+@lru_cache(maxsize=4)
+def _rounded_poses(robot: Robot, q: bytes) -> list[list[float]]:
+    """Poses of the links in a posture, which an editor asks for several times."""
+    return list(np.round(link_poses(robot, np.frombuffer(q)), DIGITS).tolist())
+
+
 def _stance_answer(check: StanceCheck, verdict: StanceResult, *, shown: bool) -> Json:
-    poses = np.round(link_poses(check.robot, verdict.q), DIGITS).tolist() if shown else None
+    poses = _rounded_poses(check.robot, verdict.q.tobytes()) if shown else None
     return {
         "body": "reachable" if verdict.reachable else "unreachable",
         "strained": verdict.strained,
