@@ -1,7 +1,7 @@
 // The legend of the scene: a layer has the colour of its nodes if it is the same for all of them.
 import test from "node:test";
 import assert from "node:assert/strict";
-import { onlyColour } from "../../../frontend/stridelab_web/static/js/viewer/layer_colours.js";
+import { onlyColour } from "../../../frontend/stridelab_web/static/js/shared/layer_colours.js";
 
 const mesh = (hex) => ({ material: { color: { getHexString: () => hex } } });
 const drawn = {

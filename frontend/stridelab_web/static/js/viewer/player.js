@@ -10,7 +10,7 @@ import { DarkMode } from "./dark_mode.js";
 import { Scene } from "./scene.js";
 import { CAMERA_KEYS, Shortcuts } from "../shared/shortcuts.js";
 import { fetchChecked } from "../shared/api.js";
-import { showLayerColours } from "./layer_colours.js";
+import { showLayerColours } from "../shared/layer_colours.js";
 import { framePosition, nearestFrame } from "./interpolation.js";
 import { showFailure, hideOverlay, showGoneFiles } from "./loading_overlay.js";
 import { translate } from "../shared/translate.js";

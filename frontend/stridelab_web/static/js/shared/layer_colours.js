@@ -1,7 +1,7 @@
 // A legend of the scene: beside the name of each layer the colour in which it is drawn, if it has only one.
 
 // Shows the colours now, and again when the page becomes dark or light.
-/** @param {PageElement} player contains the swatches @param {import("./viser_nodes.js").ViserNodes} nodes */
+/** @param {PageElement} player contains the swatches @param {import("../viewer/viser_nodes.js").ViserNodes} nodes */
 export function showLayerColours(player, nodes) {
   const show = () => {
     for (const swatch of player.querySelectorAll("[data-swatch]")) {
@@ -15,7 +15,7 @@ export function showLayerColours(player, nodes) {
 }
 
 // The colour of all meshes of the nodes below `prefix`; null if they have several or none.
-/** @param {Pick<import("./viser_nodes.js").ViserNodes, "viser" | "meshes">} nodes @param {string} prefix */
+/** @param {Pick<import("../viewer/viser_nodes.js").ViserNodes, "viser" | "meshes">} nodes @param {string} prefix */
 export function onlyColour(nodes, prefix) {
   const names = Object.keys(nodes.viser.nodeRefFromName).filter((name) => name.startsWith(prefix));
   const drawn = names.flatMap((name) => nodes.meshes(name)).filter(({ material }) => material?.color);
