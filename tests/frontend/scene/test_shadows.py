@@ -18,12 +18,12 @@ def scenario_of(*boxes: BoxSurface) -> Scenario:
     return Scenario.model_validate({"name": "one", "robot": "talos", "terrain": terrain, "phases": phases})
 
 
-def box(name: str, center_m: tuple[float, float, float], size_m: tuple[float, float, float]) -> BoxSurface:
+def make_box(name: str, center_m: tuple[float, float, float], size_m: tuple[float, float, float]) -> BoxSurface:
     return BoxSurface(name=name, kind="box", center_m=center_m, size_m=size_m)
 
 
-GROUND = box("ground", (0.0, 0.0, -0.5), (4.0, 4.0, 1.0))
-STAIR = box("stair", (1.0, 0.0, STAIR_M / 2), (1.0, 4.0, STAIR_M))
+GROUND = make_box("ground", (0.0, 0.0, -0.5), (4.0, 4.0, 1.0))
+STAIR = make_box("stair", (1.0, 0.0, STAIR_M / 2), (1.0, 4.0, STAIR_M))
 
 
 @pytest.mark.parametrize(

@@ -45,13 +45,13 @@ def test_joint_centres_of_the_segment_model_are_stored_for_the_scene(tmp_path: P
     label_of = parsed(tmp_path).landmarks
     tracks = tmp_path / "tracks.parquet"
 
-    def track(name: str) -> np.ndarray:
+    def read_track(name: str) -> np.ndarray:
         return columns(tracks, *(f"{name}_{axis}_m" for axis in AXES))
 
     for side in "lr":
-        outer, inner = (track(label_of[f"{side}_knee_{which}"]) for which in ("lateral", "medial"))
-        np.testing.assert_allclose(track(f"joint_{side}_knee"), (outer + inner) / 2, atol=1e-5)
-        thigh_m = np.linalg.norm(track(f"joint_{side}_hip") - track(f"joint_{side}_knee"), axis=1)
+        outer, inner = (read_track(label_of[f"{side}_knee_{which}"]) for which in ("lateral", "medial"))
+        np.testing.assert_allclose(read_track(f"joint_{side}_knee"), (outer + inner) / 2, atol=1e-5)
+        thigh_m = np.linalg.norm(read_track(f"joint_{side}_hip") - read_track(f"joint_{side}_knee"), axis=1)
         assert 0.35 < np.median(thigh_m) < 0.5
         assert np.ptp(thigh_m) < 0.03
 
