@@ -10,15 +10,18 @@ from support.fakes import robots
 
 
 def own_robot() -> OwnRobot:
-    """The robot of boxes as one of a user, with soles below its feet, a right hand, and a knee that is too weak."""
+    """The robot of boxes as one of a user, with soles below its feet, a right hand, and a knee that is too weak.
+
+    As in a proposed card, fields with their defaults are left out: orientations here, and the position of the hand.
+    """
     feet = {
         f"{side}_foot": {
             "frame": f"leg_{side}_6_link", "kind": "surface", "position_m": [0.0, 0.0, -0.05],
-            "orientation_wxyz": [1.0, 0.0, 0.0, 0.0], "contact_half_size_m": list(robots.HALF_M),
+            "contact_half_size_m": list(robots.HALF_M),
         }
         for side in ("left", "right")
     }  # fmt: skip
-    hand = {"frame": "arm_right_7_link", "kind": "point", "position_m": [0, 0, 0], "orientation_wxyz": [1, 0, 0, 0]}
+    hand = {"frame": "arm_right_7_link", "kind": "point"}
     weak = {"limits.torque_nm.knee": "40 N m as stated, which is implausible; the estimate is 90 N m"}
     return OwnRobot(
         name="boxes", state="proposed", owner=None, filename="boxes.zip", sha256="0" * 64, robot_sha256="1" * 64,

@@ -15,6 +15,7 @@ const CORNERS = [
   [-1, -1],
   [1, -1],
 ];
+const AT_LINK = { position_m: [0, 0, 0], orientation_wxyz: [1, 0, 0, 0] }; // what a card leaves out
 const CLICK_PX = 4,
   HANDLE_PX = 7,
   LEAST_M = 0.005;
@@ -76,6 +77,8 @@ export class CardContacts {
 
   async start() {
     this.card = (await call("GET", this.address)).card;
+    for (const [name, contact] of Object.entries(this.contacts))
+      this.contacts[name] = { ...structuredClone(AT_LINK), ...contact };
     this.panel.hidden = false;
     this.field("contact").append(...NAMES.map((name) => new Option(inWords(name), name)));
     this.field("clicked").append(new Option("no contact", ""), ...NAMES.map((name) => new Option(inWords(name), name)));
