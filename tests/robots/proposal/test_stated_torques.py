@@ -2,11 +2,14 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.optimize import approx_fprime, least_squares
 
+from stridelab.robots.proposal import posture
 from stridelab.robots.proposal.limbs import find_limbs
 from stridelab.robots.proposal.offered_estimates import chosen_estimate, estimate_of, take_estimates
 from stridelab.robots.proposal.posture import GRAVITY, rest_posture, single_supports, standing_torques_nm
@@ -23,6 +26,29 @@ def proposal_of(humanoid: Humanoid, folder: Path) -> Proposal:
     upload.write_bytes(archive({"small/small.urdf": humanoid.urdf()}))
     assumed = rebuild_description(upload, "small.zip", "small", folder / "robots")
     return propose_card("small", "small", folder / "robots", assumed)
+
+
+def test_derivatives_of_posture_searches_are_those_of_finite_differences(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compared = []
+
+    def compare(residuals: Any, first: np.ndarray, jacobian: Any, bounds: Any, max_nfev: int) -> Any:
+        inside = np.clip(first, bounds[0] + 1e-3, bounds[1] - 1e-3)
+        expected = approx_fprime(inside, residuals, 1e-7)
+        compared.append(np.abs(jacobian(inside) - expected).max())
+        return least_squares(residuals, first, jacobian, bounds=bounds, max_nfev=max_nfev)
+
+    monkeypatch.setattr(posture, "least_squares", compare)
+    path = tmp_path / "small.urdf"
+    path.write_text(Humanoid().urdf())
+    model = full_model(path)
+    limbs = find_limbs(model, pin.neutral(model))
+    R = pin.utils.rotate("z", 0.3) @ pin.utils.rotate("x", 0.2)
+    sole = Sole(R, np.array([SOLE_AHEAD_M, 0.01, -SOLE_DROP_M]), HALF_SOLE_M, HALF_SOLE_M)
+    rest_posture(model, limbs, (sole, sole), 0.25)
+    assert len(compared) > len(limbs.legs) + len(limbs.arms)
+    assert max(compared) < 1e-5
 
 
 def test_torques_on_one_leg_are_those_of_the_weights_above_the_joint(tmp_path: Path) -> None:

@@ -115,10 +115,14 @@ def _single_support(
         posture = q
         for _ in range(CENTRING - 1):
             target_m = solver.com_position(posture) * (1.0, 1.0, 0.0) + above
-            posture, stands = solver.place_sole(posture, limbs.legs[stance], soles[stance], target_m, leg_m)
+            posture, stands = solver.place_sole(
+                posture, limbs.legs[stance], soles[stance], target_m, leg_m, nearest=True
+            )
             if not stands:
                 return
-            posture, lifted = solver.place_sole(posture, limbs.legs[other], soles[other], target_m + beside_m, leg_m)
+            posture, lifted = solver.place_sole(
+                posture, limbs.legs[other], soles[other], target_m + beside_m, leg_m, nearest=True
+            )
         if lifted:
             yield posture
 
@@ -184,18 +188,27 @@ class _Limb:
         return longest
 
     def place_sole(
-        self, q: np.ndarray, leg: Chain, sole: Sole, target_m: Vector3, leg_m: float
+        self, q: np.ndarray, leg: Chain, sole: Sole, target_m: Vector3, leg_m: float, *, nearest: bool = False
     ) -> tuple[np.ndarray, bool]:
-        """``q`` with the sole level, ahead and as near to ``target_m`` as possible, and whether it is there."""
+        """``q`` with the sole level, ahead and as near to ``target_m`` as possible, and whether it is there.
 
-        def errors(T: pin.SE3) -> np.ndarray:
+        With ``nearest`` the search ends with the first start that gets there, which is ``q``.
+        """
+
+        def errors(T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
             R = self.R.T @ T.rotation @ sole.R
             position = self.R.T @ T.act(sole.centre_m)
-            return np.concatenate([(position - target_m) / leg_m, pin.log3(R)])
+            turn = pin.Jlog3(R) @ sole.R.T
+            moved = self.R.T @ T.rotation @ np.hstack([np.eye(3), -pin.skew(sole.centre_m)])
+            J = np.vstack([moved / leg_m, np.hstack([np.zeros((3, 3)), turn])])
+            return np.concatenate([(position - target_m) / leg_m, pin.log3(R)]), J
 
-        solved = self._solve(q, leg, errors, weight=1e-3)
+        def there(error: np.ndarray) -> bool:
+            return bool(np.abs(error).max() <= LEG_TOLERANCE)
+
+        solved = self._solve(q, leg, errors, weight=1e-3, enough=there if nearest else None)
         pin.forwardKinematics(self.model, self.data, solved)
-        return solved, bool(np.abs(errors(self.data.oMi[leg[-1]])).max() <= LEG_TOLERANCE)
+        return solved, there(errors(self.data.oMi[leg[-1]])[0])
 
     def place_hand(self, q: np.ndarray, arm: Chain, outwards: float) -> np.ndarray:
         """``q`` with the end of the arm near its place beside the body."""
@@ -203,8 +216,10 @@ class _Limb:
         shoulder = self.joint_position(q, arm[0])
         target_m = shoulder + length_m * np.array([HAND[0], outwards, HAND[2]])
 
-        def errors(T: pin.SE3) -> np.ndarray:
-            return np.asarray((self.R.T @ T.translation - target_m) / max(length_m, 1e-3))
+        def errors(T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+            J = np.hstack([self.R.T @ T.rotation, np.zeros((3, 3))])
+            scale_m = max(length_m, 1e-3)
+            return (self.R.T @ T.translation - target_m) / scale_m, J / scale_m
 
         return self._solve(q, arm, errors, weight=0.05)
 
@@ -214,23 +229,45 @@ class _Limb:
         margin = np.minimum(MARGIN, 0.25 * (high - low))
         return index, low + margin, high - margin
 
-    def _solve(self, q: np.ndarray, chain: Chain, errors: Callable[[pin.SE3], np.ndarray], weight: float) -> np.ndarray:
+    def _solve(
+        self,
+        q: np.ndarray,
+        chain: Chain,
+        errors: Callable[[pin.SE3], tuple[np.ndarray, np.ndarray]],
+        weight: float,
+        enough: Callable[[np.ndarray], bool] | None = None,
+    ) -> np.ndarray:
+        """``q`` with the angles of ``chain`` that make the smallest ``errors`` of its last body.
+
+        ``errors`` returns them for a pose of that body, and their derivative by its velocity in its own axes.
+        """
         index, low, high = self._range(chain)
+        columns = [self.model.joints[joint].idx_v for joint in chain]
         middle = np.clip(0.0, low, high)
         rng = np.random.default_rng(1)
         best, least = q, np.inf
+        q_tried = q.copy()
 
         def residuals(angles: np.ndarray) -> np.ndarray:
             q_tried[index] = angles
             pin.forwardKinematics(self.model, self.data, q_tried)
-            return np.concatenate([errors(self.data.oMi[chain[-1]]), weight * (angles - middle)])
+            return np.concatenate([errors(self.data.oMi[chain[-1]])[0], weight * (angles - middle)])
+
+        def jacobian(angles: np.ndarray) -> np.ndarray:
+            q_tried[index] = angles
+            pin.forwardKinematics(self.model, self.data, q_tried)
+            J = errors(self.data.oMi[chain[-1]])[1] @ pin.computeJointJacobian(
+                self.model, self.data, q_tried, chain[-1]
+            )
+            return np.vstack([J[:, columns], weight * np.eye(len(chain))])
 
         for start in range(STARTS):
-            q_tried = q.copy()
             spread = 0.0 if start == 0 else 0.35
             first = np.clip(q[index] + spread * rng.uniform(low - middle, high - middle), low + 1e-9, high - 1e-9)
-            solved = least_squares(residuals, first, bounds=(low, high), max_nfev=60)
+            solved = least_squares(residuals, first, jacobian, bounds=(low, high), max_nfev=60)
             if solved.cost < 0.9 * least:
                 least, best = solved.cost, q.copy()
                 best[index] = solved.x
+            if enough is not None and enough(solved.fun[: -len(chain)]):
+                break
         return best
