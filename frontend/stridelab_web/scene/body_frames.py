@@ -8,6 +8,8 @@ from stridelab_web.parquet import Columns, xyz_columns
 from stridelab_web.scene.frames import Sheet, Stick
 
 BODY: Final = "/body/"
+PERSON: Final = "/person/"
+"""Limbs of the person whose walk a robot imitates."""
 JOINT: Final = "joint_"
 """Beginning of the columns of a joint centre in ``tracks.parquet``."""
 Profile = tuple[tuple[float, float], ...]
@@ -46,19 +48,22 @@ LIMBS: Final = {
 """Chosen by eye, for the picture alone; nothing is computed from them."""
 
 
-def body_sticks(tracks: Columns, sheet: Sheet) -> tuple[Stick, ...]:
-    """Limbs whose joint centres are in ``tracks.parquet``; empty for recordings that were stored without."""
+def body_sticks(tracks: Columns, sheet: Sheet, group: str = BODY, before: str = JOINT) -> tuple[Stick, ...]:
+    """Limbs whose joint centres are in ``tracks``, in columns that begin with ``before``, as nodes of ``group``.
+
+    Empty for recordings whose ``tracks.parquet`` was stored without them.
+    """
     at_of: dict[str, int] = {}
     sticks: list[Stick] = []
     for name, limb in LIMBS.items():
         for side in ("l", "r") if "*" in limb.start else ("",):
             joints = [joint.replace("*", side) for joint in (limb.start, limb.end)]
             for joint in joints:
-                centre_m = None if joint in at_of else xyz_columns(tracks, f"{JOINT}{joint}_", "_m")
-                if centre_m is not None:
+                centre_m = None if joint in at_of else xyz_columns(tracks, f"{before}{joint}_", "_m")
+                if centre_m is not None and np.isfinite(centre_m).any():
                     at_of[joint] = sheet.add_block(centre_m)
             if at_of.keys() >= set(joints):
-                sticks.append(Stick(f"{BODY}{name}{side and '/'}{side}", *(at_of[joint] for joint in joints)))
+                sticks.append(Stick(f"{group}{name}{side and '/'}{side}", *(at_of[joint] for joint in joints)))
     return tuple(sticks)
 
 
@@ -74,7 +79,7 @@ def foot_places_m(tracks: Columns) -> dict[str, np.ndarray]:
 
 def profile_of(stick: Stick) -> Profile | None:
     """The profile of a stick of ``body_sticks``; None for other sticks."""
-    limb = LIMBS.get(stick.name.removeprefix(BODY).partition("/")[0])
+    limb = LIMBS.get(stick.name.removeprefix(BODY).removeprefix(PERSON).partition("/")[0])
     return None if limb is None else limb.profile
 
 

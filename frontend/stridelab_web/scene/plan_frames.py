@@ -12,6 +12,7 @@ import numpy as np
 
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.parquet import Columns, xyz_columns
+from stridelab_web.scene.body_frames import PERSON, body_sticks
 from stridelab_web.scene.contacts import PlacedContact, contact_node, effector_side, placed_contacts, side_nodes
 from stridelab_web.scene.density_nodes import reach_places, repeated_nodes
 from stridelab_web.scene.frames import (
@@ -35,13 +36,6 @@ ROBOT, GHOST, MEASURED = "/robot/", "/ghost/", "/measured/"
 """Groups of nodes: the robot as planned, and as it moved in physics, with the measured forces."""
 PALE: Final = ((70, 110, 200), 0.4)
 """Colour and opacity of the replay's robot, which has the meshes of the planned one."""
-PERSON: Final = "/person/"
-TRUNK: Final = (("l_hip", "r_hip"), ("l_shoulder", "r_shoulder"), ("l_hip", "l_shoulder"), ("r_hip", "r_shoulder"))
-LIMBS: Final = (
-    ("hip", "knee"), ("knee", "ankle"), ("ankle", "heel"), ("heel", "ball"), ("ball", "toe"), ("ankle", "ball"),
-    ("shoulder", "elbow"), ("elbow", "wrist"),
-)  # fmt: skip
-"""Pairs of points of the imitated person that a line joins; those of one side."""
 MOMENTUM: Final = "/momentum/"
 MOMENTUM_M_PER_NMS: Final = 0.1
 """Length of the arrow of the angular momentum; it is a few newton metre seconds in walking."""
@@ -89,8 +83,8 @@ def plan_frames(
     """Frames of a plan; without a whole-body motion those of the centroidal plan alone, at its nodes.
 
     ``followed`` is the table of that motion, whose angular momentum is shown in place of the planned one.
-    ``person`` is the table of the person whose walk is imitated, who is shown as lines between joints. A cone has its
-    tip at the point of application of its force, so that it needs no columns of its own.
+    ``person`` is the table of the person whose walk is imitated. A cone has its tip at the point of application of its
+    force, so that it needs no columns of its own.
     """
     time_s = centroidal["time_s"] if motion is None else motion.time_s
     sheet = Sheet()
@@ -124,7 +118,7 @@ def plan_frames(
         name = f"/forces/{effector}"
         at_of[effector] = sheet.add_block(force)
         arrows.append(Arrow(f"{name}_shaft", f"{name}_head", at_of[effector], f"force on {effector}"))
-    person_com, bones = person_nodes(person, time_s, sheet)
+    person_com, limbs = person_nodes(person, time_s, sheet)
     ends_s = np.cumsum([phase.duration_s for phase in scenario.phases])
     placed = placed_contacts(scenario)
     loaded = [cone for cone in friction_cones(scenario, centroidal) if cone.touch.effector in at_of]
@@ -140,7 +134,7 @@ def plan_frames(
             *shadows,
         ),
         bodies=tuple(bodies),
-        sticks=bones,
+        sticks=limbs,
         arrows=tuple(arrows),
         spans=(
             *(Span(f"{contact_node(touch)}/touching", touch.start_s, touch.end_s) for touch in placed),
@@ -160,19 +154,15 @@ def plan_frames(
 def person_nodes(
     person: Columns | None, time_s: np.ndarray, sheet: Sheet
 ) -> tuple[tuple[Point, ...], tuple[Stick, ...]]:
-    """CoM and bones of the person at ``time_s``, in new blocks of ``sheet``; NaN outside the recording."""
+    """CoM and limbs of the person at ``time_s``, in new blocks of ``sheet``; NaN outside the recording."""
     if person is None:
         return (), ()
-    at_of = {}
-    pairs = [*TRUNK, *((f"{side}_{a}", f"{side}_{b}") for side in "lr" for a, b in LIMBS)]
-    for name in dict.fromkeys(("com", *(end for pair in pairs for end in pair))):
-        track = xyz_columns(person, f"{name}_", "_m")
-        if track is not None and np.isfinite(track).any():
-            at_of[name] = sheet.add_block(resample_track(time_s, person["time_s"], track))
-    ends = [(at_of[a], at_of[b]) for a, b in pairs if a in at_of and b in at_of]
-    bones = tuple(Stick(f"{PERSON}{k}", a, b) for k, (a, b) in enumerate(ends))
-    com = (Point(f"{PERSON}com", at_of["com"], "centre of mass of the person, scaled"),) if "com" in at_of else ()
-    return com, bones
+    own_s = person["time_s"]
+    shown = {name: resample_track(time_s, own_s, column[:, None])[:, 0] for name, column in person.items()}
+    com_m = xyz_columns(shown, "com_", "_m")
+    label = "centre of mass of the person, scaled"
+    com = () if com_m is None else (Point(f"{PERSON}com", sheet.add_block(com_m), label),)
+    return com, body_sticks(shown, sheet, PERSON, "")
 
 
 def momentum_nms(columns: Columns, time_s: np.ndarray) -> np.ndarray | None:

@@ -9,8 +9,8 @@ import viser
 from stridelab.schemas.recordings import Recording
 from stridelab.translations.catalogue import gettext
 from stridelab_web.scene import com_frames, cycloid_frames, stability_frames
-from stridelab_web.scene.body_frames import median_length_m, profile_of
-from stridelab_web.scene.frames import Frames, Stick
+from stridelab_web.scene.body_frames import profile_of
+from stridelab_web.scene.frames import Frames
 from stridelab_web.scene.second_walk import OTHER
 from stridelab_web.scene.shadows import is_shadow
 from stridelab_web.viewer import meshes
@@ -21,6 +21,7 @@ from stridelab_web.viewer.scene_parts import (
     add_mesh,
     add_path,
     add_shadows,
+    limb_mesh,
     place_camera,
     prepare_scene,
 )
@@ -87,7 +88,7 @@ def build_gait_scene(server: viser.ViserServer, recording: Recording, frames: Fr
         f"{OTHER}/": (bone, SECOND),
     }
     for stick in frames.sticks:
-        solid = _limb_mesh(frames, stick)
+        solid = limb_mesh(frames, stick)
         drawn = (solid, SKIN) if solid else next((of[a] for a in of if stick.name.startswith(a)), (bone, BONE))
         add_mesh(scene, stick.name, *drawn)
     for hoop in frames.hoops:
@@ -97,15 +98,6 @@ def build_gait_scene(server: viser.ViserServer, recording: Recording, frames: Fr
     _add_com(scene, frames)
     corners = centre + extent * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     place_camera(server, corners, view)
-
-
-def _limb_mesh(frames: Frames, stick: Stick) -> meshes.Mesh | None:
-    """The solid of a limb, as thick as its median length says; None for what is no limb, or never seen."""
-    profile = profile_of(stick)
-    length_m = median_length_m(frames.values, stick)
-    if profile is None or not length_m > 0.0:
-        return None
-    return meshes.solid_of_revolution([(height, share * length_m) for height, share in profile])
 
 
 def _add_plates(scene: viser.SceneApi, recording: Recording, towards_camera: np.ndarray) -> None:

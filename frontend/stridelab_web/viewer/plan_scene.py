@@ -8,10 +8,11 @@ import viser
 
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.scenarios import BoxSurface, RailSurface, Scenario, ScenarioContact
+from stridelab_web.scene.body_frames import PERSON
 from stridelab_web.scene.contacts import HalfSizes, box_corners_m, box_rotation, effector_side, placed_contacts
 from stridelab_web.scene.density_nodes import Quaternion, reach_places, shown_level_sets
 from stridelab_web.scene.frames import Frames
-from stridelab_web.scene.plan_frames import COM, GHOST, MEASURED, MOMENTUM, PERSON, ROBOT, Cone
+from stridelab_web.scene.plan_frames import COM, GHOST, MEASURED, MOMENTUM, ROBOT, Cone
 from stridelab_web.viewer import meshes
 from stridelab_web.viewer.contact_markers import COLOURS, add_fixed_marks
 from stridelab_web.viewer.robot_links import add_robot
@@ -21,6 +22,7 @@ from stridelab_web.viewer.scene_parts import (
     add_mesh,
     add_path,
     add_shadows,
+    limb_mesh,
     place_camera,
     prepare_scene,
 )
@@ -35,6 +37,7 @@ COM_RADIUS_M, PATH_RADIUS_M = 0.05, 0.006
 """The ball has the usual symbol of a centre of mass; the page draws both over the body (static/js/viewer/scene.js)."""
 BONE_RADIUS_M, PERSON_COM_RADIUS_M = 0.012, 0.035
 PERSON_COLOUR: Colour = (204, 102, 17)
+PERSON_OPACITY = 0.45
 AMBIENT = 1.1
 REACH_OPACITY = 0.2
 CONE_OPACITY, CONE_M = 0.35, 0.45
@@ -91,9 +94,10 @@ def add_com(scene: viser.SceneApi, name: str) -> None:
 
 
 def _add_person(scene: viser.SceneApi, frames: Frames) -> None:
-    """Add the bones and the centre of mass of the person whose walk is imitated."""
+    """Add the limbs and the centre of mass of the person whose walk is imitated; the robot shows through."""
     for stick in frames.sticks:
-        add_mesh(scene, stick.name, meshes.cylinder(BONE_RADIUS_M), PERSON_COLOUR)
+        solid = limb_mesh(frames, stick) or meshes.cylinder(BONE_RADIUS_M)
+        add_mesh(scene, stick.name, solid, PERSON_COLOUR, opacity=PERSON_OPACITY)
     for point in frames.points:
         if point.name.startswith(PERSON):
             add_mesh(scene, point.name, meshes.ball(PERSON_COM_RADIUS_M), PERSON_COLOUR)

@@ -6,7 +6,8 @@ from typing import Literal
 import numpy as np
 import viser
 
-from stridelab_web.scene.frames import HEAD_M, Arrow, Frames
+from stridelab_web.scene.body_frames import median_length_m, profile_of
+from stridelab_web.scene.frames import HEAD_M, Arrow, Frames, Stick
 from stridelab_web.scene.shadows import is_shadow
 from stridelab_web.viewer import meshes
 
@@ -125,3 +126,12 @@ def _true_runs(mask: np.ndarray) -> list[slice]:
     """Slices of consecutive true samples."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int)))
     return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def limb_mesh(frames: Frames, stick: Stick) -> meshes.Mesh | None:
+    """The solid of a limb, as thick as its median length says; None for what is no limb, or never seen."""
+    profile = profile_of(stick)
+    length_m = median_length_m(frames.values, stick)
+    if profile is None or not length_m > 0.0:
+        return None
+    return meshes.solid_of_revolution([(height, share * length_m) for height, share in profile])

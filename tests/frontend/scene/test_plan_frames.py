@@ -8,6 +8,7 @@ import httpx
 import numpy as np
 import pytest
 
+from stridelab_web.scene.body_frames import PERSON, profile_of
 from stridelab_web.scene.contacts import placed_contacts
 from stridelab_web.scene.documents import Document
 from stridelab_web.scene.frame_cache import MAX_PLANS, FrameCache
@@ -17,7 +18,6 @@ from stridelab_web.scene.plan_frames import (
     GROUP,
     MOMENTUM,
     MOMENTUM_M_PER_NMS,
-    PERSON,
     com_m,
     friction_cones,
     plan_frames,
@@ -84,7 +84,7 @@ def test_the_momentum_is_that_of_the_motion_where_there_is_one() -> None:
     assert len(plan_frames(SCENARIO, bare, None).arrows) == len(robots.EFFECTORS)
 
 
-def test_the_person_is_drawn_between_the_joints_that_are_known_while_recorded() -> None:
+def test_the_person_has_limbs_between_the_joints_that_are_known_while_recorded() -> None:
     columns = robots.centroidal(SCENARIO)
     times_s = columns["time_s"]
     track = {
@@ -92,11 +92,12 @@ def test_the_person_is_drawn_between_the_joints_that_are_known_while_recorded() 
         for k, name in enumerate(("com", "l_hip", "l_knee", "l_ankle"))
         for axis in "xyz"
     }
-    track |= {f"r_knee_{axis}_m": np.full(3, np.nan) for axis in "xyz"}
+    track |= {f"r_{name}_{axis}_m": np.full(3, np.nan) for name in ("hip", "knee") for axis in "xyz"}
     frames = plan_frames(SCENARIO, columns, None, None, {"time_s": times_s[1:4], **track})
     starts = {stick.name: (stick.start, stick.end) for stick in frames.sticks}
-    assert list(starts) == [f"{PERSON}0", f"{PERSON}1"]
-    thigh = frames.values[:, list(starts[f"{PERSON}0"])]
+    assert list(starts) == [f"{PERSON}thigh/l", f"{PERSON}shank/l"]
+    assert all(profile_of(stick) for stick in frames.sticks)
+    thigh = frames.values[:, list(starts[f"{PERSON}thigh/l"])]
     assert np.allclose(thigh[1:4], np.column_stack([0.1 + times_s[1:4], 0.2 + times_s[1:4]]), atol=1e-4)
     assert np.isnan(thigh[[0, 4]]).all()
     assert f"{PERSON}com" in [point.name for point in frames.points]

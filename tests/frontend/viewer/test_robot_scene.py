@@ -122,5 +122,5 @@ def test_the_imitated_person_is_in_the_scene(fake: FakeService, library: ScenePo
     fake.plans[job.id] = {**fake.plans[job.id], PERSON: sink.getvalue()}
     layout = read_plan(fake.plans[job.id])[1].to_layout()
     moved = {node[0] for key in ("points", "sticks") for node in layout[key] if node[0].startswith("/person/")}
-    assert moved == {"/person/com", "/person/0"}
+    assert moved == {"/person/com", "/person/thigh/l"}
     assert moved <= set(nodes(library.open_scene(Document("plan", job.id))))

@@ -21,11 +21,12 @@ from stridelab_web.formatting import check_name, code_words, count_text, with_un
 from stridelab_web.pages.render import render_page
 from stridelab_web.pages.verdicts import shown_verdict
 from stridelab_web.pages.viewer.preparing import preparation_page
+from stridelab_web.scene.body_frames import PERSON
 from stridelab_web.scene.contacts import contact_facts, effector_side, half_sizes, placed_contacts
 from stridelab_web.scene.density_nodes import GROUP, SHOWN_MASS
 from stridelab_web.scene.documents import Document
 from stridelab_web.scene.frames import FORCE_SCALE, Frames
-from stridelab_web.scene.plan_frames import GHOST, MEASURED, MOMENTUM, MOMENTUM_M_PER_NMS, PERSON, ROBOT
+from stridelab_web.scene.plan_frames import GHOST, MEASURED, MOMENTUM, MOMENTUM_M_PER_NMS, ROBOT
 from stridelab_web.scene.plan_frames import GROUP as CONES
 from stridelab_web.scene.result_files import PERSON as PERSON_TABLE
 from stridelab_web.scene.result_files import REPLAYED, SCENARIO, needed_files, read_plan
