@@ -124,8 +124,12 @@ def test_nothing_is_overwritten(folder: Path, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["walk1-com"]
 
 
-def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:
-    assert run(tmp_path).exit_code != 0
+def test_a_folder_without_recordings_is_refused_and_exports_as_text_are_named(tmp_path: Path) -> None:
+    """The forces of a TSV file are in others, and a CSV file may be a table of subjects."""
+    (tmp_path / "walk.tsv").write_text("NO_OF_FRAMES\t0\n")
+    answer = run(tmp_path)
+    assert answer.exit_code != 0
+    assert "exports as TSV or CSV are named themselves" in str(answer.exception) + answer.output
 
 
 def member(name: str, parent: str, height_m: float | None = None, day: str | None = None) -> Member:

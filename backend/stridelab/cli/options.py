@@ -42,7 +42,8 @@ Trial = Annotated[Path, typer.Argument(help="A .c3d, .trc, .tsv, .csv, .mvnx fil
 Trials = Annotated[
     list[Path],
     typer.Argument(
-        help="A .c3d, .trc, or .zip of TRC and MOT; or several, or folders: trials of one person and day are a session."
+        help="A .c3d, .trc, .tsv, .csv, .mvnx file, or a .zip of a trial; or several, or folders: trials of one person "
+        "and day are a session."
     ),
 ]
 Height = Annotated[float | None, typer.Option("--height", help="Stature in metres.")]

@@ -107,7 +107,9 @@ def collect_recordings(paths: Sequence[Path]) -> list[Path]:
             files.append(path)
     if not files:
         named = ", ".join(str(path) for path in paths)
-        raise InvalidInput("no-recordings", f"There is no recording in {named}.", [Fault("FILES", "nothing")])
+        sought = "In a folder, C3D, TRC and MVNX files and zips are sought; exports as TSV or CSV are named themselves."
+        message = f"There is no recording in {named}. {sought}"
+        raise InvalidInput("no-recordings", message, [Fault("FILES", "nothing")])
     return files
 
 

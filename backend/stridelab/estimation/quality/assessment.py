@@ -166,8 +166,7 @@ def _force_rows(measures: Measures, mass_kg: float) -> Iterator[_CheckRow]:
     yield _CheckRow(
         "channel_exchange",
         measures.exchange_ratio,
-        "With the fore-aft and the lateral channel exchanged, the force differs from the one that the motion of the "
-        f"markers needs by {1.0 / max(measures.exchange_ratio, 1e-9):.2f} times as much as it does now",
+        _exchange_finding(measures.exchange_ratio),
         "the two horizontal force channels and the markers",
         "the body does not walk for half a second, or its segments are hidden",
     )
@@ -316,6 +315,17 @@ def _gain_finding(gain: ChannelGain) -> str:
     return (
         f"The motion of the markers needs {gain.gain:.2f} times (standard error {gain.sd:.2f}) the force {gain.axis} "
         f"that {which}"
+    )
+
+
+def _exchange_finding(ratio: float) -> str:
+    """The sentence of ``exchange_ratio``, without its end; a ratio of 0 says that the exchange explains too little."""
+    exchanged = "With the fore-aft and the lateral channel exchanged"
+    if ratio == 0.0:
+        return f"{exchanged}, more than half of the force that the motion of the markers needs is unexplained"
+    return (
+        f"{exchanged}, the force differs from the one that the motion of the markers needs by {1.0 / ratio:.2f} times "
+        "as much as it does now"
     )
 
 
