@@ -4,6 +4,7 @@ import struct
 from pathlib import Path
 from typing import Any
 
+import ezc3d
 import numpy as np
 import pytest
 
@@ -15,6 +16,7 @@ from support.recordings.c3d_files import (
     PlateChannels,
     as_written_by,
     parameter_at,
+    small_trial,
     with_integer_samples,
     with_parameter,
     write_file,
@@ -225,3 +227,14 @@ def test_messages_of_the_library_are_not_shown(tmp_path: Path, monkeypatch: pyte
         read_recording(tmp_path / "a.c3d")
     assert refused.value.code == "c3d-unreadable"
     assert "bad_alloc" not in repr((refused.value.message, refused.value.faults))
+
+
+def test_a_short_hole_of_a_force_channel_is_bridged_and_named(tmp_path: Path) -> None:
+    """Zeros in its place would be half a weight for ten milliseconds."""
+    path = small_trial(tmp_path / "hole.c3d")
+    content = ezc3d.c3d(str(path))
+    content["data"]["analogs"][0, 2, 500:510] = np.nan
+    content.write(str(path))
+    recording = read_recording(path)
+    np.testing.assert_allclose(recording.plates[0].force_n[495:515, 2], recording.plates[0].force_n[490, 2], atol=1e-3)
+    assert "force-samples-missing" in {remark.code for remark in recording.remarks}

@@ -18,12 +18,16 @@ from scipy.interpolate import CubicSpline
 
 from stridelab.conventions import Mask, Points, Rotations
 from stridelab.recordings.files.raw import LARGEST_PLAUSIBLE, Cloud
+from stridelab.recordings.recording import Remark
 
 MAX_GAP_S = 0.1
 """Longest gap that is interpolated: about 4 cm of a foot's swing, less than a fifth of a step's duration."""
 
 MAX_BRIDGE_S = 0.2
 """Longest gap of a marker that is bridged by the other markers of its segment: half of a running foot's swing."""
+
+MAX_FORCE_GAP_S = 0.03
+"""Longest gap of a force channel that is interpolated; zeros in a longer one are found as missing force."""
 
 
 def mark_missing(points_m: Cloud) -> Cloud:
@@ -56,6 +60,26 @@ def fill_short_gaps(track_m: Points, rate_hz: float, max_gap_s: float = MAX_GAP_
     out = track_m.copy()
     out[filled] = CubicSpline(seen, track_m[seen], axis=0)(np.flatnonzero(filled))
     return out, filled
+
+
+def bridge_force_gaps(
+    signals: Float[np.ndarray, "n channels"], rate_hz: float, source: str
+) -> tuple[Float[np.ndarray, "n channels"], tuple[Remark, ...]]:
+    """Channels of a plate without NaN, and a remark if gaps of ``source`` (``plate 1``) were interpolated.
+
+    Gaps between two samples of at most ``MAX_FORCE_GAP_S`` are interpolated linearly; other missing samples are 0.
+    """
+    missing = np.isnan(signals)
+    filled, bridged = np.where(missing, 0.0, signals), np.zeros(len(signals), dtype=bool)
+    for k in np.flatnonzero(missing.any(axis=0)):
+        for i, j in true_runs(missing[:, k]):
+            if i > 0 and j < len(signals) and j - i <= MAX_FORCE_GAP_S * rate_hz:
+                filled[i:j, k] = np.linspace(signals[i - 1, k], signals[j, k], j - i + 2)[1:-1]
+                bridged[i:j] = True
+    if not bridged.any():
+        return filled, ()
+    message = f"{int(bridged.sum())} samples of {source} are missing in gaps of at most {1e3 * MAX_FORCE_GAP_S:g} ms, "
+    return filled, (Remark("force-samples-missing", f"{message}which are interpolated."),)
 
 
 def bridge_segment_gaps(tracks: Mapping[str, Points], rate_hz: float) -> dict[str, Points]:

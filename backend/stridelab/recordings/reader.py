@@ -82,7 +82,12 @@ def _read_raw(path: Path, name: str) -> RawTrial:
     if head[:2] == b"PK":
         raise UnreadableFile("zip-damaged", "The zip file is damaged or truncated.", [Fault(path.name, "not readable")])
     if head[1:2] == _C3D_KEY:
-        return read_c3d(path)
+        try:
+            return read_c3d(path)
+        except UnreadableFile as error:
+            if error.code != "not-c3d":
+                raise
+            raise unknown_format_error(head, name) from error
     text = head.decode("utf-8-sig", errors="replace")
     if is_trc(text) or is_marker_storage(text):
         return read_trc(path, name)

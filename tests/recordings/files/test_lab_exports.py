@@ -62,6 +62,17 @@ def test_a_qualisys_export_is_the_recording(numbered: bool, tmp_path: Path) -> N
     assert "free-moment-unknown" not in codes(recording)
 
 
+def test_a_short_gap_of_an_exported_force_is_bridged_and_named(tmp_path: Path) -> None:
+    at = int(np.argmax(walk().plates[0].force_n[:, 2] > 400.0))
+    force_n = walk().plates[0].force_n.copy()
+    force_n[at : at + 5] = np.nan
+    holed = replace(walk(), plates=(replace(walk().plates[0], force_n=force_n), *walk().plates[1:]))
+    recording = read_recording(write_qualisys(tmp_path / "walk.zip", holed, numbered=False))
+    bridged_n, true_n = recording.plates[0].force_n[at : at + 5], walk().plates[0].force_n[at : at + 5]
+    np.testing.assert_allclose(bridged_n, true_n, atol=20.0)
+    assert "force-samples-missing" in codes(recording)
+
+
 @pytest.mark.parametrize("moment_mm", [True, False])
 def test_forces_in_the_axes_of_their_plate_are_turned(moment_mm: bool, tmp_path: Path) -> None:
     """Moments in N mm or N m; a plate without corners is refused."""
@@ -243,3 +254,22 @@ def test_an_unknown_format_is_named_with_what_to_do(name: str, tmp_path: Path) -
     assert refused.value.code == "unknown-format"
     assert f"{name} is {what}" in refused.value.message
     assert any(word in refused.value.message.partition("). ")[2] for word in ("C3D", "TRC", "TSV"))
+
+
+EMG = "Devices\n2000\n,,EMG - Voltage,\nFrame,Sub Frame,e1,e2\n,,V,V\n" + "".join(
+    f"{1 + k // 20},{k % 20},0.1,0.2\n" for k in range(4000)
+)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_the_plates_are_read_beside_a_second_section_of_devices(first: bool, tmp_path: Path) -> None:
+    devices, trajectories = nexus_csv(walk()).split("\n\n")
+    parts = [EMG.rstrip(), devices] if first else [devices, EMG.rstrip()]
+    (tmp_path / "walk.csv").write_text("\n\n".join([*parts, trajectories]))
+    assert_same(read_recording(tmp_path / "walk.csv"))
+
+
+@pytest.mark.parametrize("mark", ["\t", ";"])
+def test_an_export_of_nexus_may_have_decimal_commas(mark: str, tmp_path: Path) -> None:
+    (tmp_path / "walk.csv").write_text(nexus_csv(walk(), mark=mark).replace(".", ","))
+    assert_same(read_recording(tmp_path / "walk.csv"))

@@ -176,6 +176,19 @@ def test_light_contact_uses_the_nearest_meaningful_centre_of_pressure(tmp_path: 
     assert np.abs(plate.moment_nm[late]).max() < 5.0
 
 
+@pytest.mark.parametrize(("rows", "bridged"), [(17, True), (24, False)])
+def test_a_short_gap_of_the_forces_is_bridged_and_named(rows: int, bridged: bool, tmp_path: Path) -> None:
+    """Zeros in its place would be half a weight for some milliseconds; at 600 Hz, 30 ms are 18 rows."""
+    holed, at = values(), int(np.argmax(values()[:, 1] > 0.5 * values()[:, 1].max()))
+    holed[at : at + rows] = np.nan
+    members = {"a.trc": trc(1000 * body()), "a.mot": mot(names("", ""), holed, HEADERS["nRows"])}
+    recording = read(tmp_path, members)
+    force_n = z_up(wrench()[0])
+    between = np.linspace(force_n[at - 1], force_n[at + rows], rows + 2)[1:-1] if bridged else np.zeros((rows, 3))
+    np.testing.assert_allclose(recording.plates[0].force_n[at : at + rows], between, atol=1e-5)
+    assert ("force-samples-missing" in {remark.code for remark in recording.remarks}) == bridged
+
+
 def test_metres_are_recognised_under_a_wrong_unit(tmp_path: Path) -> None:
     force = mot(names("", ""), values(), HEADERS["nRows"])
     metres = read(tmp_path, {"a.trc": trc(body(), unit="m"), "a.mot": force})

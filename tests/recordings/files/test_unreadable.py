@@ -373,3 +373,19 @@ def test_times_that_do_not_overlap_are_refused_with_both_ranges(tmp_path: Path) 
 )
 def test_a_broken_mot_is_refused(text: str, code: str, tmp_path: Path) -> None:
     assert refused_zip(tmp_path, {"a.trc": TRC, "a.mot": text}).code == code
+
+
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (b"Format Version,1.23,Take Name,Take 01\n", "a CSV file of Motive"),
+        (b"BTS ASCII format\n\nType:\tPoint 3D tracks\n", "a text file of BTS"),
+        ("PathFileType\t4".encode("utf-16"), "a text in UTF-16"),
+        (b"SPORT,time,x,y,z,force\n1,2,3,4,5,6\n", "of no known format (it begins with 'SPORT,time"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(600), "of no known format (its first bytes are 89 50 4e 47"),
+    ],
+)
+def test_a_file_of_another_program_is_named_by_its_first_bytes(content: bytes, what: str, tmp_path: Path) -> None:
+    refusal = refused_bytes(tmp_path, content)
+    assert refusal.code == "unknown-format"
+    assert what in refusal.message

@@ -27,7 +27,7 @@ from stridelab.recordings.files.metadata import (
 )
 from stridelab.recordings.files.raw import LARGEST_PLAUSIBLE, Cloud, PlateSignals, RawTrial
 from stridelab.recordings.force_plates import CHANNELS, corners_fault, sensor_wrench
-from stridelab.recordings.gap_filling import mark_missing
+from stridelab.recordings.gap_filling import bridge_force_gaps, mark_missing
 from stridelab.recordings.orientation import rotation_to_z_up
 from stridelab.recordings.recording import Event, Remark
 
@@ -112,13 +112,14 @@ def read_c3d(path: Path) -> RawTrial:
     column = list(choice.column.values())
     scale, unit_remarks = length_scale(P.text("POINT", "UNITS"), cloud[:, column, :])
     subject, subject_remarks = read_subject(_stated_subject(P))
-    plates, plate_remarks = _read_plates(P, analogs, _scale_of_plates(P, scale))
+    force_rate_hz = P.number("ANALOG", "RATE", rate_hz) or rate_hz
+    plates, plate_remarks = _read_plates(P, analogs, force_rate_hz, _scale_of_plates(P, scale))
     return RawTrial(
         labels=tuple(choice.column),
         outputs=choice.outputs,
         points_m=cloud[:, column, :] * scale,
         marker_rate_hz=rate_hz,
-        force_rate_hz=P.number("ANALOG", "RATE", rate_hz) or rate_hz,
+        force_rate_hz=force_rate_hz,
         plates=plates,
         contacts=(),
         subject=subject,
@@ -240,7 +241,9 @@ def _scale_of_plates(P: Parameters, scale: float) -> float:
     return stated if n_plausible(stated) > n_plausible(scale) else scale
 
 
-def _read_plates(P: Parameters, analogs: np.ndarray, scale: float) -> tuple[tuple[PlateSignals, ...], list[Remark]]:
+def _read_plates(
+    P: Parameters, analogs: np.ndarray, rate_hz: float, scale: float
+) -> tuple[tuple[PlateSignals, ...], list[Remark]]:
     group = "FORCE_PLATFORM"
     kinds = P.numbers(group, "TYPE").ravel()
     n = min(int(P.number(group, "USED", 0.0)), len(kinds))
@@ -274,7 +277,8 @@ def _read_plates(P: Parameters, analogs: np.ndarray, scale: float) -> tuple[tupl
         if matrix is not None and P.text(group, "MATRIX_STORE").upper() == "BYROW":
             matrix = matrix.T
         origin_m = origin.reshape(3, -1)[:, k] * scale
-        signals = np.where(np.isnan(analogs[:, used]), 0.0, analogs[:, used])
+        signals, gaps = bridge_force_gaps(analogs[:, used], rate_hz, f"plate {k + 1}")
+        remarks += gaps
         if (np.abs(signals) > LARGEST_PLAUSIBLE).any():
             remarks.append(
                 Remark("plate-unusable", f"Plate {k + 1} was left out: its channels hold impossible values.")

@@ -32,12 +32,19 @@ _FORMATS: Final = {
     ".x1d": ("raw camera data of Vicon", "Reconstruct the trial in Nexus and export a C3D or CSV file."),
     ".x2d": ("raw camera data of Vicon", "Reconstruct the trial in Nexus and export a C3D or CSV file."),
     ".v": ("a Vicon trial of an older program", "Export a C3D file from Workstation or Nexus."),
+    ".emt": ("a text file of BTS", "Export a C3D file from SMART Tracker or SMART Analyzer."),
+    "motive": ("a CSV file of Motive (OptiTrack)", "Export a C3D or TRC file from Motive."),
+    "utf-16": ("a text in UTF-16", "Save it as UTF-8."),
     ".bvh": ("a BVH file", "It holds joint angles and no markers: export a C3D or TRC file."),
 }
 """What a file is by its suffix, and what to do instead."""
 _BEGINNINGS: Final = {
     b"\x82\x4b\x60\x41\xd3\x11\x84\xca": ".tdf",
     b"HIERARCHY": ".bvh",
+    b"BTS ASCII": ".emt",
+    b"Format Version,": "motive",
+    b"\xff\xfe": "utf-16",
+    b"\xfe\xff": "utf-16",
 }
 _SHOWN_BYTES: Final = 16
 

@@ -24,7 +24,7 @@ from stridelab.recordings.files.metadata import length_scale
 from stridelab.recordings.files.raw import CONTACT_TYPE, NO_FORCE_FILE, Cloud, FilePlate, RawTrial
 from stridelab.recordings.files.trc_mot import COP_THRESHOLD_N, bounding_rectangle
 from stridelab.recordings.force_plates import corners_fault, plate_axes
-from stridelab.recordings.gap_filling import mark_missing
+from stridelab.recordings.gap_filling import bridge_force_gaps, mark_missing
 from stridelab.recordings.orientation import axis_vector, nearest_axis
 from stridelab.recordings.recording import Remark, Subject
 
@@ -82,8 +82,9 @@ def assemble_export(
         remarks.append(Remark(NO_FORCE_FILE, message))
     contacts = []
     for index, plate in enumerate(plates, start=1):
-        contact, more = _contact(index, plate, points_m)
-        remarks += more
+        whole, gaps = _without_gaps(plate, force_rate_hz)
+        contact, more = _contact(index, whole, points_m)
+        remarks += [*gaps, *more]
         contacts += [] if contact is None else [contact]
     return RawTrial(
         labels=tuple(choice.column),
@@ -105,9 +106,15 @@ def _cut(plate: ExportedPlate, n: int) -> ExportedPlate:
     return ExportedPlate(plate.name, plate.force_n[:n], plate.moment_nm[:n], plate.cop_m[:n], plate.corners_m)
 
 
+def _without_gaps(plate: ExportedPlate, rate_hz: float) -> tuple[ExportedPlate, tuple[Remark, ...]]:
+    force_n, remarks = bridge_force_gaps(plate.force_n, rate_hz, plate.name)
+    moment_nm, cop_m = (bridge_force_gaps(track, rate_hz, "")[0] for track in (plate.moment_nm, plate.cop_m))
+    return ExportedPlate(plate.name, force_n, moment_nm, cop_m, plate.corners_m), remarks
+
+
 def _contact(index: int, plate: ExportedPlate, points_m: Cloud) -> tuple[FilePlate | None, list[Remark]]:
     """Wrench on the body about the file's origin, and remarks; None for a plate that is never loaded."""
-    force_n, moment_nm, cop_m = (np.nan_to_num(track) for track in (plate.force_n, plate.moment_nm, plate.cop_m))
+    force_n, moment_nm, cop_m = plate.force_n, plate.moment_nm, plate.cop_m
     loaded = np.linalg.norm(force_n, axis=1) > COP_THRESHOLD_N
     if not loaded.any() or not np.isfinite(points_m).any():
         return None, [Remark("plate-unloaded", f"The plate {plate.name} is never loaded and was left out.")]

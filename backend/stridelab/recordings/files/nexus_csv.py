@@ -21,6 +21,7 @@ from stridelab.recordings.recording import Remark
 _TITLES: Final = ("Devices", "Trajectories", "Joints", "Model Outputs", "Segments", "Events")
 _KINDS: Final = {"force": "Fx Fy Fz", "moment": "Mx My Mz", "cop": "Cx Cy Cz"}
 _DEVICE: Final = re.compile(r"^(?P<name>.+) - (?P<kind>Force|Moment|CoP)$", re.IGNORECASE)
+_COLUMNS: Final = re.compile(r"^\s*frame\s*(?P<mark>[,;\t])\s*sub frame", re.IGNORECASE | re.MULTILINE)
 _METRES: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
@@ -38,7 +39,7 @@ class _Section:
 def is_nexus_csv(text: str) -> bool:
     """Whether a text begins with a section of an ASCII export."""
     lines = text[:2000].lstrip("\ufeff \r\n").splitlines()
-    return len(lines) > 1 and re.split(r"[,\t]", lines[0])[0].strip() in _TITLES
+    return len(lines) > 1 and re.split(r"[,;\t]", lines[0])[0].strip() in _TITLES
 
 
 def read_nexus_csv(text: str, name: str) -> RawTrial:
@@ -47,7 +48,10 @@ def read_nexus_csv(text: str, name: str) -> RawTrial:
     Raises ``UnreadableFile`` (``csv-broken``, ``no-markers``, and as ``assemble_export``).
     """
     try:
-        sections = dict(_sections(text))
+        sections: dict[str, _Section] = {}
+        for title, section in _sections(text):
+            if title not in sections or not _plates(sections[title])[0]:
+                sections[title] = section
         if "Trajectories" not in sections:
             held = ", ".join(sections) or "none"
             message = f"The CSV file {name} has no section Trajectories (it has {held}); export the markers, too."
@@ -74,8 +78,9 @@ def read_nexus_csv(text: str, name: str) -> RawTrial:
 def _sections(text: str) -> Iterator[tuple[str, _Section]]:
     """Title and content of every section of numbers; those without the columns Frame and Sub Frame are ignored."""
     lines = text.lstrip("\ufeff").splitlines()
-    mark = "," if "," in "".join(lines[:6]) else "\t"
-    rows = [(i + 1, line.replace(mark, "\t")) for i, line in enumerate(lines)]
+    found = _COLUMNS.search(text)
+    mark = found["mark"] if found else "," if "," in "".join(lines[:6]) else "\t"
+    rows = [(i + 1, line.replace(mark, "\t").replace(",", ".")) for i, line in enumerate(lines)]
     starts = [at for at, (_, row) in enumerate(rows) if row.split("\t")[0].strip() in _TITLES and row.strip()]
     for start, stop in zip(starts, [*starts[1:], len(rows)], strict=True):
         part = [(line, row) for line, row in rows[start:stop] if row.strip()]

@@ -28,7 +28,7 @@ from stridelab.recordings.files.trc import (
     trc_broken,
     trc_lines,
 )
-from stridelab.recordings.gap_filling import mark_missing
+from stridelab.recordings.gap_filling import bridge_force_gaps, mark_missing
 from stridelab.recordings.orientation import axis_vector, nearest_axis
 from stridelab.recordings.recording import Remark, Subject
 
@@ -136,6 +136,10 @@ def read_contacts(
         remarks = (Remark("cut-to-common-time", message),)
     force_rate_hz = sampling_rate_hz(mot_time_s)
     first_s = float(time_s[frames][0])
+    for key, tracks in forces.items():
+        for kind, track in tracks.items():
+            tracks[kind], gaps = bridge_force_gaps(track, force_rate_hz, f"contact {key or 1}")
+            remarks += gaps if kind == "v" else ()
     contacts, more = _resample_contacts(
         even_times_s(mot_time_s, first_s), forces, force_rate_hz, int(frames.sum()) / rate_hz
     )
@@ -143,7 +147,7 @@ def read_contacts(
 
 
 def parse_mot(text: str, name: str, meaning: Mapping[str, str] = {}) -> tuple[Series, dict[str, dict[str, Points]]]:
-    """Times, and per contact the arrays "v" (force), "p" (centre of pressure) and "t" (free moment).
+    """Times, and per contact the arrays "v" (force), "p" (centre of pressure) and "t" (free moment), NaN where missing.
 
     Both header dialects (``nRows=``, ``datarows``) end in ``endheader``; contacts are distinguished by the prefix or
     suffix of the column name (``ground_force_vx``, ``1_ground_force_vx``, ``ground_force_r_vx``, ``ground_force1_vx``).
@@ -166,7 +170,7 @@ def parse_mot(text: str, name: str, meaning: Mapping[str, str] = {}) -> tuple[Se
         contact = contacts.setdefault((match["pre"] + match["post"]).strip("_").lower(), {})
         kind = match["kind"].lower().replace("m", "t") if match["what"].lower() == "force" else "t"
         track = contact.setdefault(kind, np.zeros((len(table), 3)))
-        track[:, "xyz".index(match["axis"].lower())] = np.nan_to_num(table[:, i], posinf=0.0, neginf=0.0)
+        track[:, "xyz".index(match["axis"].lower())] = np.where(np.isfinite(table[:, i]), table[:, i], np.nan)
     whole = {key: c for key, c in contacts.items() if {"v", "p"} <= set(c)}
     if not whole:
         raise UnreadableFile(
