@@ -1,5 +1,6 @@
 """``stridelab add-robot``: a card beside the rebuilt description, and refusals that leave nothing."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,29 @@ def test_a_refused_robot_leaves_nothing(tmp_path: Path, content: bytes, words: s
     assert code not in (0, 1)
     assert words in output
     assert list((tmp_path / "own" / "robots").iterdir()) == []
+
+
+def test_a_robot_stays_if_its_replacement_is_refused(tmp_path: Path) -> None:
+    assert add(tmp_path, archive({"small.urdf": Humanoid().urdf()}))[0] == 0
+    learned = tmp_path / "own" / "reachability" / "small" / "uniform.json"
+    learned.parent.mkdir(parents=True)
+    learned.write_text("{}", encoding="utf-8")
+    before = {path: path.read_bytes() for path in (tmp_path / "own").rglob("*") if path.is_file()}
+    code, output = add(tmp_path, archive({"a.urdf": Humanoid(foot="sphere").urdf()}), "--force")
+    assert code != 0
+    assert "point foot" in output
+    assert {path: path.read_bytes() for path in (tmp_path / "own").rglob("*") if path.is_file()} == before
+
+
+def test_a_card_that_was_corrected_into_nonsense_is_not_commissioned(tmp_path: Path) -> None:
+    assert add(tmp_path, archive({"nonsense.urdf": Humanoid().urdf()}), name="nonsense")[0] == 0
+    card = tmp_path / "own" / "robots" / "nonsense.toml"
+    text, count = re.subn(r'"left_knee" = 150.0', '"left_knee" = 1e300', card.read_text(encoding="utf-8"), count=1)
+    assert count == 1
+    card.write_text(text, encoding="utf-8")
+    again = CliRunner().invoke(app, ["add-robot", "--robots", str(tmp_path / "own"), "--name", "nonsense"])
+    assert again.exit_code not in (0, 1)
+    assert "limits.torque_nm.left_knee" in " ".join(again.output.split())
 
 
 def test_a_robot_is_commissioned_again_with_its_corrected_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

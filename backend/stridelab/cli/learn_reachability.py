@@ -7,6 +7,8 @@ import json
 import re
 import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated
@@ -147,30 +149,30 @@ def add_robot(
     if file is None:
         if not (own / f"{name}.toml").is_file():
             raise NotFound("robot-not-found", f"There is no robot {name} in {robots}; name its file.")
+        _check_own_card(name, robots)
         _commission_own_robot(request, robots)
         return
-    if (own / f"{name}.toml").exists() and force:
-        _remove_robot(robots, name)
-    if name in robot_names() or (own / f"{name}.toml").exists() or (own / name).exists():
-        raise Conflict("robot-name-taken", f"There is a robot named {name}; choose another name, or use --force.")
-    own.mkdir(parents=True, exist_ok=True)
-    title = file.stem
-    try:
-        with tempfile.TemporaryDirectory() as scratch:
-            if installed is not None:
-                package, inside = installed
-                title = f"{inside.stem} of {package.name} {package.version}"
-                file, description = Path(scratch, f"{inside.stem}.zip"), str(inside)
-                pack_description(package, inside, file)
-            assumed = rebuild_description(file, file.name, name, own, description)
-        proposal = propose_card(name, title[:60], own, assumed)
-        if use_estimates:
-            card, assumed = take_estimates(proposal.card, proposal.assumed)
-            proposal = replace(proposal, card=card, assumed=assumed)
-    except BaseException:
-        shutil.rmtree(own / name, ignore_errors=True)
-        raise
-    (own / f"{name}.toml").write_text(card_toml(proposal.card), encoding="utf-8")
+    with _set_aside(robots, name) if force else nullcontext():
+        if name in robot_names() or (own / f"{name}.toml").exists() or (own / name).exists():
+            raise Conflict("robot-name-taken", f"There is a robot named {name}; choose another name, or use --force.")
+        own.mkdir(parents=True, exist_ok=True)
+        title = file.stem
+        try:
+            with tempfile.TemporaryDirectory() as scratch:
+                if installed is not None:
+                    package, inside = installed
+                    title = f"{inside.stem} of {package.name} {package.version}"
+                    file, description = Path(scratch, f"{inside.stem}.zip"), str(inside)
+                    pack_description(package, inside, file)
+                assumed = rebuild_description(file, file.name, name, own, description)
+            proposal = propose_card(name, title[:60], own, assumed)
+            if use_estimates:
+                card, assumed = take_estimates(proposal.card, proposal.assumed)
+                proposal = replace(proposal, card=card, assumed=assumed)
+            (own / f"{name}.toml").write_text(card_toml(proposal.card), encoding="utf-8")
+        except BaseException:
+            shutil.rmtree(own / name, ignore_errors=True)
+            raise
     show_proposal(proposal, own / f"{name}.toml")
     if commission:
         _commission_own_robot(request, robots)
@@ -208,6 +210,18 @@ def show_packages() -> None:
             out.print(f"  {escape(str(path))}")
 
 
+def _check_own_card(name: str, robots: Path) -> None:
+    """Raises ``InvalidInput`` (``robot-card-invalid``, ``robot-description-invalid``) as the service does."""
+    from stridelab.robots.assembly import assemble_robot
+    from stridelab.robots.card import parse_card
+    from stridelab.robots.data_files import data_files
+    from stridelab.robots.proposal.corrected_card import check_corrected_card
+
+    add_models_folder(robots)
+    card = parse_card(name, (robots / "robots" / f"{name}.toml").read_bytes())
+    check_corrected_card(card, assemble_robot(name, card, data_files(card)))
+
+
 def _commission_own_robot(request: CommissionRobotInput, robots: Path) -> None:
     """Commission a robot of the folder ``robots``; raises ``typer.Exit`` if it does not walk."""
     from stridelab.pipelines.commissioning.commission_robot import commission_robot
@@ -225,10 +239,20 @@ def _commission_own_robot(request: CommissionRobotInput, robots: Path) -> None:
         raise typer.Exit(FAILURE)
 
 
-def _remove_robot(robots: Path, name: str) -> None:
-    (robots / "robots" / f"{name}.toml").unlink()
-    for folder in (robots / "robots" / name, robots / "reachability" / name):
-        shutil.rmtree(folder, ignore_errors=True)
+@contextmanager
+def _set_aside(robots: Path, name: str) -> Iterator[None]:
+    """Remove the robot ``name`` of the folder, if there is one; it is put back if the context ends with an error."""
+    with tempfile.TemporaryDirectory(dir=robots if robots.is_dir() else None) as scratch:
+        parts = (Path("robots", f"{name}.toml"), Path("robots", name), Path("reachability", name))
+        moved = [(robots / part, Path(scratch, str(k))) for k, part in enumerate(parts) if (robots / part).exists()]
+        for path, aside in moved:
+            path.rename(aside)
+        try:
+            yield
+        except BaseException:
+            for path, aside in moved:
+                aside.rename(path)
+            raise
 
 
 def show_proposal(proposal: "Proposal", path: Path) -> None:

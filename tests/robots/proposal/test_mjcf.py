@@ -368,3 +368,18 @@ def test_unsupported_elements_are_refused_by_name(case: str, tmp_path: Path) -> 
     assert refused.value.code == code
     assert isinstance(refused.value, InvalidInput | UnreadableFile)
     assert refused.value.faults
+
+
+def test_models_elsewhere_on_the_disk_are_not_read(tmp_path: Path) -> None:
+    other = tmp_path / "other.xml"
+    other.write_text(
+        "<mujoco><worldbody><body name='b'><geom size='.1'/></body></worldbody></mujoco>", encoding="utf-8"
+    )
+    start, _, end = Humanoid().mjcf().partition("<worldbody>")
+    text = f"{start}<asset><model name='m' file='{other}'/></asset><worldbody>{end}"
+    at = text.rindex("</body>")
+    text = f"{text[:at]}<attach model='m' body='b' prefix='x_'/>{text[at:]}"
+    (tmp_path / "upload").write_bytes(archive({"robot.xml": text}))
+    with pytest.raises(InvalidInput, match="it reads another model") as refused:
+        rebuild_description(tmp_path / "upload", "robot.zip", "small", tmp_path / "robots")
+    assert [fault.where for fault in refused.value.faults] == ["<attach>", "<model>"]

@@ -242,6 +242,12 @@ def long_attribute() -> bytes:
     return one(GOOD.replace('"left_knee"', f'"{"k" * 7_000_000}"'))
 
 
+def many_shapes() -> bytes:
+    """A link of 5000 boxes, whose pairs with those of the other links would be sampled for minutes."""
+    box = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
+    return one(GOOD.replace('<link name="torso">', f'<link name="torso">{box * 5000}'))
+
+
 def including_itself() -> bytes:
     """An MJCF file that includes itself twice."""
     return archive({"robot.xml": "<mujoco><include file='robot.xml'/><include file='robot.xml'/></mujoco>"})
@@ -271,6 +277,7 @@ EXPENSIVE: dict[str, Callable[[], bytes]] = {
     "70000 links": many_links,
     "a chain of 10000 links": long_chain,
     "a name of 7 MB": long_attribute,
+    "a link of 5000 shapes": many_shapes,
     "a file that includes itself": including_itself,
     "files that include each other a millionfold": doubled_includes,
 }

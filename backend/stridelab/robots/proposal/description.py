@@ -6,7 +6,7 @@ entities, cycles, several roots, numbers that are not finite, lengths in millime
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -19,6 +19,8 @@ from stridelab.robots.proposal.joint_tree import joint_end, name_and_tree_faults
 MAX_BYTES: Final = 8_000_000
 MAX_ELEMENTS: Final = 60_000
 MAX_DEPTH: Final = 40
+MAX_SHAPES: Final = 1_000
+"""Shapes of all links, drawn and touching ones each; what is proposed takes a minute for as many."""
 MAX_OFFSET_M: Final = 20.0
 """Longest distance between two joints; larger ones are usually millimetres."""
 MAX_ROTOR_KG_M2: Final = 10.0
@@ -92,7 +94,7 @@ def plain_description(root: ET.Element, filename: str, mesh: Mesh) -> PlainDescr
         raise _unreadable("robot-data-unreadable", message, filename)
     links, joints = root.findall("link"), root.findall("joint")
     simplified = simplify_names(links, joints)
-    if faults := name_and_tree_faults(links, joints):
+    if faults := [*name_and_tree_faults(links, joints), *_shape_faults(links)]:
         raise invalid(faults)
     reader = _Reader(mesh)
     assumed = simplified | rename_joints(joints, {link.attrib["name"] for link in links})
@@ -105,6 +107,13 @@ def plain_description(root: ET.Element, filename: str, mesh: Mesh) -> PlainDescr
         raise invalid(reader.faults)
     _fix_massless_joints(plain, assumed)
     return PlainDescription(_without_world(plain), assumed)
+
+
+def _shape_faults(links: Sequence[ET.Element]) -> Iterator[Fault]:
+    for kind in ("collision", "visual"):
+        number = sum(len(link.findall(kind)) for link in links)
+        if number > MAX_SHAPES:
+            yield Fault(kind, f"there are {number}; at most {MAX_SHAPES} are accepted")
 
 
 def is_unexpanded(root: ET.Element) -> bool:

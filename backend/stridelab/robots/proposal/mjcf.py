@@ -30,8 +30,11 @@ IGNORED: Final = (
     "sensor", "size", "statistic", "tendon", "visual",
 )  # fmt: skip
 """Sections that neither masses, joints, shapes nor torque limits depend on."""
-MULTIPLYING: Final = ("composite", "flexcomp", "replicate")
-"""Elements that MuJoCo expands: three nested ones of a thousand copies each take all memory."""
+REFUSED: Final = {
+    **dict.fromkeys(("composite", "flexcomp", "replicate"), "it multiplies bodies; write them out"),
+    **dict.fromkeys(("attach", "model"), "it reads another model; write its bodies out"),
+}
+"""Elements that MuJoCo expands: nested ones take all memory; models are read from any path on the disk."""
 _MESSAGE_LENGTH: Final = 300
 _MAX_INCLUDED: Final = 64
 _MOST_JOINTS: Final = 3
@@ -52,8 +55,8 @@ def urdf_of_mjcf(
     loops, and more than three joints of one body.
     """
     _insert_included(root, upload)
-    if many := [tag for tag in MULTIPLYING if next(root.iter(tag), None) is not None]:
-        raise invalid([Fault(f"<{tag}>", "it multiplies bodies; write them out") for tag in many])
+    if faults := [Fault(f"<{tag}>", why) for tag, why in REFUSED.items() if next(root.iter(tag), None) is not None]:
+        raise invalid(faults)
     model = _compile(root, upload)
     rods = rods_of(model)
     if faults := list(_joint_faults(model, rods)):

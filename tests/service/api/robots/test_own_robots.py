@@ -213,6 +213,11 @@ def test_the_card_is_refused_field_by_field(http: httpx.Client, small: dict[str,
     assert problem["code"] == "robot-card-invalid"
     wheres = {error["where"] for error in problem["errors"]}
     assert wheres == {"limits.torque_nm.left_knee", "effectors.left_foot.contact_half_size_m"}
+    card = json.loads(json.dumps(small["card"]))
+    card["limits"]["torque_nm"]["left_knee"] = 1e300
+    card["effectors"]["left_foot"]["position_m"] = [-1e6, 0.0, 0.0]
+    wheres = {error["where"] for error in problem_of(put_card(http, card), 422)["errors"]}
+    assert wheres == {"limits.torque_nm.left_knee", "effectors.left_foot.position_m"}
     card = {**small["card"], "base_frame": "chassis"}
     assert problem_of(put_card(http, card), 422)["errors"][0]["where"] == "base_frame"
     card = {**small["card"], "data": {"urdf": "../../etc/passwd"}}

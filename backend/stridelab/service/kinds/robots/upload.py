@@ -12,6 +12,7 @@ from stridelab.contacts.effector_geometry import plain_shapes
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.robots.assembly import assemble_robot
 from stridelab.robots.data_files import data_files
+from stridelab.robots.proposal.corrected_card import check_corrected_card
 from stridelab.robots.proposal.packages import find_description, find_package, installed_packages, pack_description
 from stridelab.robots.proposal.propose import card_fields, propose_card, rebuild_description
 from stridelab.robots.robot import Robot
@@ -109,7 +110,9 @@ def check_card(task: CheckCardTask, folder: Path, progress: ProgressCallback) ->
     progress(0.1, "checking the card")
     fields = json.loads((folder / STAGED_ROBOT).read_text(encoding="utf-8"))["card"]
     card = own_card(task.name, fields)
-    return Outcome({"card": card_fields(card)} | robot_state(assemble_robot(task.name, card, data_files(card))), (), ())
+    robot = assemble_robot(task.name, card, data_files(card))
+    check_corrected_card(card, robot)
+    return Outcome({"card": card_fields(card)} | robot_state(robot), (), ())
 
 
 def robot_state(robot: Robot) -> dict[str, Any]:
