@@ -7,7 +7,7 @@ import json
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -20,8 +20,9 @@ from rich.table import Table
 from stridelab.cli.estimate import run_job
 from stridelab.cli.options import Delivery, PostureMeasure, with_groups
 from stridelab.cli.results import FAILURE, deliver_result, out, progress_bar, show_files, show_remarks
-from stridelab.errors import Conflict, Fault, InvalidInput, NotFound
+from stridelab.errors import Conflict, Fault, InvalidInput, NotFound, StridelabError
 from stridelab.machine.models_folder import ROBOTS_VARIABLE, add_models_folder
+from stridelab.machine.parallel import map_isolated
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.robots import (
     NAME_PATTERN,
@@ -32,6 +33,9 @@ from stridelab.schemas.robots import (
     LearnReachabilityTask,
 )
 from stridelab.service.local_runs import validate_options
+
+READ_S, READ_MB = 60.0, 1024
+"""Limits of the process that reads a description."""
 
 if TYPE_CHECKING:
     from stridelab.robots.proposal.packages import InstalledPackage
@@ -133,7 +137,7 @@ def add_robot(
     from stridelab.robots.card import robot_names
     from stridelab.robots.proposal.offered_estimates import take_estimates
     from stridelab.robots.proposal.packages import pack_description
-    from stridelab.robots.proposal.propose import card_toml, propose_card, rebuild_description
+    from stridelab.robots.proposal.propose import card_toml, propose_card
 
     if listing:
         show_packages()
@@ -164,7 +168,7 @@ def add_robot(
                     title = f"{inside.stem} of {package.name} {package.version}"
                     file, description = Path(scratch, f"{inside.stem}.zip"), str(inside)
                     pack_description(package, inside, file)
-                assumed = rebuild_description(file, file.name, name, own, description)
+                assumed = _rebuild_apart(file, name, own, description, Path(scratch))
             proposal = propose_card(name, title[:60], own, assumed)
             if use_estimates:
                 card, assumed = take_estimates(proposal.card, proposal.assumed)
@@ -176,6 +180,30 @@ def add_robot(
     show_proposal(proposal, own / f"{name}.toml")
     if commission:
         _commission_own_robot(request, robots)
+
+
+def _rebuild_apart(file: Path, name: str, own: Path, description: str, scratch: Path) -> dict[str, str]:
+    """``rebuild_description`` into the folder ``own``, computed by a process with limits that works in ``scratch``.
+
+    Raises as ``rebuild_description``, and ``StridelabError`` (``computation-timed-out``, ``computation-crashed``).
+    """
+    item = {"file": str(file), "filename": file.name, "name": name, "description": description, "folder": str(scratch)}
+    ((_, read),) = map_isolated(_rebuild_here, [item], preload=["pinocchio"], timeout_s=READ_S, spans_nodes=False)
+    if isinstance(read, StridelabError):
+        raise read
+    shutil.move(scratch / name, own / name)
+    return read
+
+
+def _rebuild_here(item: Mapping[str, str]) -> dict[str, str]:
+    """In a process of its own: rebuild the description in a folder."""
+    from stridelab.robots.proposal.propose import rebuild_description
+    from stridelab.service.processes.child import limit_memory
+
+    limit_memory(READ_MB)
+    return rebuild_description(
+        Path(item["file"]), item["filename"], item["name"], Path(item["folder"]), item["description"]
+    )
 
 
 def _find_installed(text: str, description: str) -> "tuple[InstalledPackage, PurePosixPath]":
