@@ -1,6 +1,9 @@
 """The search of what a robot can do: bisection, its end, and the scenarios that it tries."""
 
 import math
+import os
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +14,6 @@ from stridelab.pipelines.commissioning import capability_search
 from stridelab.pipelines.commissioning.capability_search import (
     NAMES,
     LevelWalk,
-    bisect_capability,
     one_stair,
     search_capabilities,
 )
@@ -19,6 +21,7 @@ from stridelab.pipelines.commissioning.commission_robot import com_height_m, foo
 from stridelab.pipelines.plan_problem import validate_scenario
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.scenarios import Scenario
+from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.shoe_check import shoe_ends_m, shoe_faults
 
 
@@ -33,21 +36,68 @@ def search_up_to(limit: float, number: int = 20) -> Any:
     ("limit", "value", "end"), [(0.135, 0.13, "fails"), (0.005, 0.0, "fails"), (1.0, 0.2, "range")]
 )
 def test_the_largest_value_that_passes(limit: float, value: float, end: str) -> None:
-    capability, scenario = bisect_capability("stair", search_up_to(limit))
+    search = search_up_to(limit)
+    bisection = capability_search._Bisection("stair", search)
+    while (number := bisection.next_number) is not None:
+        bisection.record_attempt(number, search.attempt(search.value_of(number)), 0.5)
+    capability = bisection.to_capability()
     assert (capability.value, capability.ended_by) == (pytest.approx(value), end)
-    assert (scenario or {"value": 0.0})["value"] == pytest.approx(value)
+    assert (bisection.best or {"value": 0.0})["value"] == pytest.approx(value)
     assert [one.passed for one in capability.attempts] == [one.value <= limit for one in capability.attempts]
     assert capability.reason == ("" if end == "range" else f"{value + 0.01:g} m: above {limit:g}")
-    assert len(capability.attempts) <= math.ceil(math.log2(21))
+    assert len(capability.attempts) <= bisection.most_attempts == math.ceil(math.log2(21))
+    assert capability.seconds == 0.5 * len(capability.attempts)
 
 
-def test_a_search_without_time_states_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = iter([0.0, *(float(k) for k in range(20))])
-    monkeypatch.setattr(capability_search.time, "monotonic", lambda: next(clock))  # type: ignore[attr-defined]
-    some, _ = bisect_capability("stair", search_up_to(0.2), ends_s=2.0)
-    assert (some.value, some.ended_by, len(some.attempts)) == (pytest.approx(0.15), "time", 2)
-    nothing, scenario = bisect_capability("stair", search_up_to(0.2), ends_s=0.0)
-    assert (nothing.value, nothing.ended_by, nothing.reason, scenario) == (None, "not-tried", "the time ended", None)
+def capabilities(
+    monkeypatch: pytest.MonkeyPatch, tried: Callable[[str, int], dict[str, Any] | None], *, walks: bool = True
+) -> tuple[dict[str, Any], list[float]]:
+    """Result of a search in which ``tried`` stands in for motions, and its progress."""
+    monkeypatch.setattr("stridelab.machine.parallel._has_one_thread", lambda: True)  # forks know what stands in
+    monkeypatch.setattr(capability_search, "_try_value", lambda _walk, _ends_s, item: tried(*item))
+    progress: list[float] = []
+    walk = replace(level_walk("talos"), motion=WholeBodyMotion.__new__(WholeBodyMotion) if walks else None)
+    found = search_capabilities(walk, 60.0, lambda fraction, _message: progress.append(fraction))
+    return {one.name: one for one in found.capabilities}, progress
+
+
+def test_searches_take_turns_and_tell_their_progress_at_every_value(monkeypatch: pytest.MonkeyPatch) -> None:
+    passes: dict[str, int] = {name: k for k, name in enumerate(NAMES, start=2)}
+    found, progress = capabilities(
+        monkeypatch,
+        lambda name, k: {"reason": "" if k <= passes[name] else "falls", "scenario": {}, "seconds": 1.0},
+    )
+    for name, capability in found.items():
+        numbers = [one.value for one in capability.attempts if one.passed]
+        assert capability.value == max(numbers)
+        assert (capability.ended_by, capability.reason.partition(": ")[2]) == ("fails", "falls")
+        steps = (capability.value - (level_walk("talos").speed_m_s if name == "pace" else 0.0)) / capability.resolution
+        assert steps == pytest.approx(passes[name], abs=1e-3)
+    assert len(progress) == sum(len(one.attempts) for one in found.values())
+    assert progress == sorted(progress)
+    assert progress[-1] > 0.8
+
+
+def test_a_search_whose_time_ends_states_what_every_capability_has_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a busy machine: no turn is begun in time, of the others one value each."""
+    first = {"turn": 0, "stair": 20}
+    passing = {"reason": "", "scenario": {}, "seconds": 1.0}
+    found, _ = capabilities(monkeypatch, lambda name, k: passing if k <= first.get(name, 11) else None)
+    assert (found["turn"].value, found["turn"].ended_by, found["turn"].reason) == (None, "not-tried", "the time ended")
+    for name in set(NAMES) - {"turn"}:
+        assert (found[name].ended_by, len(found[name].attempts)) == ("time", 1)
+
+
+def test_a_value_whose_process_ends_does_not_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    def end_process(name: str, k: int) -> dict[str, Any]:
+        if name == "stair":
+            os._exit(3)
+        return {"reason": "", "scenario": {}, "seconds": 1.0}
+
+    found, _ = capabilities(monkeypatch, end_process)
+    assert found["stair"].value == 0.0
+    assert "exit code 3" in found["stair"].reason
+    assert found["pace"].ended_by == "range"
 
 
 def level_walk(name: str) -> LevelWalk:
@@ -86,5 +136,10 @@ def test_every_capability_has_a_reason_without_a_level_walk() -> None:
     assert [one.name for one in nothing.capabilities] == list(NAMES)
     assert {(one.value, one.reason) for one in nothing.capabilities} == {(None, "no time was given")}
     assert nothing.scenarios == {}
-    pace = capability_search._search_one(level_walk("talos"), math.inf, "pace")["capability"]
-    assert (pace["value"], pace["reason"]) == (None, capability_search.NO_WALK)
+
+
+def test_without_a_level_walk_turn_and_stair_alone_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    passing = {"reason": "", "scenario": {}, "seconds": 1.0}
+    found, _ = capabilities(monkeypatch, lambda _name, _k: passing, walks=False)
+    assert {name for name, one in found.items() if one.ended_by == "range"} == {"turn", "stair"}
+    assert (found["pace"].value, found["pace"].reason) == (None, capability_search.NO_WALK)

@@ -1,15 +1,15 @@
 """What a robot can do beyond its level walk: largest turn, highest stair, fastest pace, largest pushes.
 
 Every quantity is searched by bisection over multiples of its resolution: a value passes if its motion is planned,
-certified and completes its replay in physics; a push passes if the robot does not fall. The searches run in one process
-per core, and stop trying further values when their time has ended.
+certified and completes its replay in physics; a push passes if the robot does not fall. The searches take turns: each
+value is tried by a process of its own, one per core at a time, and no value is begun after the time has ended.
 """
 
 import math
 import time
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -21,11 +21,11 @@ from stridelab.errors import StridelabError
 from stridelab.machine.cores import usable_cores
 from stridelab.machine.models_folder import add_models_folder
 from stridelab.machine.parallel import map_isolated
-from stridelab.pipelines.motion_trial import at_pace, bisect_steps, try_motion
+from stridelab.pipelines.motion_trial import at_pace, try_motion
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
-from stridelab.schemas.robots import Capability, CapabilityAttempt, CapabilityName, SearchEnd
+from stridelab.schemas.robots import Capability, CapabilityAttempt, CapabilityName
 from stridelab.schemas.scenarios import Scenario
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.recovery.walking import TALOS_COM_HEIGHT_M
@@ -94,88 +94,117 @@ class _Search:
     number: int
     attempt: Callable[[float], Outcome]
 
+    def value_of(self, number: int) -> float:
+        return round(self.first + number * self.resolution, 6)
+
+
+@dataclass(eq=False)
+class _Bisection:
+    """State of the search of one quantity: number ``low`` passes, ``high`` fails, those between are not known.
+
+    ``best`` is the scenario of the largest value that passed.
+    """
+
+    name: CapabilityName
+    search: _Search
+    low: int = 0
+    high: int = field(init=False)
+    late: bool = False
+    attempts: list[CapabilityAttempt] = field(default_factory=list)
+    best: dict[str, Any] | None = None
+    seconds: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.high = self.search.number + 1
+
+    @property
+    def most_attempts(self) -> int:
+        return self.search.number.bit_length()
+
+    @property
+    def next_number(self) -> int | None:
+        """The number to try next; None at the end."""
+        return None if self.late or self.high - self.low <= 1 else (self.low + self.high) // 2
+
+    def record_attempt(self, number: int, outcome: Outcome, seconds: float) -> None:
+        """Continue with the ``outcome`` of ``number``."""
+        reason, scenario = outcome
+        passed = not reason
+        self.attempts.append(CapabilityAttempt(value=self.search.value_of(number), passed=passed, reason=reason))
+        self.seconds += seconds
+        if passed:
+            self.low, self.best = number, scenario
+        else:
+            self.high = number
+
+    def to_capability(self) -> Capability:
+        """What is known so far."""
+        search, failed = self.search, self.high <= self.search.number
+        if not self.attempts:
+            return _not_tried(self.name, "the time ended")
+        fault = next((one for one in self.attempts if one.value == search.value_of(self.high)), None)
+        return Capability(
+            name=self.name,
+            value=search.value_of(self.low),
+            unit=search.unit,
+            resolution=round(search.resolution, 6),
+            ended_by="time" if self.late else "fails" if failed else "range",
+            reason=f"{fault.value:.4g} {search.unit}: {fault.reason}" if fault else "",
+            attempts=self.attempts,
+            seconds=round(self.seconds, 3),
+        )
+
 
 def search_capabilities(walk: LevelWalk, search_s: float, progress: ProgressCallback) -> CapabilityResult:
     """Search every capability for ``search_s`` in all; what fails is a reason in its capability, not an error."""
     ends_s = time.monotonic() + search_s
-    done: dict[CapabilityName, tuple[Capability, dict[str, Any] | None]] = {}
-    work = partial(_search_one, walk, ends_s)
-    runs = map_isolated(
-        work,
-        NAMES if search_s > 0.0 else (),
-        preload=PRELOAD,
-        timeout_s=search_s + LAST_TRIAL_S,
-        processes=usable_cores(),
-        spans_nodes=False,
-    )
-    with closing(runs):
-        for index, result in runs:
-            name = NAMES[index]
-            if isinstance(result, StridelabError):
-                done[name] = (_not_tried(name, result.message), None)
-            else:
-                done[name] = (Capability.model_validate(result["capability"]), result["scenario"])
-            progress(len(done) / len(NAMES), f"{len(done)} of {len(NAMES)}, {_describe_capability(done[name][0])}")
-    found = [done[name][0] if name in done else _not_tried(name, "no time was given") for name in NAMES]
-    scenarios = {name: scenario for name, (_, scenario) in done.items() if scenario is not None}
-    return CapabilityResult(found, {name: scenarios[name] for name in NAMES if name in scenarios})
+    add_models_folder(walk.models)
+    names = [name for name in NAMES if search_s > 0.0 and (walk.motion is not None or name in ("turn", "stair"))]
+    searches = {name: _Bisection(name, _search_of(name, walk)) for name in names}
+    most, done = sum(search.most_attempts for search in searches.values()), 0
+    while trying := [(search, k) for search in searches.values() if (k := search.next_number) is not None]:
+        runs = map_isolated(
+            partial(_try_value, walk, ends_s),
+            [(search.name, number) for search, number in trying],
+            preload=PRELOAD,
+            timeout_s=max(ends_s - time.monotonic(), 0.0) + LAST_TRIAL_S,
+            processes=usable_cores(),
+            spans_nodes=False,
+        )
+        with closing(runs):
+            for index, result in runs:
+                search, number = trying[index]
+                if isinstance(result, StridelabError):
+                    search.record_attempt(number, (result.message, None), 0.0)
+                elif result is None:
+                    search.late = True
+                else:
+                    search.record_attempt(number, (result["reason"], result["scenario"]), result["seconds"])
+                done += 1
+                progress(min(done / most, 1.0), f"motion {done}, {_describe_capability(search.to_capability())}")
+    why = "no time was given" if search_s <= 0.0 else NO_WALK
+    found = {name: searches[name].to_capability() if name in searches else _not_tried(name, why) for name in NAMES}
+    scenarios: dict[str, dict[str, Any]] = {one.name: one.best for one in searches.values() if one.best is not None}
+    return CapabilityResult(list(found.values()), scenarios)
+
+
+def _try_value(walk: LevelWalk, ends_s: float, item: tuple[CapabilityName, int]) -> dict[str, Any] | None:
+    """Entry point of a process: try one value; None if the time has ended. What it returns is sent as JSON."""
+    began_s = time.monotonic()
+    if began_s >= ends_s:
+        return None
+    add_models_folder(walk.models)
+    name, number = item
+    search = _search_of(name, walk)
+    reason, scenario = search.attempt(search.value_of(number))
+    seconds = time.monotonic() - began_s
+    return {"reason": reason, "scenario": None if reason else scenario, "seconds": seconds}
 
 
 def one_stair(walk: LevelWalk, height_m: float) -> dict[str, Any]:
     """One stair of ``height_m``, as deep as that of TALOS scaled, and as the shoes need; both feet step onto it."""
     walker = Walker(walk.robot, walk.foot_y_m, *largest_shoe_m(load_robot(walk.robot)))
     return climb(scaled_stairs(walker, walk.scale, 1, height_m), scaled_timing(CLIMBING, walk.scale), "both", walker)
-
-
-def bisect_capability(
-    name: CapabilityName, search: _Search, ends_s: float = math.inf
-) -> tuple[Capability, dict[str, Any] | None]:
-    """The largest value of ``search`` that passes, and its scenario; no value is begun after ``ends_s``."""
-    began_s, attempts, best = time.monotonic(), [], None
-    late = False
-
-    def value_passes(k: int) -> bool:
-        nonlocal best, late
-        if time.monotonic() >= ends_s:
-            late = True
-            return False
-        value = round(search.first + k * search.resolution, 6)
-        reason, scenario = search.attempt(value)
-        attempts.append(CapabilityAttempt(value=value, passed=not reason, reason=reason))
-        if not reason:
-            best = scenario
-        return not reason
-
-    bisect_steps(value_passes, 0, search.number + 1)
-    passed = [one.value for one in attempts if one.passed]
-    failed = min((one for one in attempts if not one.passed), key=lambda one: one.value, default=None)
-    value = max(passed, default=round(search.first, 6) if attempts else None)
-    ended_by: SearchEnd = "time" if late else "range" if failed is None else "fails"
-    capability = Capability(
-        name=name,
-        value=value,
-        unit=search.unit,
-        resolution=round(search.resolution, 6),
-        ended_by="not-tried" if value is None else ended_by,
-        reason="the time ended"
-        if value is None
-        else ""
-        if failed is None
-        else f"{failed.value:.4g} {search.unit}: {failed.reason}",
-        attempts=attempts,
-        seconds=round(time.monotonic() - began_s, 3),
-    )
-    return capability, best
-
-
-def _search_one(walk: LevelWalk, ends_s: float, name: CapabilityName) -> dict[str, Any]:
-    """Entry point of a process: search one capability; what it returns is sent as JSON."""
-    add_models_folder(walk.models)
-    if walk.motion is None and name not in ("turn", "stair"):
-        capability, scenario = _not_tried(name, NO_WALK), None
-    else:
-        capability, scenario = bisect_capability(name, _search_of(name, walk), ends_s)
-    return {"capability": capability.model_dump(mode="json"), "scenario": scenario}
 
 
 def _search_of(name: CapabilityName, walk: LevelWalk) -> _Search:
@@ -242,4 +271,4 @@ def _describe_capability(capability: Capability) -> str:
 
 
 def _ignore_progress(_fraction: float, _message: str) -> None:
-    """The progress counts capabilities."""
+    """The progress counts motions."""
