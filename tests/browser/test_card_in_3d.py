@@ -121,5 +121,10 @@ def test_an_implausible_torque_is_kept_until_its_estimate_is_chosen(lab: Lab, op
         with page.expect_navigation():
             page.get_by_role("button", name="Save the card").click()
         assert lab.fake.card.own.card["limits"]["torque_nm"] == {"knee": 90}
+        page.get_by_text("Version 2 of the card").click()
+        with page.expect_navigation():
+            page.get_by_role("button", name="Take it back").click()
+        assert lab.fake.card.own.card["limits"]["torque_nm"] == {"knee": 40}
+        assert lab.fake.card.own.version == 3
     finally:
         lab.fake.card.own = None

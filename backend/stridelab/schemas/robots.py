@@ -137,13 +137,22 @@ class RobotSummary(Contract):
     owner: str | None = None
 
 
+class EarlierCard(Contract):
+    """A card of one's own robot before it was changed, and what of it was assumed, by field."""
+
+    version: int
+    card: dict[str, Any]
+    assumptions: dict[str, str]
+    replaced_at: datetime
+
+
 class OwnRobot(Contract):
     """A robot of a user, after an upload or a change of its card.
 
     ``card`` has the fields of the card file (docs, *Add a robot*) except ``data``; ``assumed`` lists the fields that
     the description does not state and that were estimated, and ``assumptions`` says how. ``estimates`` are offered for
     fields whose stated values are implausible; the card has the stated ones. ``sha256`` is the hash of the uploaded
-    file, ``robot_sha256`` that of the robot.
+    file, ``robot_sha256`` that of the robot. ``version`` counts the cards; ``earlier`` are the last ones before.
     """
 
     name: str
@@ -158,6 +167,8 @@ class OwnRobot(Contract):
     robot_sha256: str
     created_at: datetime
     commission: "CommissionRobotSummary | None" = None
+    version: int = 1
+    earlier: list[EarlierCard] = Field(default_factory=list)
 
 
 class RobotPackage(Contract):

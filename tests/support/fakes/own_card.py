@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from stridelab.schemas.robots import OwnRobot, RobotFacts
+from stridelab.schemas.robots import EarlierCard, OwnRobot, RobotFacts
 from support.fakes import robots
 
 
@@ -50,5 +50,10 @@ class OwnCard:
         if self.own is None:
             return JSONResponse({"title": "Not Found", "detail": "No card.", "code": "robot-not-found"}, 404)
         if request.method == "PUT":
-            self.own = self.own.model_copy(update={"card": await request.json()})
+            own = self.own
+            replaced = EarlierCard(
+                version=own.version, card=own.card, assumptions=own.assumptions, replaced_at=datetime.now(UTC)
+            )
+            new = {"card": await request.json(), "version": own.version + 1, "earlier": [*own.earlier, replaced]}
+            self.own = own.model_copy(update=new)
         return JSONResponse(self.own.model_dump(mode="json"))

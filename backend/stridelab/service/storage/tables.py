@@ -104,6 +104,8 @@ robot = Table(
     Column("state", Text, nullable=False),
     Column("card", JSONB, nullable=False, comment="the card without the paths of files"),
     Column("assumed", JSONB, nullable=False, comment="by field of the card"),
+    Column("version", Integer, nullable=False, server_default="1", comment="of the card"),
+    Column("earlier", JSONB, nullable=False, server_default="[]", comment="EarlierCard, the newest last"),
     Column("facts", JSONB, nullable=False, comment="RobotFacts"),
     Column("shapes", JSONB, nullable=False, comment="effectors with their learned reach"),
     Column("commission", JSONB, comment="CommissionRobotSummary"),

@@ -96,7 +96,15 @@ def test_a_corrected_number_is_no_longer_assumed(http: httpx.Client) -> None:
     assert "limits.torque_nm.right_knee" in answer.json()["assumed"]
     limits = {limit["joint"]: limit for limit in http.get(f"{ROBOTS}/small").json()["limits"]}
     assert limits["left_knee"]["torque_nm"] == 123.0
-    assert http.get(f"{ROBOTS}/small/card").json()["card"] == answer.json()["card"]
+    changed = http.get(f"{ROBOTS}/small/card").json()
+    assert changed["card"] == answer.json()["card"]
+    (first,) = changed["earlier"]
+    assert (changed["version"], first["version"]) == (2, 1)
+    assert first["card"]["limits"]["torque_nm"]["left_knee"] != 123.0
+    back = put_card(http, first["card"]).json()
+    assert (back["card"], back["assumptions"], back["version"]) == (first["card"], robot["assumptions"], 3)
+    assert [one["version"] for one in back["earlier"]] == [1, 2]
+    assert put_card(http, back["card"]).json()["version"] == 3, "nothing has changed"
 
 
 def test_an_implausible_torque_is_kept_and_its_estimate_is_assumed_once_chosen(http: httpx.Client) -> None:

@@ -6,6 +6,7 @@ import tempfile
 import uuid
 import zipfile
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +19,7 @@ from stridelab.robots.card import robot_names
 from stridelab.robots.data_files import shared_folders
 from stridelab.robots.proposal.offered_estimates import chosen_estimate, estimate_of
 from stridelab.schemas.jobs import FINAL_STATES
-from stridelab.schemas.robots import Measure, OwnRobot, RobotFacts, RobotPackage, RobotSummary
+from stridelab.schemas.robots import EarlierCard, Measure, OwnRobot, RobotFacts, RobotPackage, RobotSummary
 from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.recordings.multipart import ReceivedFile
@@ -45,8 +46,8 @@ from stridelab.service.stored_robots import (
 
 PROPOSAL_TIMEOUT_S: Final = 90.0
 """Time limit of the proposal, which reads rebuilt files only."""
-
-
+EARLIER_CARDS: Final = 20
+"""Earlier cards of a robot that are stored; some 10 kB each."""
 PACKAGES_TIMEOUT_S: Final = 30.0
 """Time limit of listing or packing installed robots, which may lie on a slow shared disk."""
 RESERVED_NAMES: Final = ("human", "packages")
@@ -165,7 +166,7 @@ async def replace_card(parts: Parts, caller: Caller, name: str, fields: dict[str
     if changed:
         values |= {"state": "proposed", "learned_key": None, "commission": None}
         values["bytes"] = await stored_bytes(parts.blobs, {**row, "learned_key": None})
-        values["assumed"] = _still_assumed(row["assumed"], row["card"], summary["card"])
+        values |= _next_version(row, summary["card"])
     async with parts.engine.begin() as connection:
         present = await find_robot(connection, name, lock=True)
         if present is None or present["card"] != row["card"]:
@@ -176,6 +177,17 @@ async def replace_card(parts: Parts, caller: Caller, name: str, fields: dict[str
         if changed:
             await audit.record_action(connection, caller, "robot-card-changed", name)
         return own_robot(await required_robot(connection, name))
+
+
+def _next_version(row: Mapping[str, Any], card: Mapping[str, Any]) -> dict[str, Any]:
+    """Columns of the row with a new card; a card that is taken back is assumed as it was."""
+    replaced = EarlierCard(
+        version=row["version"], card=row["card"], assumptions=row["assumed"], replaced_at=datetime.now(UTC)
+    )
+    earlier = [*row["earlier"], replaced.model_dump(mode="json")][-EARLIER_CARDS:]
+    taken_back = next((one["assumptions"] for one in reversed(earlier) if one["card"] == card), None)
+    assumed = _still_assumed(row["assumed"], row["card"], card) if taken_back is None else taken_back
+    return {"version": row["version"] + 1, "earlier": earlier, "assumed": assumed}
 
 
 async def delete_robot(parts: Parts, caller: Caller, name: str) -> None:
@@ -226,7 +238,8 @@ async def own_summaries(parts: Parts) -> list[RobotSummary]:
 
 def own_robot(row: Mapping[str, Any]) -> OwnRobot:
     """The robot of a row, for responses."""
-    fields = {name: row[name] for name in ("name", "state", "owner", "card", "filename", "sha256", "created_at")}
+    same = ("name", "state", "owner", "card", "version", "earlier", "filename", "sha256", "created_at")
+    fields = {name: row[name] for name in same}
     return OwnRobot(
         **fields,
         assumed=list(row["assumed"]),

@@ -96,6 +96,12 @@ async function showCard(section) {
     location.reload();
     return "Saved.";
   });
+  for (const button of section.querySelectorAll("[data-take-back]"))
+    onClick(button, status, async () => {
+      const taken = own.earlier.find((/** @type {any} */ one) => String(one.version) === button.dataset.takeBack);
+      await call("PUT", `${address}/card`, taken.card);
+      location.reload();
+    });
   onSubmit(commission, (data) =>
     openNewJob("commission-robot", {
       robot: section.dataset.own,
