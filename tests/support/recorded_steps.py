@@ -30,7 +30,7 @@ UNSTEADY: Final = re.compile(
     r"(chapter4\.(fig_4_[678]|table_4_1|numbers)|studies\.(recorded_motions|cone_validation\._gauge_change))\b"
 )
 """Functions whose numbers depend on the processor, through the order of the rays of a cone or a solver's iterations."""
-MACHINE_TIMES: Final = ("time_s", "solve_time_s", "build_time_s", "build_s")
+MACHINE_TIMES: Final = ("time_s", "solve_time_s", "build_time_s", "solve_s", "build_s")
 TIMED: Final = ("stridelab.centroidal", REPRODUCTION + "chapter4", REPRODUCTION + "studies.cone_validation")
 """Fields that hold the times of a machine if they are single numbers, and modules of the classes that have them."""
 DEEPEST: Final = 5
