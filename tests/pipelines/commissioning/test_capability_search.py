@@ -49,7 +49,7 @@ def test_the_largest_value_that_passes(limit: float, value: float, end: str) -> 
     assert capability.seconds == 0.5 * len(capability.attempts)
 
 
-def capabilities(
+def find_capabilities(
     monkeypatch: pytest.MonkeyPatch, tried: Callable[[str, int], dict[str, Any] | None], *, walks: bool = True
 ) -> tuple[dict[str, Any], list[float]]:
     """Result of a search in which ``tried`` stands in for motions, and its progress."""
@@ -63,7 +63,7 @@ def capabilities(
 
 def test_searches_take_turns_and_tell_their_progress_at_every_value(monkeypatch: pytest.MonkeyPatch) -> None:
     passes: dict[str, int] = {name: k for k, name in enumerate(NAMES, start=2)}
-    found, progress = capabilities(
+    found, progress = find_capabilities(
         monkeypatch,
         lambda name, k: {"reason": "" if k <= passes[name] else "falls", "scenario": {}, "seconds": 1.0},
     )
@@ -82,7 +82,7 @@ def test_a_search_whose_time_ends_states_what_every_capability_has_shown(monkeyp
     """As on a busy machine: no turn is begun in time, of the others one value each."""
     first = {"turn": 0, "stair": 20}
     passing = {"reason": "", "scenario": {}, "seconds": 1.0}
-    found, _ = capabilities(monkeypatch, lambda name, k: passing if k <= first.get(name, 11) else None)
+    found, _ = find_capabilities(monkeypatch, lambda name, k: passing if k <= first.get(name, 11) else None)
     assert (found["turn"].value, found["turn"].ended_by, found["turn"].reason) == (None, "not-tried", "the time ended")
     for name in set(NAMES) - {"turn"}:
         assert (found[name].ended_by, len(found[name].attempts)) == ("time", 1)
@@ -94,7 +94,7 @@ def test_a_value_whose_process_ends_does_not_pass(monkeypatch: pytest.MonkeyPatc
             os._exit(3)
         return {"reason": "", "scenario": {}, "seconds": 1.0}
 
-    found, _ = capabilities(monkeypatch, end_process)
+    found, _ = find_capabilities(monkeypatch, end_process)
     assert found["stair"].value == 0.0
     assert "exit code 3" in found["stair"].reason
     assert found["pace"].ended_by == "range"
@@ -140,6 +140,6 @@ def test_every_capability_has_a_reason_without_a_level_walk() -> None:
 
 def test_without_a_level_walk_turn_and_stair_alone_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
     passing = {"reason": "", "scenario": {}, "seconds": 1.0}
-    found, _ = capabilities(monkeypatch, lambda _name, _k: passing, walks=False)
+    found, _ = find_capabilities(monkeypatch, lambda _name, _k: passing, walks=False)
     assert {name for name, one in found.items() if one.ended_by == "range"} == {"turn", "stair"}
     assert (found["pace"].value, found["pace"].reason) == (None, capability_search.NO_WALK)

@@ -16,7 +16,7 @@ from support.robots.humanoid import Humanoid, archive
 
 
 @pytest.fixture(scope="module")
-def proposed(tmp_path_factory: pytest.TempPathFactory) -> tuple[RobotCard, Robot]:
+def proposed_robot(tmp_path_factory: pytest.TempPathFactory) -> tuple[RobotCard, Robot]:
     folder = tmp_path_factory.mktemp("robots")
     (folder / "upload").write_bytes(archive({"small.urdf": Humanoid().urdf()}))
     assumed = rebuild_description(folder / "upload", "small.zip", "small", folder / "robots")
@@ -24,8 +24,8 @@ def proposed(tmp_path_factory: pytest.TempPathFactory) -> tuple[RobotCard, Robot
     return proposal.card, proposal.robot
 
 
-def test_a_proposed_card_is_plausible(proposed: tuple[RobotCard, Robot]) -> None:
-    check_corrected_card(*proposed)
+def test_a_proposed_card_is_plausible(proposed_robot: tuple[RobotCard, Robot]) -> None:
+    check_corrected_card(*proposed_robot)
 
 
 @pytest.mark.parametrize("name", ["g1", "hrp2", "talos"])
@@ -48,8 +48,8 @@ def test_bundled_cards_are_plausible(name: str) -> None:
         ("effectors.left_foot.contact_half_size_m", [1e9, 1e9]),
     ],
 )
-def test_nonsense_is_refused_by_field(field: str, value: Any, proposed: tuple[RobotCard, Robot]) -> None:
-    card, robot = proposed
+def test_nonsense_is_refused_by_field(field: str, value: Any, proposed_robot: tuple[RobotCard, Robot]) -> None:
+    card, robot = proposed_robot
     fields: Any = card_fields(card)
     place, keys = fields, field.split(".")
     for key in keys[:-1]:
@@ -58,8 +58,8 @@ def test_nonsense_is_refused_by_field(field: str, value: Any, proposed: tuple[Ro
     assert faults_of(fields, robot) == [field]
 
 
-def test_soles_stand_on_the_ground_on_links_of_their_own(proposed: tuple[RobotCard, Robot]) -> None:
-    card, robot = proposed
+def test_soles_stand_on_the_ground_on_links_of_their_own(proposed_robot: tuple[RobotCard, Robot]) -> None:
+    card, robot = proposed_robot
     bent: Any = card_fields(card)
     bent["reference"]["joints_rad"]["left_knee"] = 2.0
     assert set(faults_of(bent, robot)) == {"reference.joints_rad"}

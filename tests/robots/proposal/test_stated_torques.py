@@ -33,13 +33,13 @@ def test_derivatives_of_posture_searches_are_those_of_finite_differences(
 ) -> None:
     compared = []
 
-    def compare(residuals: Any, first: np.ndarray, jacobian: Any, bounds: Any, max_nfev: int) -> Any:
+    def compare_slopes(residuals: Any, first: np.ndarray, jacobian: Any, bounds: Any, max_nfev: int) -> Any:
         inside = np.clip(first, bounds[0] + 1e-3, bounds[1] - 1e-3)
         expected = approx_fprime(inside, residuals, 1e-7)
         compared.append(np.abs(jacobian(inside) - expected).max())
         return least_squares(residuals, first, jacobian, bounds=bounds, max_nfev=max_nfev)
 
-    monkeypatch.setattr(posture, "least_squares", compare)
+    monkeypatch.setattr(posture, "least_squares", compare_slopes)
     path = tmp_path / "small.urdf"
     path.write_text(Humanoid().urdf())
     model = full_model(path)

@@ -195,7 +195,7 @@ class _Limb:
         With ``nearest`` the search ends with the first start that gets there, which is ``q``.
         """
 
-        def errors(T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+        def sole_error(T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
             R = self.R.T @ T.rotation @ sole.R
             position = self.R.T @ T.act(sole.centre_m)
             turn = pin.Jlog3(R) @ sole.R.T
@@ -203,12 +203,12 @@ class _Limb:
             J = np.vstack([moved / leg_m, np.hstack([np.zeros((3, 3)), turn])])
             return np.concatenate([(position - target_m) / leg_m, pin.log3(R)]), J
 
-        def there(error: np.ndarray) -> bool:
+        def is_there(error: np.ndarray) -> bool:
             return bool(np.abs(error).max() <= LEG_TOLERANCE)
 
-        solved = self._solve(q, leg, errors, weight=1e-3, enough=there if nearest else None)
+        solved = self._solve_angles(q, leg, sole_error, weight=1e-3, enough=is_there if nearest else None)
         pin.forwardKinematics(self.model, self.data, solved)
-        return solved, there(errors(self.data.oMi[leg[-1]])[0])
+        return solved, is_there(sole_error(self.data.oMi[leg[-1]])[0])
 
     def place_hand(self, q: np.ndarray, arm: Chain, outwards: float) -> np.ndarray:
         """``q`` with the end of the arm near its place beside the body."""
@@ -216,12 +216,12 @@ class _Limb:
         shoulder = self.joint_position(q, arm[0])
         target_m = shoulder + length_m * np.array([HAND[0], outwards, HAND[2]])
 
-        def errors(T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
+        def hand_error(T: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
             J = np.hstack([self.R.T @ T.rotation, np.zeros((3, 3))])
             scale_m = max(length_m, 1e-3)
             return (self.R.T @ T.translation - target_m) / scale_m, J / scale_m
 
-        return self._solve(q, arm, errors, weight=0.05)
+        return self._solve_angles(q, arm, hand_error, weight=0.05)
 
     def _range(self, chain: Chain) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         index = np.array([self.model.joints[joint].idx_q for joint in chain])
@@ -229,17 +229,17 @@ class _Limb:
         margin = np.minimum(MARGIN, 0.25 * (high - low))
         return index, low + margin, high - margin
 
-    def _solve(
+    def _solve_angles(
         self,
         q: np.ndarray,
         chain: Chain,
-        errors: Callable[[pin.SE3], tuple[np.ndarray, np.ndarray]],
+        end_error: Callable[[pin.SE3], tuple[np.ndarray, np.ndarray]],
         weight: float,
         enough: Callable[[np.ndarray], bool] | None = None,
     ) -> np.ndarray:
-        """``q`` with the angles of ``chain`` that make the smallest ``errors`` of its last body.
+        """``q`` with the angles of ``chain`` that make the smallest ``end_error`` of its last body.
 
-        ``errors`` returns them for a pose of that body, and their derivative by its velocity in its own axes.
+        ``end_error`` returns it for a pose of that body, and their derivative by its velocity in its own axes.
         """
         index, low, high = self._range(chain)
         columns = [self.model.joints[joint].idx_v for joint in chain]
@@ -248,23 +248,23 @@ class _Limb:
         best, least = q, np.inf
         q_tried = q.copy()
 
-        def residuals(angles: np.ndarray) -> np.ndarray:
+        def error_at(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             q_tried[index] = angles
             pin.forwardKinematics(self.model, self.data, q_tried)
-            return np.concatenate([errors(self.data.oMi[chain[-1]])[0], weight * (angles - middle)])
+            return end_error(self.data.oMi[chain[-1]])
 
-        def jacobian(angles: np.ndarray) -> np.ndarray:
-            q_tried[index] = angles
-            pin.forwardKinematics(self.model, self.data, q_tried)
-            J = errors(self.data.oMi[chain[-1]])[1] @ pin.computeJointJacobian(
-                self.model, self.data, q_tried, chain[-1]
-            )
-            return np.vstack([J[:, columns], weight * np.eye(len(chain))])
+        def residuals_at(angles: np.ndarray) -> np.ndarray:
+            return np.concatenate([error_at(angles)[0], weight * (angles - middle)])
+
+        def slopes_at(angles: np.ndarray) -> np.ndarray:
+            slope = error_at(angles)[1]
+            J = pin.computeJointJacobian(self.model, self.data, q_tried, chain[-1])
+            return np.vstack([slope @ J[:, columns], weight * np.eye(len(chain))])
 
         for start in range(STARTS):
             spread = 0.0 if start == 0 else 0.35
             first = np.clip(q[index] + spread * rng.uniform(low - middle, high - middle), low + 1e-9, high - 1e-9)
-            solved = least_squares(residuals, first, jacobian, bounds=(low, high), max_nfev=60)
+            solved = least_squares(residuals_at, first, slopes_at, bounds=(low, high), max_nfev=60)
             if solved.cost < 0.9 * least:
                 least, best = solved.cost, q.copy()
                 best[index] = solved.x
