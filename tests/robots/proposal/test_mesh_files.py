@@ -1,4 +1,4 @@
-"""Meshes of several materials: their triangles, which coal mixes up, and their colours."""
+"""Meshes of several materials, inside out, or beside the mass of their link."""
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -111,3 +111,38 @@ def test_the_colour_of_most_of_a_mesh_replaces_that_of_the_description(tmp_path:
 def test_a_texture_is_no_colour(tmp_path: Path) -> None:
     _, color, _ = drawn(collada(node("one", 0.0), '<texture texture="t" texcoord="u"/>'), "box.dae", tmp_path)
     assert [float(value) for value in color.attrib["rgba"].split()] == [0.2, 0.6, 0.2, 0.5]
+
+
+def obj_box(reach_m: tuple[float, float, float], sides: tuple[tuple[int, ...], ...]) -> str:
+    """A box from the middle of ``CORNERS_M`` moved by ``reach_m``, as an OBJ file."""
+    lines = [f"v {x} {y} {z}" for x, y, z in CORNERS_M + reach_m]
+    return "\n".join([*lines, *("f " + " ".join(str(corner + 1) for corner in side) for side in sides)]) + "\n"
+
+
+@pytest.mark.parametrize(("closed", "volume"), [(True, 8.0), (False, -8.0)])
+def test_a_closed_mesh_that_is_inside_out_is_turned(closed: bool, volume: float, tmp_path: Path) -> None:
+    """An open one, here without its last side, may face either way: nothing is guessed."""
+    inwards = tuple(side[::-1] for side in SIDES)
+    mesh, _, assumed = drawn(obj_box((0.0, 0.0, 0.0), inwards if closed else inwards[:5]), "box.obj", tmp_path)
+    assert mesh.is_watertight == closed
+    assert np.sign(mesh.volume) == np.sign(volume)
+    assert ("mesh package://small/box.obj" in assumed) == closed
+
+
+@pytest.mark.parametrize(("ahead_m", "named"), [(0.0, False), (0.06, False), (0.12, True)])
+def test_a_mass_outside_of_the_shapes_of_its_link_is_named(ahead_m: float, named: bool, tmp_path: Path) -> None:
+    """A mesh in left-handed axes is on the other side of the mass; 5 cm are inside, 1 cm outside is not named."""
+    root = ET.fromstring(Humanoid().urdf())
+    pelvis = root.find("link[@name='pelvis']")
+    assert pelvis is not None
+    for shape in (*pelvis.findall("collision"), *pelvis.findall("visual")):
+        pelvis.remove(shape)
+    ET.SubElement(
+        ET.SubElement(ET.SubElement(pelvis, "visual"), "geometry"), "mesh", filename="package://small/box.obj"
+    )
+    upload = tmp_path / "upload"
+    box = obj_box((ahead_m, 0.0, 0.0), SIDES)
+    upload.write_bytes(archive({"small/small.urdf": ET.tostring(root, encoding="unicode"), "small/box.obj": box}))
+    assumed = rebuild_description(upload, "small.zip", "small", tmp_path / "robots")
+    assert ("link pelvis: centre of mass" in assumed) == named
+    assert not named or "7 cm outside" in assumed["link pelvis: centre of mass"]

@@ -33,6 +33,8 @@ MAX_EXTENT_M: Final = 10.0
 Y_UP: Final = re.compile(rb"<up_axis>\s*Y_UP\s*</up_axis>")
 R_Z_UP: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """From axes whose y points up to axes whose z does."""
+OPEN_AREA_SHARE: Final = 1e-3
+"""Share of the area of a surface by which its area vectors may fail to cancel in a closed one."""
 TURNED: Final = 0.7
 """Ratio of the distances of shapes from centres of mass, turned and as they are, below which the shapes are turned."""
 MAX_COLLADA_BYTES: Final = 64_000_000
@@ -115,6 +117,9 @@ class MeshConverter:
                 )
             if np.prod(np.sign(scale)) < 0.0:
                 faces = faces[:, ::-1]
+            if _faces_inwards(vertices, faces):
+                faces = faces[:, ::-1]
+                self.assumed[f"mesh {filename[:120]}"] = "its triangles faced inwards, as in left-handed axes; turned"
         name = f"mesh-{sum(1 for made in self._converted.values() if made):04d}.stl"
         (self.folder / name).write_bytes(binary_stl(np.asarray(vertices, float), np.asarray(faces)))
         if path.suffix.lower() == ".dae" and _states_y_up(path):
@@ -160,8 +165,8 @@ def turn_y_up_shapes(root: ET.Element, folder: Path, y_up: Collection[str], assu
             points = read_mesh(folder / mesh.attrib["filename"].rsplit("/", 1)[1])
             middle_m = 0.5 * (points.min(axis=0) + points.max(axis=0))
             T, com_m, mass_kg = (
-                _placement_of_element(origin),
-                _placement_of_element(com).translation,
+                placement_of_element(origin),
+                placement_of_element(com).translation,
                 float(mass.attrib["value"]),
             )
             as_is_m += mass_kg * float(np.linalg.norm(T.act(middle_m) - com_m))
@@ -169,7 +174,7 @@ def turn_y_up_shapes(root: ET.Element, folder: Path, y_up: Collection[str], assu
     if not turned_m < TURNED * as_is_m:
         return
     for origin in origins:
-        rpy = pin.rpy.matrixToRpy(_placement_of_element(origin).rotation @ R_Z_UP)
+        rpy = pin.rpy.matrixToRpy(placement_of_element(origin).rotation @ R_Z_UP)
         origin.set("rpy", " ".join(repr(float(angle)) for angle in rpy))
     assumed["meshes with y up"] = (
         f"turned to z up, as their files state: their middles are then {turned_m / as_is_m:.2f} times as far from the "
@@ -198,7 +203,10 @@ def colour_shapes(root: ET.Element, colours: Mapping[str, Colour], assumed: dict
         color.set("rgba", " ".join([*(repr(float(value)) for value in rgb), opacity]))
 
 
-def _placement_of_element(origin: ET.Element) -> pin.SE3:
+def placement_of_element(origin: ET.Element | None) -> pin.SE3:
+    """Placement of an ``origin`` of a description, the identity where it has none."""
+    if origin is None:
+        return pin.SE3.Identity()
     rpy, xyz = (np.array(origin.get(key, "0 0 0").split(), float) for key in ("rpy", "xyz"))
     return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
 
@@ -217,6 +225,17 @@ def _merge_close(
     faces = merged.reshape(-1)[faces]
     kept = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     return vertices[first], faces[kept]
+
+
+def _faces_inwards(vertices: Points, faces: Faces) -> bool:
+    """Whether a closed surface is inside out; of an open one nothing is known.
+
+    The area vectors of a closed surface cancel, and the volume that it encloses is negative if they point inwards.
+    """
+    a, b, c = ((vertices - vertices.mean(axis=0))[faces[:, k]] for k in range(3))
+    areas = 0.5 * np.cross(b - a, c - a)
+    closed = np.linalg.norm(areas.sum(axis=0)) < OPEN_AREA_SHARE * np.linalg.norm(areas, axis=1).sum()
+    return bool(closed and np.einsum("ij,ij->", a, areas) < 0.0)
 
 
 def _convex_hull(vertices: Points) -> tuple[Float[np.ndarray, "n_hull 3"], Faces]:

@@ -29,9 +29,9 @@ from stridelab.robots.proposal.effectors import carrying_link, effector_cards, f
 from stridelab.robots.proposal.joint_ranges import anatomical_ranges, narrowed_ranges
 from stridelab.robots.proposal.limbs import Limbs, find_limbs
 from stridelab.robots.proposal.limits import TORQUE_SHARE, joint_limits, remark_on_torques
+from stridelab.robots.proposal.mass_in_shapes import remark_masses_outside_shapes, replace_oversized_inertias
 from stridelab.robots.proposal.meshes import MeshConverter, colour_shapes, turn_y_up_shapes
 from stridelab.robots.proposal.motor_inertias import move_motor_inertias
-from stridelab.robots.proposal.oversized_inertias import replace_oversized_inertias
 from stridelab.robots.proposal.posture import rest_posture
 from stridelab.robots.proposal.soles import Sole
 from stridelab.robots.robot import Robot
@@ -90,6 +90,7 @@ def rebuild_description(
     colour_shapes(plain.root, meshes.colours, plain.assumed)
     move_motor_inertias(plain.root, plain.assumed)
     replace_oversized_inertias(plain.root, folder, plain.assumed)
+    remark_masses_outside_shapes(plain.root, folder, plain.assumed)
     ET.ElementTree(plain.root).write(folder / URDF, encoding="utf-8", xml_declaration=True)
     return changed | plain.assumed | meshes.assumed
 
