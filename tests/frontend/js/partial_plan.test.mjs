@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { PartialPlan, posesAt } from "../../../frontend/stridelab_web/static/js/editor/partial_plan.js";
+import { PartialPlan, PartialReader, posesAt } from "../../../frontend/stridelab_web/static/js/editor/partial_plan.js";
 import { PlanPlayback, PlaybackClock } from "../../../frontend/stridelab_web/static/js/editor/plan_playback.js";
 import { assertNear } from "./near.mjs";
 
@@ -108,4 +108,35 @@ test("the body, and then its replay, is drawn as soon as it is there, however sl
   playback.plan.add({ attempt: 1, chunks: [frames("replay", undefined, 0, 0.1)] });
   playback.onParts();
   assert.deepEqual(shown, ["path", "body", "replay"]);
+});
+
+test("a request while another one is on its way resolves after the parts that come last", async () => {
+  const answers = [
+    { attempt: 1, next: "1.1", chunks: [START] },
+    {
+      attempt: 1,
+      next: "1.2",
+      chunks: [{ kind: "certificate", checks: [check("com_error_max", true)], passed: true }],
+    },
+    { attempt: 1, next: "1.2", chunks: [] },
+  ];
+  const paths = [];
+  const before = globalThis.fetch;
+  globalThis.fetch = async (path) => {
+    paths.push(String(path));
+    await new Promise((resolve) => setTimeout(resolve, 5));
+    return new Response(JSON.stringify(answers.shift()), { headers: { "content-type": "application/json" } });
+  };
+  try {
+    const plan = new PartialPlan();
+    const reader = new PartialReader("j", plan, () => {});
+    reader.request();
+    await reader.request();
+    assert.equal(plan.certificateText, "Certified: all 1 checks passed.");
+    assert.equal(paths.length, 2);
+    await reader.request();
+    assert.match(paths[2], /after=1\.2$/);
+  } finally {
+    globalThis.fetch = before;
+  }
 });

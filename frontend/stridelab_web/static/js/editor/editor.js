@@ -78,6 +78,7 @@ const followPlan = bindPlanButton(root, id, {
   onRun: () => withPlayback((loaded) => loaded.start(store.scenario)),
   onJob: (jobId) => withPlayback((loaded) => loaded.follow(jobId)),
   onProgress: () => withPlayback((loaded) => loaded.onEvent()),
+  onSuccess: async () => playback?.showLastParts(),
   onEnd: () => withPlayback((loaded) => loaded.stop()),
 });
 bindContactsButton(root, id, flushPending);

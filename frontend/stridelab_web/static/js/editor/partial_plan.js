@@ -102,24 +102,31 @@ export class PartialReader {
     this.plan = plan;
     this.onParts = onParts;
     this.cursor = "";
-    this.isBusy = this.isRequested = this.isStopped = false;
+    this.isRequested = this.isStopped = false;
+    /** @type {Promise<void> | null} */
+    this.reading = null;
   }
 
-  async request() {
+  // Resolves when nothing is left to read.
+  request() {
     this.isRequested = true;
-    if (this.isBusy) return;
-    this.isBusy = true;
+    this.reading ??= this.readAll().finally(() => {
+      this.reading = null;
+    });
+    return this.reading;
+  }
+
+  async readAll() {
     while (this.isRequested && !this.isStopped) {
       this.isRequested = false;
       const answer = await call("GET", `${this.path}${this.cursor && `?after=${this.cursor}`}`).catch(() => null);
-      if (this.isStopped || !answer) break; // a lost answer is read again after the next event
+      if (this.isStopped || !answer) return; // a lost answer is read again after the next event
       this.cursor = answer.next;
       if (!answer.chunks.length) continue;
       this.plan.add(answer);
       this.onParts();
       if (answer.chunks.length >= MANY) this.isRequested = true; // there may be more than one answer holds
     }
-    this.isBusy = false;
   }
 
   stop() {

@@ -11,6 +11,7 @@ const SHARE = 1 / 12,
   LONGEST_PAUSE_MS = 3000;
 const QUICK_MS = 50; // two pictures that are drawn within this time are followed by the next one at once
 const PAUSE_MS = 1000; // at the end of the motion, before it is played again
+const LAST_PARTS_MS = 10_000; // how long the page of the plan waits for the end of the certificate
 
 // The playback of the editor's plan in its scene; the page says what is shown, and the certificate as far as it is.
 /**
@@ -94,6 +95,11 @@ export class PlanPlayback {
 
   onEvent() {
     this.reader?.request();
+  }
+
+  // Resolves when the last parts of a job that has ended are shown, or after a while.
+  async showLastParts() {
+    await Promise.race([this.reader?.request(), new Promise((resolve) => setTimeout(resolve, LAST_PARTS_MS))]);
   }
 
   onParts() {

@@ -33,14 +33,15 @@ const partialResultLink = (/** @type {any} */ job) =>
   createElement("a", { href: `/plans/${encodeURIComponent(job.id)}` }, "See how far it comes.");
 
 // Plans the scenario and opens the plan; `onRun()` is called when a plan begins, `onJob(id)` when its job is known,
-// `onProgress()` at each of its events, and `onEnd()` when it has ended without success.
+// `onProgress()` at each of its events, `onSuccess()` is awaited before the page is left, and `onEnd()` is called when it has ended
+// without success.
 // Returns a function that follows the job of the address, if there is one.
 /**
  * @param {PageElement} root
  * @param {string} scenarioId
- * @param {{ before: () => unknown, onRun: () => void, onJob: (jobId: string) => void, onProgress: () => void, onEnd: () => void }} options
+ * @param {{ before: () => unknown, onRun: () => void, onJob: (jobId: string) => void, onProgress: () => void, onSuccess: () => Promise<void>, onEnd: () => void }} options
  */
-export function bindPlanButton(root, scenarioId, { before, onRun, onJob, onProgress, onEnd }) {
+export function bindPlanButton(root, scenarioId, { before, onRun, onJob, onProgress, onSuccess, onEnd }) {
   const follow = bindJobButton(root, "plan", {
     start: async () => {
       onRun();
@@ -49,7 +50,8 @@ export function bindPlanButton(root, scenarioId, { before, onRun, onJob, onProgr
       return job;
     },
     before,
-    onSuccess: (job) => {
+    onSuccess: async (job) => {
+      await onSuccess();
       writeToAddress(PLANNING, null); // a step back in the history leads to the editor
       location.assign(planViewerUrl(job.id));
     },
