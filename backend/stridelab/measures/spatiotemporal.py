@@ -1,8 +1,9 @@
 """Lengths and times of steps from contacts and heel markers.
 
-A step is named by the foot that swings and lands. Lengths are distances of the heels: of the landing foot at its
-strike and the standing foot while it is flat; widths are across the walk, positive if the feet do not cross. Shares
-are of the step time (double support) or of the stride time from strike to strike of one foot (stance, single support).
+A step is named by the foot that swings and lands. Lengths are distances of the heels, each read while the foot is flat,
+at the lift-off of the other foot, so that two steps add up to a stride; widths are the same across the walk, positive
+if the feet do not cross. Shares are of the step time (double support) or of the stride time from strike to strike of
+one foot (stance, single support).
 
 Events have a common error (the same in all events of a kind) and an own error (``walking.gait_events``). To first order
 
@@ -83,17 +84,17 @@ def _of_step(motion: WalkMotion, step: GaitStep, number: int) -> list[Measure]:
     values: list[tuple[str, float, float, str]] = []
 
     def heels_sd_m(axis: int) -> float:
-        landed_m = position_sd_m(motion, landing, step.strike_s, step.strike_error, axis)
+        landed_m = position_sd_m(motion, landing, step.next_lift_off_s, step.next_lift_off_error, axis)
         return math.hypot(
             marker_m, landed_m, position_sd_m(motion, standing, step.lift_off_s, step.lift_off_error, axis)
         )
 
     if step.length_m is not None:
         values.append(("step_length", step.length_m, heels_sd_m(AHEAD), "m"))
-    if motion.covers(step.lift_off_s, step.strike_s):
+    if motion.covers(step.lift_off_s, step.next_lift_off_s):
         outwards = 1.0 if step.side == "left" else -1.0
         width = (
-            motion.interpolate_track(landing, step.strike_s)[LEFT]
+            motion.interpolate_track(landing, step.next_lift_off_s)[LEFT]
             - motion.interpolate_track(standing, step.lift_off_s)[LEFT]
         )
         values.append(("step_width", outwards * float(width), heels_sd_m(LEFT), "m"))
