@@ -309,9 +309,9 @@ def test_a_step_s_length_is_as_uncertain_as_markers_on_feet_that_stand() -> None
     errors = {"strike_error": EventError(0.0, 0.01), "prior_strike_error": EventError(0.0, 0.01)}
     steps = [replace(step, **errors) for step in plain_steps()]
     measures = spatiotemporal(plain_walk(), steps)
-    for name in ("step_length", "step_width"):
+    for name, skin in (("step_length", math.sqrt(2.0)), ("step_width", math.sqrt(3.0))):
         sd = [m.sd for m in measures if m.name == name][2]
-        assert sd == pytest.approx(math.sqrt(2.0) * math.hypot(MARKER_SD_M, FOOT_SKIN_SD_M))
+        assert sd == pytest.approx(math.hypot(math.sqrt(2.0) * MARKER_SD_M, skin * FOOT_SKIN_SD_M))
 
 
 def test_the_change_of_a_skin_wave_over_half_a_stride_enters_the_speed_of_a_step() -> None:

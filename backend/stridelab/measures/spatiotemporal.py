@@ -12,8 +12,9 @@ Events have a common error (the same in all events of a kind) and an own error (
 so that an error common to two strikes drops out of the time between them. The weight is the derivative of the measure;
 that of a position at an event is its velocity there, as a difference over the event's own uncertainty.
 
-Markers move with the skin, in the rhythm of the stride: that drops out of the length of a stride, but not of the
-length, width and speed of a step, at whose ends the skin is elsewhere.
+Markers move with the skin, in the rhythm of the stride: that drops out of the length of a stride, but not of the speed
+of a step, at whose ends the skin is elsewhere, nor of the distances between the feet. Both heels are read at the same
+phase of their strides, and half of the variance of their skin is taken as alike, mirrored: across, that adds up.
 """
 
 import math
@@ -80,13 +81,16 @@ def _of_step(motion: WalkMotion, step: GaitStep, number: int) -> list[Measure]:
         return []
     period = step.period_s
     landing, standing = motion.feet[step.side].heel_m, motion.feet[OTHER_SIDE[step.side]].heel_m
-    marker_m = math.sqrt(2.0) * math.hypot(MARKER_SD_M, FOOT_SKIN_SD_M)
+    skin_m = {AHEAD: math.sqrt(2.0) * FOOT_SKIN_SD_M, LEFT: math.sqrt(3.0) * FOOT_SKIN_SD_M}
     values: list[tuple[str, float, float, str]] = []
 
     def heels_sd_m(axis: int) -> float:
         landed_m = position_sd_m(motion, landing, step.next_lift_off_s, step.next_lift_off_error, axis)
         return math.hypot(
-            marker_m, landed_m, position_sd_m(motion, standing, step.lift_off_s, step.lift_off_error, axis)
+            math.sqrt(2.0) * MARKER_SD_M,
+            skin_m[axis],
+            landed_m,
+            position_sd_m(motion, standing, step.lift_off_s, step.lift_off_error, axis),
         )
 
     if step.length_m is not None:

@@ -34,7 +34,8 @@ class GaitStep:
     ``length_m`` is the distance along the walk from the heel of the standing foot to the heel of ``side``, each read
     while flat, at the lift-off of the other foot; None if a heel is hidden. ``measured`` states whether all contact
     force was measured throughout. ``source`` is the source of the timing. ``prior_strike_s`` is the strike of the
-    standing foot, None if unknown. The errors are those of the events of the same names.
+    standing foot, ``stance_end_s`` the lift-off that ends the stance of ``side`` after its strike; None if unknown. The
+    errors are those of the events of the same names.
     """
 
     side: Side
@@ -47,6 +48,7 @@ class GaitStep:
     measured: bool
     source: TimingSource
     prior_strike_s: float | None = None
+    stance_end_s: float | None = None
     lift_off_error: EventError = MARKER_ERROR["lift_off"]
     strike_error: EventError = MARKER_ERROR["strike"]
     next_lift_off_error: EventError = MARKER_ERROR["lift_off"]
@@ -109,6 +111,7 @@ def find_steps(
                 measured=any(w.start_s - slack_s <= start_s and end_s <= w.end_s + slack_s for w in windows),
                 source=_timing_source(before, after, other),
                 prior_strike_s=other.strike_s,
+                stance_end_s=after.lift_off_s,
                 lift_off_error=before.lift_off_error,
                 strike_error=after.strike_error,
                 next_lift_off_error=other.lift_off_error,
@@ -135,6 +138,7 @@ def find_one_sided_steps(recording: Recording, contacts: Sequence[Contact]) -> t
             speed_m_s=unknown,
             measured=False,
             source=_timing_source(before, after, after),
+            stance_end_s=after.lift_off_s,
             lift_off_error=before.lift_off_error,
             strike_error=after.strike_error,
         )
