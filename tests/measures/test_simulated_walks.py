@@ -20,7 +20,7 @@ from stridelab.pipelines.gait_measures.pooled import gait_measures as measure_me
 from stridelab.pipelines.trial import clock_of, event_delays_of
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary, GaitMeasuresTask, MeasuresMember
-from stridelab.schemas.recordings import EventDelays, PlateSwitch
+from stridelab.schemas.recordings import EventDelays, PlateSwitch, SubjectFields
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.kinds.gait_measures import run as gait_measures
 from stridelab.simulation.noise import NOISE_FREE

@@ -130,7 +130,8 @@ def _content_key(member: MeasuresMember, folder: Path) -> str:
     return digest + source.model_dump_json(exclude={"file", "filename"})
 
 
-def _may_be_several_people(recordings: Sequence[MeasuredRecording]) -> bool:
+def may_be_several_people(recordings: Sequence[MeasuredRecording]) -> bool:
+    """Whether heights or masses differ by more than those of one person do."""
     heights_m = [one.motion.stature_m for one in recordings if one.motion.stature_m is not None]
     masses_kg = [mass for one in recordings if (mass := one.prepared.mass.known_kg) is not None]
     return (len(heights_m) > 1 and max(heights_m) - min(heights_m) > SAME_HEIGHT_M) or (
@@ -205,7 +206,7 @@ def _summary(
         quality=worst_quality([one.quality.quality for one in measured]),
         trials=[one.quality for one in measured],
         warnings=[
-            *([SEVERAL_PEOPLE] if _may_be_several_people(measured) else ()),
+            *([SEVERAL_PEOPLE] if may_be_several_people(measured) else ()),
             *(base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)),
         ],
     )
