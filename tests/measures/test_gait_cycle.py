@@ -14,7 +14,7 @@ HEIGHT_M, SPEED_M_S, PERIOD_S = 0.9, 1.2, 1.0
 def step(side: str, lift_off_s: float, strike_s: float) -> GaitStep:
     return GaitStep(
         side=side, lift_off_s=lift_off_s, strike_s=strike_s, next_lift_off_s=strike_s + 0.1, period_s=0.5,
-        length_m=0.6, speed_m_s=SPEED_M_S, measured=True, source="plates",
+        length_m=0.6, speed_m_s=SPEED_M_S, measured=True, source="plates", stance_end_s=lift_off_s + PERIOD_S,
     )  # type: ignore[arg-type]  # fmt: skip
 
 

@@ -170,6 +170,20 @@ def test_adults_at_their_own_speed_are_inside_the_published_range(adults: list[M
     assert sum(low <= mean_of(one, name) <= high for one in adults) >= least
 
 
+def test_two_steps_add_up_to_a_stride(measures_of: dict[str, MeasuredRecording]) -> None:
+    """The stride is measured at the strikes, the steps on standing feet: the heel moves ahead between the two."""
+    differences_m = []
+    for one in measures_of.values():
+        value = {(m.name, m.step): m.value for m in one.measures}
+        for k, sides in enumerate(zip(*([step.side for step in one.steps][n:] for n in range(3)), strict=False)):
+            if sides[0] == sides[2] != sides[1] and ("stride_length", k) in value:
+                both_m = value["step_length", k + 1] + value["step_length", k + 2]
+                differences_m.append(both_m - value["stride_length", k])
+    assert len(differences_m) >= 12
+    assert abs(np.mean(differences_m)) < 0.003
+    assert np.abs(differences_m).max() < 0.01
+
+
 def test_the_width_of_a_step_does_not_depend_on_the_interval_of_the_estimate(
     measures_of: dict[str, MeasuredRecording],
 ) -> None:

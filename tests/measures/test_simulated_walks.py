@@ -20,7 +20,7 @@ from stridelab.pipelines.gait_measures.pooled import gait_measures as measure_me
 from stridelab.pipelines.trial import clock_of, event_delays_of
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import GaitMeasuresInput, GaitMeasuresSummary, GaitMeasuresTask, MeasuresMember
-from stridelab.schemas.recordings import EventDelays, PlateSwitch
+from stridelab.schemas.recordings import EventDelays, PlateSwitch, SubjectFields
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource
 from stridelab.service.kinds.gait_measures import run as gait_measures
 from stridelab.simulation.noise import NOISE_FREE
@@ -145,15 +145,22 @@ def test_the_files_are_a_row_per_value_and_the_extrapolated_com(tmp_path: Path) 
     stems = ("measures", "steps", "xcom", "stability")
     assert names == [f"{stem}.{end}" for stem in stems for end in ("parquet", "csv")]
     table = pyarrow.csv.read_csv(tmp_path / "measures.csv")
-    assert table.column_names == ["recording", "measure", "side", "step", "value", "sd", "unit"]
+    assert table.column_names == ["recording_id", "recording", "measure", "side", "step", "value", "sd", "unit"]
     steps = pyarrow.csv.read_csv(tmp_path / "steps.csv")
     assert steps.column_names[:6] == ["recording_id", "recording", "step", "side", "strike_s", "timing"]
     assert {"step_length_m", "sd_step_length_m", "cadence_1_min", "double_support_share"} <= set(steps.column_names)
+    narrow = {
+        (r["recording_id"], r["step"]): r for r in table.to_pylist() if r["measure"] == "margin_of_stability_ml_min"
+    }
+    for row in steps.to_pylist():
+        margin = narrow.get((row["recording_id"], row["step"]))
+        assert row["side_margin_of_stability_ml_min"] == ("" if margin is None else margin["side"])
+        assert margin is None or margin["side"] != row["side"]
     in_rows = [v for v in steps["step_length_m"].to_pylist() if v is not None]
     in_long = [r["value"] for r in table.to_pylist() if r["measure"] == "step_length"]
     assert in_rows == pytest.approx(in_long)
     xcom = pyarrow.csv.read_csv(tmp_path / "xcom.csv")
-    assert xcom.column_names == ["recording", "time_s", "x_m", "y_m", "sd_x_m", "sd_y_m"]
+    assert xcom.column_names == ["recording_id", "recording", "time_s", "x_m", "y_m", "sd_x_m", "sd_y_m"]
     summary = GaitMeasuresSummary.model_validate(outcome.summary)
     assert summary.n_recordings == 2
     assert summary.steps == steps.num_rows
@@ -285,7 +292,7 @@ def test_the_plates_of_a_session_calibrate_the_events_of_a_recording_without(tmp
     assert results["day"][1].steps == truth.steps, "no other recording has plates"
     members = [one.model_copy(update={"session_id": "day"}) for one in (*pair, member(tmp_path))]
     copied = measure_members(GaitMeasuresTask(members=members), tmp_path, quiet).recordings
-    assert [one.steps for one in copied] == [calibrated.steps, truth.steps, truth.steps], "a copy adds nothing"
+    assert [one.steps for one in copied] == [calibrated.steps, truth.steps], "a copy adds nothing"
     late = clock_of(truth.prepared.trial)
     assert late is not None
     strike = event_delays_of(truth.prepared.trial, late).strike
@@ -304,3 +311,17 @@ def test_the_plates_of_a_session_calibrate_the_events_of_a_recording_without(tmp
     name = "double_support_share"
     sds = [np.mean([m.sd for m in one.measures if m.name == name]) for one in (alone, calibrated)]
     assert sds[1] < 0.9 * sds[0]
+
+
+def test_a_copy_of_a_recording_counts_once(tmp_path: Path) -> None:
+    """It would narrow the intervals; of other settings it is another recording."""
+    summary = summary_of(tmp_path, member(tmp_path), member(tmp_path))
+    (copy,) = summary.left_out
+    assert (summary.n_recordings, copy.recording_id, copy.code) == (1, "recording-1", "recording-twice")
+    assert f"the same file as {TRIAL.name}" in copy.message
+
+
+def test_recordings_that_cannot_be_of_one_person_are_remarked_on(tmp_path: Path) -> None:
+    people = [member(tmp_path, subject=SubjectFields(height_m=height_m)) for height_m in (1.60, 1.80)]
+    assert "several-people" in [one.code for one in summary_of(tmp_path, *people).warnings]
+    assert "several-people" not in [one.code for one in summary_of(tmp_path, people[0]).warnings]

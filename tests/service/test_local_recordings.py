@@ -22,3 +22,12 @@ def test_recordings_of_one_day_are_of_one_session_and_unreadable_ones_of_none(tm
     assert shared[0].session_id
     assert shared[2].session_id is None
     assert [one.session_id for one in share_by_day(staged[:1], work)] == [None]
+
+
+def test_equal_names_of_files_are_told_apart_by_their_folders(tmp_path: Path) -> None:
+    places = [tmp_path / name for name in ("monday/walk.c3d", "friday/walk.c3d", "friday/slow.c3d")]
+    for place in places:
+        place.parent.mkdir(exist_ok=True)
+        place.write_bytes(b"no recording")
+    staged = stage_walks(places, tmp_path, SubjectFields(), None)
+    assert [one.task.recording.filename for one in staged] == ["monday-walk.c3d", "friday-walk.c3d", "slow.c3d"]

@@ -144,3 +144,22 @@ def test_measured_steps_are_enough() -> None:
     windows = measured_windows(recording, LANDMARKS)
     steps = find_steps(recording, LANDMARKS, windows)
     require_steps(recording, steps, steps[:1], windows)
+
+
+def test_a_walk_backwards_or_sideways_is_refused(gait: Path) -> None:
+    """Left is then not on the left of the walk: widths and margins would have the wrong sign."""
+    assert refused(moved(walk([]), lambda track: track[::-1])).code == "backwards"
+    recording, landmarks = real(gait / "ezc3d-testfiles/Qualisys.c3d")
+    backwards = refused(moved(replace(recording, plates=()), lambda track: track[::-1]), landmarks)
+    assert backwards.code == "backwards"
+    assert "178 degrees" in backwards.message
+    ahead = walk([])
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    turned = {
+        label: ahead.markers_m[f"{label[0]}_heel"] + (track - ahead.markers_m[f"{label[0]}_heel"]) @ quarter.T
+        for label, track in ahead.markers_m.items()
+        if label in FEET.values()
+    }
+    sideways = refused(replace(ahead, markers_m={**ahead.markers_m, **turned}))
+    assert sideways.code == "sideways"
+    assert "90 degrees" in sideways.message

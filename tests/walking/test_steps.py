@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stridelab.measures.walk_motion import strides
 from stridelab.recordings.foot_contact import find_feet
 from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.recording import Recording, Remark
@@ -92,6 +93,23 @@ def test_a_hidden_heel_leaves_the_length_open() -> None:
     heel[60:140] = np.nan
     steps = steps_of(replace(walked, markers_m={**walked.markers_m, "l_heel": heel}))
     assert any(s.length_m is None for s in steps)
+
+
+def test_a_hidden_landing_leaves_the_other_steps_and_makes_no_stride_of_two() -> None:
+    walked = walk([], n_steps=10)
+    steps = find_steps(walked, LANDMARKS)
+    lost = steps[4]
+    during = (walked.time_s > lost.strike_s - 0.08) & (walked.time_s < lost.strike_s + 0.08)
+    markers = {label: track.copy() for label, track in walked.markers_m.items()}
+    for label in (label for label in FEET.values() if label.startswith(lost.side[0])):
+        markers[label][during] = np.nan
+    seen = find_steps(replace(walked, markers_m=markers), LANDMARKS)
+    kept = [step for step in steps if step is not lost]
+    assert [step.strike_s for step in seen] == pytest.approx([step.strike_s for step in kept])
+    assert [step.next_lift_off_s for step in seen] == pytest.approx([step.next_lift_off_s for step in kept])
+    strides_s = [later.strike_s - step.strike_s for _, step, later in strides(seen)]
+    assert len(strides_s) == len(list(strides(steps))) - 2
+    assert strides_s == pytest.approx([2.0 * STEP_S] * len(strides_s), abs=0.03)
 
 
 def test_a_part_of_a_step_is_no_step() -> None:

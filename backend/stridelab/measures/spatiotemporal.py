@@ -1,8 +1,9 @@
 """Lengths and times of steps from contacts and heel markers.
 
-A step is named by the foot that swings and lands. Lengths are distances of the heels: of the landing foot at its
-strike and the standing foot while it is flat; widths are across the walk, positive if the feet do not cross. Shares
-are of the step time (double support) or of the stride time from strike to strike of one foot (stance, single support).
+A step is named by the foot that swings and lands. Lengths are distances of the heels, each read while the foot is flat,
+at the lift-off of the other foot, so that two steps add up to a stride; widths are the same across the walk, positive
+if the feet do not cross. Shares are of the step time (double support) or of the stride time from strike to strike of
+one foot (stance, single support).
 
 Events have a common error (the same in all events of a kind) and an own error (``walking.gait_events``). To first order
 
@@ -11,8 +12,9 @@ Events have a common error (the same in all events of a kind) and an own error (
 so that an error common to two strikes drops out of the time between them. The weight is the derivative of the measure;
 that of a position at an event is its velocity there, as a difference over the event's own uncertainty.
 
-Markers move with the skin, in the rhythm of the stride: that drops out of the length of a stride, but not of the
-length, width and speed of a step, at whose ends the skin is elsewhere.
+Markers move with the skin, in the rhythm of the stride: that drops out of the length of a stride, but not of the speed
+of a step, at whose ends the skin is elsewhere, nor of the distances between the feet. Both heels are read at the same
+phase of their strides, and half of the variance of their skin is taken as alike, mirrored: across, that adds up.
 """
 
 import math
@@ -79,21 +81,24 @@ def _of_step(motion: WalkMotion, step: GaitStep, number: int) -> list[Measure]:
         return []
     period = step.period_s
     landing, standing = motion.feet[step.side].heel_m, motion.feet[OTHER_SIDE[step.side]].heel_m
-    marker_m = math.sqrt(2.0) * math.hypot(MARKER_SD_M, FOOT_SKIN_SD_M)
+    skin_m = {AHEAD: math.sqrt(2.0) * FOOT_SKIN_SD_M, LEFT: math.sqrt(3.0) * FOOT_SKIN_SD_M}
     values: list[tuple[str, float, float, str]] = []
 
     def heels_sd_m(axis: int) -> float:
-        landed_m = position_sd_m(motion, landing, step.strike_s, step.strike_error, axis)
+        landed_m = position_sd_m(motion, landing, step.next_lift_off_s, step.next_lift_off_error, axis)
         return math.hypot(
-            marker_m, landed_m, position_sd_m(motion, standing, step.lift_off_s, step.lift_off_error, axis)
+            math.sqrt(2.0) * MARKER_SD_M,
+            skin_m[axis],
+            landed_m,
+            position_sd_m(motion, standing, step.lift_off_s, step.lift_off_error, axis),
         )
 
     if step.length_m is not None:
         values.append(("step_length", step.length_m, heels_sd_m(AHEAD), "m"))
-    if motion.covers(step.lift_off_s, step.strike_s):
+    if motion.covers(step.lift_off_s, step.next_lift_off_s):
         outwards = 1.0 if step.side == "left" else -1.0
         width = (
-            motion.interpolate_track(landing, step.strike_s)[LEFT]
+            motion.interpolate_track(landing, step.next_lift_off_s)[LEFT]
             - motion.interpolate_track(standing, step.lift_off_s)[LEFT]
         )
         values.append(("step_width", outwards * float(width), heels_sd_m(LEFT), "m"))

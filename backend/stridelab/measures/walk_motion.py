@@ -197,10 +197,13 @@ def _horizontal_covariance(estimate: ComEstimate, frame: Rotation) -> Float[np.n
 
 
 def strides(steps: Sequence[GaitStep]) -> Iterator[tuple[int, GaitStep, GaitStep]]:
-    """Strides from strike to strike of one foot: number of the first step, that step, and the next of its side."""
+    """Strides from strike to strike of one foot: number of the first step, that step, and the next of its side.
+
+    A step that hidden markers leave out between two others of its side makes no stride of them.
+    """
     for number, step in enumerate(steps):
         following = next((later for later in steps[number + 1 :] if later.side == step.side), None)
-        if following is not None:
+        if following is not None and following.lift_off_s == step.stance_end_s:
             yield number, step, following
 
 

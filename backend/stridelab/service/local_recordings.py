@@ -47,15 +47,18 @@ def stage_walks(
 ) -> list[MeasuresMember]:
     """Copy each recording and the static trial of its person into a new subfolder of ``folder``.
 
-    A file that cannot be copied is left out: reading it then states the reason, as for any other recording.
+    A file that cannot be copied is left out: reading it then states the reason, as for any other recording. Equal names
+    of files are shown behind those of their folders.
     """
     members = []
+    names = [path.name for path in paths]
     for path in paths:
+        shown = path.name if names.count(path.name) == 1 else f"{path.absolute().parent.name}-{path.name}"
         name = f"recording-{len(list(folder.glob('recording-*'))):03d}"
         (folder / name).mkdir()
         with contextlib.suppress(OSError):
             shutil.copyfile(path, folder / name / "trial")
-        source = RecordingSource(file="trial", filename=path.name, subject=subject)
+        source = RecordingSource(file="trial", filename=shown, subject=subject)
         static_source = None
         if static is not None:
             shutil.copyfile(static, folder / name / "static-trial")

@@ -61,6 +61,8 @@ SWING_SPEED_SHARE: Final = 0.9
 """Minimum speed of a swinging foot, per walking speed. The peak is 3.5, in the first step from rest 1.5."""
 MIN_SWING_S: Final = 0.15
 """Shortest swing; shorter ones are jumps of a marker."""
+SHORTEST_STANCE_S: Final = 0.3
+"""Markers that are hidden for less between two parts of a swing hide no stance."""
 MAX_SOURCE_DIFFERENCE_S: Final = 0.1
 """Largest difference of one event between plates and markers; beyond it the foot stood beside the plate."""
 MIN_LOADED_SHARE: Final = 0.5
@@ -74,7 +76,11 @@ EventSource = Literal["plates", "markers"]
 
 @dataclass(frozen=True)
 class Contact:
-    """Contact of one foot, in seconds of the markers' clock; None for an event outside the recording."""
+    """Contact of one foot, in seconds of the markers' clock; None for an event that is not seen.
+
+    An event that hidden markers hide lies after ``begins_after_s`` and before ``ends_before_s``, when the foot is seen
+    to swing.
+    """
 
     side: Side
     strike_s: float | None
@@ -84,16 +90,18 @@ class Contact:
     strike_error: EventError = MARKER_ERROR["strike"]
     lift_off_error: EventError = MARKER_ERROR["lift_off"]
     lands_flat: bool = False
+    begins_after_s: float = -np.inf
+    ends_before_s: float = np.inf
 
     @property
     def start_s(self) -> float:
-        """Strike for comparisons: minus infinity if unknown."""
-        return -np.inf if self.strike_s is None else self.strike_s
+        """Strike for comparisons: its bound if it is unknown, minus infinity before the recording."""
+        return self.begins_after_s if self.strike_s is None else self.strike_s
 
     @property
     def end_s(self) -> float:
-        """Lift-off for comparisons: infinity if unknown."""
-        return np.inf if self.lift_off_s is None else self.lift_off_s
+        """Lift-off for comparisons: its bound if it is unknown, infinity after the recording."""
+        return self.ends_before_s if self.lift_off_s is None else self.lift_off_s
 
 
 def find_contacts(
@@ -158,7 +166,7 @@ def contacts_of_foot(recording: Recording, landmarks: Mapping[str, str], foot: F
     contacts: list[Contact] = []
     strike_s: float | None = None
     flat = False
-    down_again = -1
+    swung_s, down_again = -np.inf, -1
     for i, j in true_runs(swinging > SWING_SPEED_SHARE * v):
         if i < down_again:
             continue
@@ -167,16 +175,24 @@ def contacts_of_foot(recording: Recording, landmarks: Mapping[str, str], foot: F
         landing_s = _crossing_s(time_s, slower, fastest, 1, STRIKE_SPEED_SHARE * v)
         if lift_off_s is not None and landing_s is not None and landing_s - lift_off_s < MIN_SWING_S:
             continue
-        contacts.append(_marker_contact(foot.side, strike_s, lift_off_s, flat))
+        is_same_swing = strike_s is None and lift_off_s is None and time_s[i] - swung_s < SHORTEST_STANCE_S
+        if not (contacts and is_same_swing):
+            before = _marker_contact(foot.side, strike_s, lift_off_s, flat)
+            contacts.append(replace(before, begins_after_s=swung_s, ends_before_s=float(time_s[fastest])))
         strike_s, flat = None, False
         if landing_s is not None:
             heel_s, fore_s = (_crossing_s(time_s, one, fastest, 1, STRIKE_SPEED_SHARE * v) for one in (heel, fore))
             flat = heel_s is not None and fore_s is not None and fore_s - heel_s < FLAT_LEAD_S
             up = landing_velocities(time_s, v_heel, v_fore, landing_s) / v
             strike_s = landing_s + STRIKE_DELAY_S - _sinking_s(up)
-        down_again = len(time_s) if landing_s is None else int(np.searchsorted(time_s, landing_s))
-    contacts.append(_marker_contact(foot.side, strike_s, None, flat))
-    return [c for c in contacts if len(contacts) == 1 or c.strike_s is not None or c.lift_off_s is not None]
+        swung_s = float(time_s[j - 1])
+        down_again = j if landing_s is None else int(np.searchsorted(time_s, landing_s))
+    contacts.append(replace(_marker_contact(foot.side, strike_s, None, flat), begins_after_s=swung_s))
+    if len(contacts) == 1:
+        return contacts
+    # The first and the last are no contacts if the recording begins and ends in a swing.
+    first, last = (int(one.strike_s is None and one.lift_off_s is None) for one in (contacts[0], contacts[-1]))
+    return contacts[first : len(contacts) - last]
 
 
 def _marker_contact(side: Side, strike_s: float | None, lift_off_s: float | None, flat: bool) -> Contact:

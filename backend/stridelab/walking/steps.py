@@ -31,10 +31,11 @@ class GaitStep:
 
     Double support lasts from ``strike_s`` to ``next_lift_off_s``, the lift-off of the other foot. ``period_s`` is the
     time from the previous strike to this strike, or from lift-off to lift-off if the previous strike is unknown.
-    ``length_m`` is the distance along the walk from the heel of the standing foot (while it is flat) to the heel of
-    ``side`` at its strike; None if a heel is hidden. ``measured`` states whether all contact force was measured
-    throughout. ``source`` is the source of the timing. ``prior_strike_s`` is the strike of the standing foot, None if
-    unknown. The errors are those of the events of the same names.
+    ``length_m`` is the distance along the walk from the heel of the standing foot to the heel of ``side``, each read
+    while flat, at the lift-off of the other foot; None if a heel is hidden. ``measured`` states whether all contact
+    force was measured throughout. ``source`` is the source of the timing. ``prior_strike_s`` is the strike of the
+    standing foot, ``stance_end_s`` the lift-off that ends the stance of ``side`` after its strike; None if unknown. The
+    errors are those of the events of the same names.
     """
 
     side: Side
@@ -47,6 +48,7 @@ class GaitStep:
     measured: bool
     source: TimingSource
     prior_strike_s: float | None = None
+    stance_end_s: float | None = None
     lift_off_error: EventError = MARKER_ERROR["lift_off"]
     strike_error: EventError = MARKER_ERROR["strike"]
     next_lift_off_error: EventError = MARKER_ERROR["lift_off"]
@@ -104,11 +106,12 @@ def find_steps(
                 strike_s=strike_s,
                 next_lift_off_s=end_s,
                 period_s=end_s - start_s if other.strike_s is None else strike_s - other.strike_s,
-                length_m=walk.length_m(before.side, start_s, strike_s),
+                length_m=walk.length_m(before.side, start_s, strike_s, end_s),
                 speed_m_s=walk.speed_m_s(start_s, end_s),
                 measured=any(w.start_s - slack_s <= start_s and end_s <= w.end_s + slack_s for w in windows),
                 source=_timing_source(before, after, other),
                 prior_strike_s=other.strike_s,
+                stance_end_s=after.lift_off_s,
                 lift_off_error=before.lift_off_error,
                 strike_error=after.strike_error,
                 next_lift_off_error=other.lift_off_error,
@@ -135,6 +138,7 @@ def find_one_sided_steps(recording: Recording, contacts: Sequence[Contact]) -> t
             speed_m_s=unknown,
             measured=False,
             source=_timing_source(before, after, after),
+            stance_end_s=after.lift_off_s,
             lift_off_error=before.lift_off_error,
             strike_error=after.strike_error,
         )
@@ -223,21 +227,26 @@ class _FloorRelative:
         ground = {foot.side: foot.ground_m_s for foot in feet}
         return cls(recording.time_s, np.asarray(pelvis), heels, ground, level / np.linalg.norm(level))
 
-    def length_m(self, side: Side, lift_off_s: float, strike_s: float) -> float | None:
-        """Distance from the other heel to this heel at its strike; None if one is hidden.
+    def length_m(self, side: Side, lift_off_s: float, strike_s: float, next_lift_off_s: float) -> float | None:
+        """Distance from the other heel to this heel at the strike; None if one is hidden.
 
-        The other heel is read at this foot's lift-off, when it is flat on the ground; until the strike its belt carries
-        it on.
+        Both heels are read while the foot is flat, at the lift-off of the other foot, and carried to the strike by
+        their belts. So two steps add up to a stride: until it is flat, the heel of a landing foot still moves ahead.
         """
         other: Side = "left" if side == "right" else "right"
-        carried_m = float(self.ground_m_s[other] @ self.ahead) * (strike_s - lift_off_s)
-        other_m = self._ahead_m(self.heels_m[other], lift_off_s) + carried_m
-        length = self._ahead_m(self.heels_m[side], strike_s) - other_m
-        return length if np.isfinite(length) else None
+        landed_m, other_m = (
+            self._ahead_m(self.heels_m[foot], flat_s) + self._carried_m(foot, strike_s - flat_s)
+            for foot, flat_s in ((side, next_lift_off_s), (other, lift_off_s))
+        )
+        return landed_m - other_m if np.isfinite(landed_m - other_m) else None
 
     def speed_m_s(self, start_s: float, end_s: float) -> float:
         """Mean speed of the pelvis; NaN if it is hidden."""
         return (self._ahead_m(self.pelvis_m, end_s) - self._ahead_m(self.pelvis_m, start_s)) / (end_s - start_s)
+
+    def _carried_m(self, side: Side, duration_s: float) -> float:
+        """Way along the walk of the surface under a foot."""
+        return float(self.ground_m_s[side] @ self.ahead) * duration_s
 
     def _ahead_m(self, track: Points, at_s: float) -> float:
         return float(np.interp(at_s, self.time_s, track @ self.ahead))

@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 
 from stridelab.errors import NotEstimable
-from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult
+from stridelab.pipelines.gait_measures.pooled import SEVERAL_PEOPLE, GaitMeasuresResult, may_be_several_people
 from stridelab.pipelines.gait_report.content import Curve, Panel
 from stridelab.pipelines.gait_report.drawing import Area, Line, Text, draw_panel
 from stridelab.pipelines.gait_report.fonts import wrap_text
@@ -331,9 +331,12 @@ def test_recordings_of_several_people_are_remarked_on_and_have_their_range(full:
     taller = replace(one, motion=replace(one.motion, stature_m=height_m + 0.15))
     heavy = replace(one.prepared.mass, mass_kg=1.2 * one.prepared.mass.mass_kg)
     heavier = replace(one, prepared=replace(one.prepared, mass=heavy))
-    for other in (taller, heavier):
-        cautions = cautions_of(GaitMeasuresResult((one, other), (), full.summary), full.summary)
-        assert any("report people one by one" in text for text in cautions)
+    assert not may_be_several_people([one, one])
+    assert may_be_several_people([one, taller])
+    assert may_be_several_people([one, heavier])
+    remarked = full.summary.model_copy(update={"warnings": [SEVERAL_PEOPLE]})
+    cautions = cautions_of(GaitMeasuresResult((one, taller), (), remarked), remarked)
+    assert any("report people one by one" in text for text in cautions)
     assert not any("people" in text for text in full.content.cautions)
     assert height_text([one, taller]) == f"{height_m:.2f} to {height_m + 0.15:.2f} m"
     assert height_text([one, one]) == f"{height_m:.2f} m"

@@ -252,6 +252,7 @@ def plain_steps(n: int = STEPS_IN_WALK) -> tuple[GaitStep, ...]:
             measured=True,
             source="plates",
             prior_strike_s=k * STEP_S if k > 0 else None,
+            stance_end_s=(k + 3) * STEP_S - SWING_S,
         )
         for k in range(n)
     )

@@ -1,5 +1,6 @@
 """Measures of gait of one or more recordings, calibrated by their sessions and pooled."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,6 +42,14 @@ NEED_BOTH_FEET: Final = (
 )
 """Measures that are refused with the code ``ONE_FOOT``; others follow from them, as a cadence from a step time."""
 SUPPORT_BESIDE: Final = "support_beside_feet"
+SAME_HEIGHT_M: Final = 0.03
+SAME_MASS: Final = 0.15
+"""Differences of the stated height, and of the body mass in relation to the smallest, beyond those of one person."""
+SEVERAL_PEOPLE: Final = base.Remark(
+    code="several-people",
+    message="Height or body mass differ between the recordings more than those of one person do: report people one by "
+    "one.",
+)
 
 
 @dataclass(frozen=True)
@@ -64,19 +73,26 @@ def gait_measures(task: GaitMeasuresTask, folder: Path, progress: ProgressCallba
     """Measure every recording of ``task``, whose files are in sub-folders of ``folder``; 0.0 to 0.95 of the progress.
 
     Recordings that cannot be measured, or whose sensors contradict each other, are listed with the reason, the static
-    trial of the others as such (``static-trial``). Where the plates carry too little weight for the body, as with a
-    walking aid, the measures are those of the markers alone. The plates of the other recordings of a session
-    (``MeasuresMember.session_id``) calibrate its events by markers.
+    trial of the others as such (``static-trial``), and a copy of another one (``recording-twice``). Where the plates
+    carry too little weight for the body, as with a walking aid, the measures are those of the markers alone. The plates
+    of the other recordings of a session (``MeasuresMember.session_id``) calibrate its events by markers.
 
     Raises ``NotEstimable`` (``nothing-measured``) if no recording of several has a whole step; the error of a single
     one is raised as it is.
     """
     measured: list[MeasuredRecording] = []
     left_out: list[LeftOut] = []
+    name_of: dict[str, str] = {}
     static_ids = {one.task.session.static_recording_id for one in task.members if one.task.session is not None}
     for index, member in enumerate(task.members):
         progress(0.95 * index / len(task.members), member.task.recording.filename)
         identity = {"recording_id": member.recording_id, "filename": member.task.recording.filename}
+        content = _content_key(member, folder)
+        if content in name_of:
+            message = f"This is the same file as {name_of[content]}: a recording counts once."
+            left_out.append(LeftOut(**identity, code="recording-twice", message=message))
+            continue
+        name_of[content] = member.task.recording.filename
         try:
             one = measure_recording(member.recording_id, member.task, folder / member.folder)
         except StridelabError as error:
@@ -101,6 +117,26 @@ def gait_measures(task: GaitMeasuresTask, folder: Path, progress: ProgressCallba
     measured = _calibrate_events(task.members, measured)
     pooled = tuple(foot_placement([(one.motion, one.steps) for one in measured]))
     return GaitMeasuresResult(tuple(measured), pooled, _summary(measured, pooled, left_out))
+
+
+def _content_key(member: MeasuresMember, folder: Path) -> str:
+    """Equal for recordings with the same file and settings; unique for a file that is not there."""
+    source = member.task.recording
+    try:
+        with (folder / member.folder / source.file).open("rb") as content:
+            digest = hashlib.file_digest(content, "sha256").hexdigest()
+    except OSError:
+        digest = member.folder
+    return digest + source.model_dump_json(exclude={"file", "filename"})
+
+
+def may_be_several_people(recordings: Sequence[MeasuredRecording]) -> bool:
+    """Whether heights or masses differ by more than those of one person do."""
+    heights_m = [one.motion.stature_m for one in recordings if one.motion.stature_m is not None]
+    masses_kg = [mass for one in recordings if (mass := one.prepared.mass.known_kg) is not None]
+    return (len(heights_m) > 1 and max(heights_m) - min(heights_m) > SAME_HEIGHT_M) or (
+        len(masses_kg) > 1 and max(masses_kg) > (1.0 + SAME_MASS) * min(masses_kg)
+    )
 
 
 def _calibrate_events(
@@ -169,7 +205,10 @@ def _summary(
         speed_m_s=float(np.mean(speeds)) if speeds else None,
         quality=worst_quality([one.quality.quality for one in measured]),
         trials=[one.quality for one in measured],
-        warnings=[base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)],
+        warnings=[
+            *([SEVERAL_PEOPLE] if may_be_several_people(measured) else ()),
+            *(base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)),
+        ],
     )
 
 

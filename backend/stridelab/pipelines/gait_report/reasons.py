@@ -1,11 +1,11 @@
 """What is missing in the report and why, and what to know before its numbers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 
-from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult
+from stridelab.pipelines.gait_measures.pooled import SEVERAL_PEOPLE, GaitMeasuresResult
 from stridelab.pipelines.gait_measures.recording import SIDES, MeasuredRecording
 from stridelab.schemas.measures import MEASURE_TITLES, GaitReportSummary, measure_title
 from stridelab.translations.catalogue import gettext, ngettext, translate_sentence
@@ -39,9 +39,6 @@ REASON_OF: Final[Mapping[str, str]] = {
 FEW_STEPS: Final = 6
 MAX_SPEED_SPREAD: Final = 0.25
 """Range of the speeds of the recordings over their mean above which the report warns that conditions are mixed."""
-SAME_HEIGHT_M: Final = 0.03
-SAME_MASS: Final = 0.15
-"""Differences of the stated height, and of the body mass in relation to the smallest, beyond those of one person."""
 SIGNIFICANT_Z: Final = 2.0
 NO_STEP: Final[Mapping[str, str]] = {
     "left": "No whole step of the left foot is measured.",
@@ -60,15 +57,10 @@ WHOLE_STEP_NOT_ALLOWING: Final[Mapping[str, str]] = {
 def cautions_of(result: GaitMeasuresResult, summary: GaitReportSummary) -> tuple[str, ...]:
     """What a reader should know before the numbers."""
     cautions = [
-        translate_sentence(one.message) or one.message for one in summary.warnings if one.code == "force-not-used"
+        translate_sentence(one.message) or one.message
+        for one in summary.warnings
+        if one.code in ("force-not-used", SEVERAL_PEOPLE.code)
     ]
-    if _may_be_several_people(result.recordings):
-        cautions.append(
-            gettext(
-                "Height or body mass differ between the recordings more than those of one person do: report people one "
-                "by one."
-            )
-        )
     missing = [side for side in SIDES if not summary.sides.get(side)]
     cautions += [gettext(NO_STEP[side]) for side in missing]
     if summary.steps < FEW_STEPS and not missing:
@@ -99,14 +91,6 @@ def cautions_of(result: GaitMeasuresResult, summary: GaitReportSummary) -> tuple
             )
         )
     return tuple(dict.fromkeys(cautions))
-
-
-def _may_be_several_people(recordings: Sequence[MeasuredRecording]) -> bool:
-    heights_m = [one.motion.stature_m for one in recordings if one.motion.stature_m is not None]
-    masses_kg = [mass for one in recordings if (mass := one.prepared.mass.known_kg) is not None]
-    return (len(heights_m) > 1 and max(heights_m) - min(heights_m) > SAME_HEIGHT_M) or (
-        len(masses_kg) > 1 and max(masses_kg) > (1.0 + SAME_MASS) * min(masses_kg)
-    )
 
 
 def speed_m_s_of(one: MeasuredRecording) -> float | None:

@@ -11,7 +11,6 @@ from typing import Final
 import numpy as np
 
 from stridelab.measures.margin_of_stability import sideways_margin_m
-from stridelab.measures.measure import Measure
 from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult, gait_measures
 from stridelab.pipelines.gait_measures.recording import SIDES, MeasuredRecording
 from stridelab.pipelines.progress import ProgressCallback
@@ -59,23 +58,25 @@ def write_measures(folder: Path, result: GaitMeasuresResult) -> tuple[ArtifactFi
 
 def measure_columns(result: GaitMeasuresResult) -> dict[str, np.ndarray]:
     """One row per value; measures over all recordings together have an empty ``recording``; NaN is unknown."""
-    rows: list[tuple[str, Measure]] = [(one.filename, m) for one in result.recordings for m in one.measures]
-    rows += [("", measure) for measure in result.pooled]
+    rows = [(one.recording_id, one.filename, m) for one in result.recordings for m in one.measures]
+    rows += [("", "", measure) for measure in result.pooled]
     return {
-        "recording": np.array([name for name, _ in rows]),
-        "measure": np.array([measure.name for _, measure in rows]),
-        "side": np.array([measure.side or "" for _, measure in rows]),
-        "step": np.array([np.nan if measure.step is None else measure.step for _, measure in rows], dtype=float),
-        "value": np.array([measure.value for _, measure in rows]),
-        "sd": np.array([np.nan if measure.sd is None else measure.sd for _, measure in rows], dtype=float),
-        "unit": np.array([measure.unit for _, measure in rows]),
+        "recording_id": np.array([recording_id for recording_id, _, _ in rows]),
+        "recording": np.array([name for _, name, _ in rows]),
+        "measure": np.array([measure.name for _, _, measure in rows]),
+        "side": np.array([measure.side or "" for _, _, measure in rows]),
+        "step": np.array([np.nan if measure.step is None else measure.step for _, _, measure in rows], dtype=float),
+        "value": np.array([measure.value for _, _, measure in rows]),
+        "sd": np.array([np.nan if measure.sd is None else measure.sd for _, _, measure in rows], dtype=float),
+        "unit": np.array([measure.unit for _, _, measure in rows]),
     }
 
 
 def step_columns(result: GaitMeasuresResult) -> dict[str, np.ndarray]:
     """One row per step with a column per measure, as statistics packages read repeated observations; NaN is unknown.
 
-    A stride, or the stance of a leg, is in the row of the step that it begins with.
+    A stride, or the stance of a leg, is in the row of the step that it begins with. ``side`` is the foot that swings;
+    the margin in single support is of the other foot, which ``side_margin_of_stability_ml_min`` names.
     """
     rows = [(one, number, step) for one in result.recordings for number, step in enumerate(one.steps)]
     columns: dict[str, np.ndarray] = {
@@ -94,6 +95,8 @@ def step_columns(result: GaitMeasuresResult) -> dict[str, np.ndarray]:
     }
     for name, unit in dict.fromkeys((measure.name, measure.unit) for measure in values.values()):
         given = [values.get((one.recording_id, number, name)) for one, number, _ in rows]
+        if any(one is not None and one.side != step.side for one, (_, _, step) in zip(given, rows, strict=True)):
+            columns[f"side_{name}"] = np.array(["" if one is None else one.side or "" for one in given])
         label = f"{name}{COLUMN_UNITS[unit]}"
         columns[label] = np.array([np.nan if one is None else one.value for one in given])
         columns[f"sd_{label}"] = np.array([np.nan if one is None or one.sd is None else one.sd for one in given])
@@ -108,6 +111,7 @@ def xcom_columns(recordings: tuple[MeasuredRecording, ...]) -> dict[str, np.ndar
         sd = np.full((n, 2), np.nan) if one.xcom.sd_m is None else one.xcom.sd_m
         parts.append(
             {
+                "recording_id": np.array([one.recording_id] * n),
                 "recording": np.array([one.filename] * n),
                 "time_s": one.motion.time_s,
                 "x_m": one.xcom.position_m[:, 0],
