@@ -35,7 +35,7 @@ REFERENCES: Final = ("hof2005", "donelan2002", "cavagna1976", "herr2008", "wang2
 SIGNED: Final = frozenset(
     {"margin_of_stability_ap_contact", "capture_point_offset_ap", "capture_point_offset_ml", "step_width"}
 )
-"""Measures that may be zero or negative, for which a ratio of the sides says nothing."""
+"""Measures that may be zero or negative, for which a ratio of the sides says nothing; nor does one of unlike signs."""
 NEED_BOTH_FEET: Final = (
     *("step_length", "step_width", "step_time", "margin_of_stability_ml_min", "cycloid_wheel_radius"),
     *("angular_momentum_range_x", "limb_work_left_positive", "limb_work_right_positive", "foot_placement_residual"),
@@ -219,8 +219,8 @@ def _pooled_values(measures: Sequence[Measure]) -> list[MeasureValue]:
     for one in summaries:
         left, right = means.get((one.name, "left")), means.get((one.name, "right"))
         symmetry = None
-        if one.side is None and left is not None and right is not None and one.name not in SIGNED:
-            symmetry = symmetry_index(left, right)
+        if one.side is None and left is not None and right is not None and left * right > 0.0:
+            symmetry = None if one.name in SIGNED else symmetry_index(left, right)
         values.append(
             MeasureValue(
                 name=one.name,

@@ -71,3 +71,17 @@ def test_a_force_that_points_down_is_remarked() -> None:
     running = session()
     replies_to(running, *(frame(k) for k in range(200, 210)))
     assert replies_to(running, frame(210, plates=turned))[0]["bridged"]["force"] == "force-points-down"
+
+
+@pytest.mark.parametrize("factor", [1e-3, 0.1, 100.0, 1e3])
+def test_a_body_in_other_units_has_no_estimate(factor: float) -> None:
+    running = session()
+    wrong = [None if m is None else [factor * x for x in m] for m in frame(0)["markers"]]
+    reply = replies_to(running, frame(0, markers=wrong))[0]
+    assert (reply["com_m"], reply["reason"], reply["margin_reason"]) == (None, "size-implausible", "size-implausible")
+    assert replies_to(running, frame(1))[0]["com_m"] is not None
+
+
+def test_a_marker_that_jumps_away_leaves_the_estimate() -> None:
+    markers = frame(0)["markers"]
+    assert replies_to(session(), frame(0, markers=[[x + 50.0 for x in markers[0]], *markers[1:]]))[0]["reason"] is None

@@ -49,6 +49,9 @@ PICTURE_S: Final = 0.0199
 NEWEST: Final = 2
 """Of frames that wait together, those that are computed: a service that falls behind skips frames, not time."""
 _SHOWN_FAULTS: Final = 20
+BODY_M: Final = (0.25, 3.0)
+"""Smallest and largest extent of the marked body between its 10th and 90th percentile: beyond it, units are wrong."""
+_SIZE_IMPLAUSIBLE: Final = "size-implausible"
 _HIDDEN: Final = (math.nan, math.nan, math.nan)
 _FEET_NOT_MARKED: Final = Remark(
     code="feet-not-marked",
@@ -139,6 +142,9 @@ class MarkerSession:
     def _answer_frame(self, frame: MarkerFrame) -> Parcel:
         points = np.array([_HIDDEN if m is None else [math.nan if x is None else x for x in m] for m in frame.markers])
         points = self._to_world(mark_missing(points[None])[0] * self._scale)
+        if not _is_as_large_as_a_person(points[self._columns]):
+            implausible = BalanceSample(frame.t_s, reason=_SIZE_IMPLAUSIBLE, margin_reason=_SIZE_IMPLAUSIBLE)
+            return Parcel(TEXT, self._answer(implausible).model_dump_json().encode(), 1)
         plates = frame.plates or [None] * self._n_plates
         with np.errstate(all="ignore"):  # hidden markers are NaN
             sample = self._balance.step(frame.t_s, points[self._columns], [self._reading(plate) for plate in plates])
@@ -226,6 +232,15 @@ def parse_frame(content: bytes, n_markers: int, n_plates: int) -> MarkerFrame:
             "invalid-frame", f"The frame at {frame.t_s:g} s has {wrong}, as stated in the header.", faults
         )
     return frame
+
+
+def _is_as_large_as_a_person(points_m: Points) -> bool:
+    """Whether the body may be a person's; True where more than half of its markers are hidden."""
+    visible = points_m[np.isfinite(points_m).all(axis=1)]
+    if 2 * len(visible) < len(points_m):
+        return True
+    low, high = np.quantile(visible, (0.1, 0.9), axis=0)
+    return bool(BODY_M[0] <= float((high - low).max()) <= BODY_M[1])
 
 
 def _recognise_markers(task: MarkerStreamTask) -> tuple[MarkerSetMatch, list[str]]:

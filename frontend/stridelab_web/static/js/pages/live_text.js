@@ -18,6 +18,7 @@ const REASONS = {
   "knee-markers-missing": translate("a knee is hidden"),
   "ankle-markers-missing": translate("an ankle is hidden"),
   "sides-swapped": translate("markers of the right side lie on the left"),
+  "size-implausible": translate("the body is not as large as a person: check the units"),
   "no-plates": translate("there are no plates"),
   "foot-beside-plates": translate("a foot stands beside the plates"),
   "plate-late": translate("a plate was not read"),
