@@ -54,13 +54,23 @@ class _Sums:
     def add(self, value: Any, depth: int = 0) -> None:
         """Add all numbers in a value."""
         if isinstance(value, (bool, int, float, np.number, np.bool_)):
-            self._add_array(np.array([value], dtype=float))
+            self._add_number(float(value))
         elif isinstance(value, np.ndarray):
             if value.dtype.kind in "fiub":
                 self._add_array(value.ravel())
         elif depth < DEEPEST:
             for part in _parts_of(value):
                 self.add(part, depth + 1)
+
+    def _add_number(self, number: float) -> None:
+        """As an array of one, which takes ten times as long."""
+        self.count += 1
+        if math.isfinite(number):
+            self.total += number
+            self.size += abs(number)
+            logarithm = math.copysign(math.log1p(abs(number) / SMALLEST), number)
+            self.logarithms += (1.0 + 0.5 * math.cos(self.finite)) * logarithm
+            self.finite += 1
 
     def _add_array(self, numbers: np.ndarray) -> None:
         self.count += len(numbers)
