@@ -139,12 +139,12 @@ def _without_small_parts(
 
 
 def _shape_triangles(geometry: coal.CollisionGeometry, name: str) -> tuple[Points, Faces]:
-    import trimesh  # 17 MB that only the files of robots need
-
     if isinstance(geometry, coal.BVHModelBase):
         corners = (geometry.tri_indices(i) for i in range(geometry.num_tris))
         faces = np.array([(corner[0], corner[1], corner[2]) for corner in corners], dtype=np.int64)
         return np.array(geometry.vertices()), faces
+    import trimesh  # 17 MB, and a second, that only robots with simple solids need
+
     if isinstance(geometry, coal.Cylinder):
         solid = trimesh.creation.cylinder(geometry.radius, 2.0 * geometry.halfLength)
     elif isinstance(geometry, coal.Box):
