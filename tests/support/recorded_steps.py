@@ -38,6 +38,8 @@ MOST_NUMBERS: Final = 1000
 """Of larger arrays, so many numbers at equal distances are added up."""
 MOST_CALLS: Final = 50
 """Numbers of so many calls of a function are added up; a bootstrap makes thousands."""
+WEIGHTS: Final = 1.0 + 0.5 * np.cos(np.arange(100_000))
+"""Weights of the first numbers by their places."""
 SMALLEST: Final = 1e-4
 """Numbers have a logarithm down to this size (0.1 mm); of smaller ones it is proportional to them."""
 
@@ -75,13 +77,23 @@ class _Sums:
     def _add_array(self, numbers: np.ndarray) -> None:
         self.count += len(numbers)
         some = numbers[:: 1 + len(numbers) // MOST_NUMBERS].astype(float)
-        places = np.flatnonzero(np.isfinite(some))
-        finite = some[places]
-        weights = 1.0 + 0.5 * np.cos(self.finite + places)
-        self.finite += len(finite)
-        self.total += float(finite.sum())
-        self.size += float(np.abs(finite).sum())
-        self.logarithms += float(weights @ (np.sign(finite) * np.log1p(np.abs(finite) / SMALLEST)))
+        size = float(np.abs(some).sum())
+        if math.isfinite(size):
+            weights = self._weights_of(len(some))
+        else:
+            places = np.flatnonzero(np.isfinite(some))
+            weights = 1.0 + 0.5 * np.cos(self.finite + places)
+            some = some[places]
+            size = float(np.abs(some).sum())
+        self.finite += len(some)
+        self.total += float(some.sum())
+        self.size += size
+        self.logarithms += float(weights @ np.copysign(np.log1p(np.abs(some) / SMALLEST), some))
+
+    def _weights_of(self, n: int) -> np.ndarray:
+        """Weights of the next ``n`` numbers, all finite: cosines are as slow as all the rest."""
+        first = self.finite
+        return WEIGHTS[first : first + n] if first + n <= len(WEIGHTS) else 1.0 + 0.5 * np.cos(first + np.arange(n))
 
     def summary(self) -> list[float]:
         """Calls, numbers, mean, mean size and mean weighted logarithm."""
