@@ -21,6 +21,7 @@ from stridelab.reproduction.chapter4 import fig_4_5, fig_4_8, fig_4_9, numbers, 
 from stridelab.reproduction.claims import Claim, Reproduction
 from stridelab.reproduction.common.estimator_errors import GAITS
 from stridelab.reproduction.common.estimators import NAMES
+from stridelab.reproduction.common.simulated_people import PEOPLE_PER_SEED
 from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.reproduction.report.svg_plots import PALETTE, Bars, Curve, Panel, render_svg
 from stridelab.reproduction.studies.estimator_study import simulate_trial
@@ -143,6 +144,12 @@ def test_what_verdicts_stand_on_is_as_recorded(found: Found, name: str) -> None:
     assert_as_recorded(name, found[name].claims)
     assert_tables_as_recorded(name, found[name].tables)
     assert_steps_as_recorded(name, found.steps[name])
+
+
+@pytest.mark.parametrize("name", ["fig-3.6", "fig-3.7", "fig-3.8", "fig-3.9"])
+def test_a_simulated_population_gives_no_verdict_on_people(found: Found, name: str) -> None:
+    people = PEOPLE_PER_SEED * ITEMS[name].min_seeds
+    assert all(claim.aim and claim.n == people for claim in found[name].claims)
 
 
 def ours(found: Mapping[str, Reproduction], item: str, key: str) -> Claim:

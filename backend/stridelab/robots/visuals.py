@@ -8,6 +8,7 @@ import json
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Final
 
 import coal
@@ -107,7 +108,8 @@ def _border_planes(
 ) -> tuple[Float[np.ndarray, "n_more 3"], Int[np.ndarray, "m_more 3"]]:
     """Triangles on both sides of each edge of only one triangle, perpendicular to that, and their further vertices."""
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    _, index, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+    low, high = np.sort(edges, axis=1).T
+    _, index, count = np.unique(low * len(vertices_m) + high, return_index=True, return_counts=True)
     rim = index[count == 1]
     start, end = edges[rim].T
     a, b, c = (vertices_m[faces[rim // 3, k]] for k in range(3))
@@ -137,12 +139,12 @@ def _without_small_parts(
 
 
 def _shape_triangles(geometry: coal.CollisionGeometry, name: str) -> tuple[Points, Faces]:
-    import trimesh  # 17 MB that only the files of robots need
-
     if isinstance(geometry, coal.BVHModelBase):
         corners = (geometry.tri_indices(i) for i in range(geometry.num_tris))
         faces = np.array([(corner[0], corner[1], corner[2]) for corner in corners], dtype=np.int64)
         return np.array(geometry.vertices()), faces
+    import trimesh  # 17 MB, and a second, that only robots with simple solids need
+
     if isinstance(geometry, coal.Cylinder):
         solid = trimesh.creation.cylinder(geometry.radius, 2.0 * geometry.halfLength)
     elif isinstance(geometry, coal.Box):
@@ -171,9 +173,11 @@ def visual_shapes(robot: Robot) -> pin.GeometryModel:
     return pin.buildReducedModel(full, visual, locked_ids, full_configuration(robot, full))[1]
 
 
+@lru_cache(maxsize=4)
 def link_meshes(robot: Robot) -> tuple[LinkMesh, ...]:
     """One mesh per link of ``link_names``, including the locked links fixed to it.
 
+    Made in some seconds, and once for a robot in a process: the arrays must not be modified.
     Decimated to a quadric error of 3 mm, or of 14 mm if the robot would have more than 36 000 triangles.
 
     Raises ``Unavailable`` (``robot-data-unreadable``) if the description's meshes cannot be read.

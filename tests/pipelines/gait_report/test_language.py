@@ -5,12 +5,18 @@ import shutil
 from pathlib import Path
 from typing import get_args
 
+import pytest
+
 import stridelab as sl
+from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult, gait_measures
+from stridelab.pipelines.gait_report import report
 from stridelab.pipelines.gait_report.drawing import Text
 from stridelab.pipelines.gait_report.fonts import JAPANESE, REPLACEMENT, replace_missing_glyphs, wrap_text
 from stridelab.pipelines.gait_report.paper import lay_out
+from stridelab.pipelines.progress import ProgressCallback
+from stridelab.schemas.measures import GaitMeasuresTask
 from stridelab.schemas.service import Language
-from stridelab.translations.catalogue import in_language
+from stridelab.translations.catalogue import current_language, in_language
 from support.command_line import SAMPLE
 
 TRIAL = SAMPLE / "recording.c3d"
@@ -18,21 +24,33 @@ SAME_WORDS = {"Version", "Cadence", "position"}
 """Texts that two languages have alike."""
 
 
-def drawn_texts(report: sl.GaitReport) -> set[str]:
-    content = report.report.content
+def drawn_texts(written: sl.GaitReport) -> set[str]:
+    content = written.report.content
     with in_language(content.language):
         return {item.text for page in lay_out(content) for item in page if isinstance(item, Text)}
 
 
-def test_a_report_is_written_in_its_language(tmp_path: Path) -> None:
-    """What the languages have alike are no words but names: files, methods, tables, literature."""
+def test_a_report_is_written_in_its_language(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the languages have alike are no words but names: files, methods, tables, literature.
+
+    The same recordings are measured once for all reports, but anew in a language in which they were not.
+    """
+    results: dict[tuple[Language, str], GaitMeasuresResult] = {}
+
+    def measure_once(task: GaitMeasuresTask, folder: Path, progress: ProgressCallback) -> GaitMeasuresResult:
+        key = current_language(), task.model_dump_json()
+        if key not in results:
+            results[key] = gait_measures(task, folder, progress)
+        return results[key]
+
+    monkeypatch.setattr(report, "gait_measures", measure_once)
     (tmp_path / "people").mkdir()
     shutil.copyfile(TRIAL, tmp_path / "people/other.c3d")
     reports = {
         language: sl.gait_report(TRIAL, before=TRIAL, reference=tmp_path / "people", language=language)
         for language in get_args(Language)
     }
-    texts = {language: drawn_texts(report) for language, report in reports.items()}
+    texts = {language: drawn_texts(one) for language, one in reports.items()}
     assert all(len(said) > 100 for said in texts.values())
     content = reports["en"].report.content
     names = " ".join([*content.references, *(one.filename for one in content.trials), "smoother rad/s"])

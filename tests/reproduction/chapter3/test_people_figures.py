@@ -21,8 +21,7 @@ from stridelab.reproduction.chapter3.people_walks import (
 from stridelab.reproduction.claims import Claim
 from stridelab.reproduction.common.intervals import interval_of
 from stridelab.reproduction.common.recorded_walks import RecordedWalk
-from stridelab.reproduction.common.simulated_people import PEOPLE_PER_SEED
-from stridelab.reproduction.registry import ITEMS, reproduce_item
+from stridelab.reproduction.registry import ITEMS
 from stridelab.reproduction.result_cache import digest_of
 from stridelab.reproduction.runner import recipes_of
 from stridelab.walking.population.correlations import two_sided_p
@@ -191,12 +190,6 @@ def test_a_weak_correlation_is_that_whose_p_the_thesis_prints() -> None:
     assert two_sided_p(OMEGA_R, 14) == pytest.approx(0.83, abs=0.005)
     claim = omega_claim(pairs_of(0.0, 50)["omega_rad_s"])
     assert claim.verdict == "undecided", "50 people cannot tell 0.058 from 0.2"
-
-
-def test_a_simulated_population_gives_no_verdict_on_people() -> None:
-    for name in ("fig-3.6", "fig-3.7", "fig-3.8", "fig-3.9"):
-        result = reproduce_item(name, None, silent)
-        assert all(claim.aim and claim.n == PEOPLE_PER_SEED * ITEMS[name].default_seeds for claim in result.claims)
 
 
 def test_walks_of_a_folder_are_fitted_once(folder: Path) -> None:

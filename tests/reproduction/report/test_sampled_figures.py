@@ -13,7 +13,8 @@ from stridelab.reproduction.chapter3 import fig_3_10
 from stridelab.reproduction.chapter3.people_parameter_claims import correlation_claim, omega_claim
 from stridelab.reproduction.chapter4 import fig_4_5
 from stridelab.reproduction.claims import format_three_digits
-from stridelab.reproduction.common.simulated_people import HEIGHT_M, simulated_people
+from stridelab.reproduction.common import simulated_people
+from stridelab.reproduction.common.simulated_people import HEIGHT_M
 from stridelab.reproduction.registry import reproduce_item
 from stridelab.walking.population.population import PARAMETERS, Person, StepRow, study
 
@@ -24,8 +25,13 @@ def silent(_fraction: float, _message: str) -> None:
     pass
 
 
-def test_other_seeds_are_other_people() -> None:
-    one, other = (simulated_people(seeds, silent).population.subjects for seeds in (range(8, 10), range(9, 11)))
+def test_other_seeds_are_other_people(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whose steps are not looked at: all have those of one of them."""
+    steps = simulated_people._simulate_and_fit(HEIGHT_M["male"][0], "male", 1.2, 8)
+    monkeypatch.setattr(simulated_people, "_simulate_and_fit", lambda *_: steps)
+    one, other = (
+        simulated_people.simulated_people(seeds, silent).population.subjects for seeds in (range(8, 10), range(9, 11))
+    )
     heights = [np.array([subject.value("height_m") for subject in people]) for people in (one, other)]
     assert (np.abs(heights[0] - heights[1]) > 1e-6).all()
     for values in heights:

@@ -21,7 +21,7 @@ and the rotation of the hip is ``R_pelvis^T R_foot R_x(-phi2) R_y(-(phi1 + theta
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -31,12 +31,12 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
-from stridelab.conventions import GRAVITY_M_S2, Points, Rotations, Series
+from stridelab.conventions import GRAVITY_M_S2, Points, Rotations, Series, Vector3
 from stridelab.errors import Fault, InvalidInput
 from stridelab.recordings.recording import Sex, Side
 from stridelab.simulation.ground_truth import TrueMotion, true_motion
 from stridelab.simulation.human.body_model import AnthropometricBody, Configurations, build_body
-from stridelab.simulation.human.body_proportions import SIDES, Proportions, side_prefix
+from stridelab.simulation.human.body_proportions import SIDES, Proportions, side_prefix, side_sign
 from stridelab.simulation.human.foot_trajectories import FootPath, foot_path
 from stridelab.simulation.human.gait_plan import GaitPlan, plan_gait
 from stridelab.simulation.human.load_sharing import FootWrench, share_wrench
@@ -172,54 +172,81 @@ def _whole_body(
     height_m = 0.55 * body.proportions.height_m + bob_m
     momentum_rate = np.zeros((len(q), 3))
     pelvis_m = np.column_stack([load.zmp_m, np.full(len(q), 0.5 * body.proportions.height_m)])
+    legs = [Leg(body, posture, path) for path in paths.values()]
+    upper_kgm = upper_body_kgm(body, posture, legs, pelvis_m)
     for _ in range(_PASSES):
         com_m = com_over_zmp(load.zmp_m, height_m, momentum_rate, body.mass_kg, dt)
-        pelvis_m, q, slack_m = _place_over_com(body, posture, paths, q, pelvis_m, com_m)
+        for _ in range(25):
+            q[:, :3] = pelvis_m
+            error = com_m - pelvis_m - (upper_kgm + sum(leg.moment_kgm(pelvis_m) for leg in legs)) / body.mass_kg
+            pelvis_m = pelvis_m + 1.2 * error
+            if np.abs(error).max() < 1e-9:
+                break
+        slack_m = min(leg.set_angles(body, posture, q, q[:, :3]) for leg in legs)
         momentum_rate = _momentum_rate(body, q, dt)
         height_m = height_m + slack_m
     return q
 
 
-def _place_over_com(
-    body: AnthropometricBody,
-    posture: Posture,
-    paths: Mapping[Side, FootPath],
-    q: Configurations,
-    pelvis_m: Points,
-    com_m: Points,
-) -> tuple[Points, Configurations, float]:
-    """Move the pelvis so that the centre of mass is ``com_m``; also return the remaining rise of the legs."""
-    data = body.model.createData()
-    q = q.copy()
-    for _ in range(25):
-        q[:, :3] = pelvis_m
-        reach_m = _set_legs(body, posture, paths, q, pelvis_m)
-        error = com_m - np.array([pin.centerOfMass(body.model, data, row) for row in q])
-        pelvis_m = pelvis_m + 1.2 * error
-        if np.abs(error).max() < 1e-9:
-            break
-    return pelvis_m, q, reach_m
+class Leg:
+    """A leg between a moving pelvis, whose orientation is given, and its foot: what stays while the pelvis moves.
 
+    ``thigh_kgm`` and ``shank_kgm`` are mass times place, in the frames of thigh and shank and from the hip, of all that
+    turns with them: their own masses, and at their ends those of the links below.
+    """
 
-def _set_legs(
-    body: AnthropometricBody, posture: Posture, paths: Mapping[Side, FootPath], q: Configurations, pelvis_m: Points
-) -> float:
-    """Write the leg angles into ``q``; return how far the pelvis can rise before a leg is too short."""
-    p, rise_m = body.proportions, []
-    for side, path in paths.items():
-        s, y = side_prefix(side), 1.0 if side == "left" else -1.0
-        hip_m = pelvis_m + posture.pelvis.apply(np.array([0.0, y * p.hip_half_distance_m, 0.0]))
-        angles = leg_angles(p, hip_m, posture.pelvis, path.ankle_m, path.foot)
-        q[:, body.index[f"{s}hip"] : body.index[f"{s}hip"] + 3] = angles.hip_rad
-        q[:, body.index[f"{s}knee"]] = angles.knee_rad
-        q[:, body.index[f"{s}ankle_flexion"]] = angles.flexion_rad
-        q[:, body.index[f"{s}ankle_inversion"]] = angles.inversion_rad
-        away = hip_m - path.ankle_m
-        longest = _REACH * (p.thigh_m + p.shank_m)
-        rise_m.append(
-            float(np.min(np.sqrt(np.maximum(longest**2 - np.sum(away[:, :2] ** 2, axis=1), 0.0)) - away[:, 2]))
+    def __init__(self, body: AnthropometricBody, posture: Posture, path: FootPath) -> None:
+        self.p, self.path, self.side = body.proportions, path, side_prefix(path.side)
+        thigh, shank, foot = (body.model.inertias[body.joint[self.side + link]] for link in ("thigh", "shank", "foot"))
+        self.mass_kg = float(thigh.mass + shank.mass + foot.mass)
+        self.thigh_kgm = thigh.mass * thigh.lever - [0.0, 0.0, (shank.mass + foot.mass) * self.p.thigh_m]
+        self.shank_kgm = shank.mass * shank.lever - [0.0, 0.0, foot.mass * self.p.shank_m]
+        hip = np.array([0.0, side_sign(path.side) * self.p.hip_half_distance_m, 0.0])
+        self.pelvis_to_hip_m = posture.pelvis.apply(hip)
+        self.R_foot = path.foot.as_matrix()
+        self.foot_kgm = self.R_foot @ (foot.mass * foot.lever)
+
+    def moment_kgm(self, pelvis_m: Points) -> Points:
+        """Mass of the leg times the place of its centre from the pelvis."""
+        hip_in_foot = np.einsum("nji,nj->ni", self.R_foot, pelvis_m + self.pelvis_to_hip_m - self.path.ankle_m)
+        inversion, knee, flexion = _bend_angles(self.p, hip_in_foot)
+        x, y, z = (
+            one + other
+            for one, other in zip(
+                _unbent(self.thigh_kgm, flexion + knee), _unbent(self.shank_kgm, flexion), strict=True
+            )
         )
-    return min(rise_m)
+        c, s = np.cos(inversion), np.sin(inversion)
+        below_hip = np.einsum("nij,nj->ni", self.R_foot, np.column_stack([x, c * y + s * z, c * z - s * y]))
+        return np.asarray(self.mass_kg * self.pelvis_to_hip_m + below_hip + self.foot_kgm)
+
+    def set_angles(self, body: AnthropometricBody, posture: Posture, q: Configurations, pelvis_m: Points) -> float:
+        """Write the angles into ``q``; return how far the pelvis can rise before the leg is too short."""
+        hip_m = pelvis_m + self.pelvis_to_hip_m
+        angles = leg_angles(self.p, hip_m, posture.pelvis, self.path.ankle_m, self.path.foot)
+        q[:, body.index[f"{self.side}hip"] : body.index[f"{self.side}hip"] + 3] = angles.hip_rad
+        q[:, body.index[f"{self.side}knee"]] = angles.knee_rad
+        q[:, body.index[f"{self.side}ankle_flexion"]] = angles.flexion_rad
+        q[:, body.index[f"{self.side}ankle_inversion"]] = angles.inversion_rad
+        away = hip_m - self.path.ankle_m
+        longest = _REACH * (self.p.thigh_m + self.p.shank_m)
+        return float(np.min(np.sqrt(np.maximum(longest**2 - np.sum(away[:, :2] ** 2, axis=1), 0.0)) - away[:, 2]))
+
+
+def _unbent(place: Vector3, angle_rad: Series) -> tuple[Series, Series, Series]:
+    """``R_y(-angle)`` times ``place``."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return c * place[0] - s * place[2], np.full_like(c, place[1]), s * place[0] + c * place[2]
+
+
+def upper_body_kgm(body: AnthropometricBody, posture: Posture, legs: Sequence[Leg], pelvis_m: Points) -> Points:
+    """Mass times place from the pelvis of all that the legs carry, which does not depend on where the pelvis is."""
+    q, data = posture.q.copy(), body.model.createData()
+    q[:, :3] = pelvis_m
+    for leg in legs:
+        leg.set_angles(body, posture, q, pelvis_m)
+    com_m = np.array([pin.centerOfMass(body.model, data, row) for row in q])
+    return np.asarray(body.mass_kg * (com_m - pelvis_m) - sum(leg.moment_kgm(pelvis_m) for leg in legs))
 
 
 def _momentum_rate(body: AnthropometricBody, q: Configurations, dt_s: float) -> Points:
@@ -242,15 +269,19 @@ class LegAngles:
 def leg_angles(p: Proportions, hip_m: Points, pelvis: Rotation, ankle_m: Points, foot: Rotation) -> LegAngles:
     """Angles that place the foot at its pose; a leg that is too short stays straight and points towards it."""
     R_foot = foot.as_matrix()
-    r = np.einsum("nji,nj->ni", R_foot, hip_m - ankle_m)
-    inversion = np.arctan2(r[:, 1], r[:, 2])
-    reach = np.linalg.norm(r, axis=1)
-    cosine = (reach**2 - p.thigh_m**2 - p.shank_m**2) / (2.0 * p.thigh_m * p.shank_m)
-    knee = np.arccos(np.clip(cosine, -1.0, 1.0))
-    in_shank = np.arctan2(-p.thigh_m * np.sin(knee), p.shank_m + p.thigh_m * np.cos(knee))
-    flexion = in_shank - np.arctan2(r[:, 0], np.hypot(r[:, 1], r[:, 2]))
+    inversion, knee, flexion = _bend_angles(p, np.einsum("nji,nj->ni", R_foot, hip_m - ankle_m))
     hip = _hip_rad(pelvis.as_matrix().swapaxes(1, 2) @ R_foot, inversion, flexion + knee)
     return LegAngles(hip, knee, flexion, inversion)
+
+
+def _bend_angles(p: Proportions, hip_in_foot_m: Points) -> tuple[Series, Series, Series]:
+    """Inversion, knee and ankle flexion of a leg whose hip is here in the frame of its foot."""
+    x, y, z = hip_in_foot_m.T
+    across = np.hypot(y, z)
+    cosine = (x**2 + across**2 - p.thigh_m**2 - p.shank_m**2) / (2.0 * p.thigh_m * p.shank_m)
+    knee = np.arccos(np.clip(cosine, -1.0, 1.0))
+    in_shank = np.arctan2(-p.thigh_m * np.sin(knee), p.shank_m + p.thigh_m * np.cos(knee))
+    return np.arctan2(y, z), knee, in_shank - np.arctan2(x, across)
 
 
 def _hip_rad(foot_in_pelvis: Rotations, inversion_rad: Series, bend_rad: Series) -> Points:
