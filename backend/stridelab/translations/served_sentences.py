@@ -112,6 +112,10 @@ ON_PAGES: Final = (
         "The plates carry less than the motion of the body needs at %(span_when)s: something beside them carries "
         "the rest (a part of a foot, a chair, a rail), or the stated mass is too large. These times are not used."
     ),
+    (
+        "Plate %(number)s is overloaded at %(span_when)s: one of its channels stays at its limit and does not follow "
+        "the load. These times are not used."
+    ),
     "The interval in which all force is measured holds %(part_steps)s; position offsets seen in it are uncertain.",
     "one whole step",
     "no whole step",
@@ -142,6 +146,7 @@ ON_PAGES: Final = (
     "The file has poses of body segments and no markers: the origins of the segments are used.",
     "The header of %(name)s states %(stated)s frames and %(number)s follow; those are used.",
     "Line 3 of %(name)s states %(stated)s frames and %(number)s follow; those are used.",
+    "The header states %(stated)s frames, and the file ends after %(number)s, at the end of a frame; those are used.",
     (
         "Line 3 of %(name)s states %(stated)s frames and %(number)s follow; those are used. The file may have "
         "been cut off."
