@@ -28,6 +28,7 @@ from stridelab.recordings.gap_filling import fill_short_gaps
 from stridelab.recordings.opensim.model_trial import has_body_model, read_model_trial
 from stridelab.recordings.plate_contacts import fore_aft_remarks
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
+from stridelab.recordings.repeated_plates import without_repeated
 
 _HEAD_BYTES: Final = 20_000
 _C3D_KEY: Final = b"P"
@@ -201,7 +202,8 @@ def _world_plates(
                 clipped_s=plate.clipped_s,
             )
         )
-    return tuple(plates), remarks
+    used, repeated_remarks = without_repeated(plates)
+    return used, [*remarks, *repeated_remarks]
 
 
 def _split_tracks(raw: RawTrial, points: np.ndarray) -> tuple[dict[str, Points], dict[str, Points], dict[str, Mask]]:
