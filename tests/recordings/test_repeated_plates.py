@@ -1,6 +1,5 @@
 """Plates that repeat the force of others, as the virtual plates of a treadmill do, are not added to it."""
 
-import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,11 +16,20 @@ from support.recordings.c3d_files import PlateChannels, write_file
 TIME_S = np.arange(3000) / 1000.0
 
 
-def plate(index: int, centre_m: tuple[float, float], sides_m: tuple[float, float], load: np.ndarray) -> Plate:
+def plate(
+    index: int,
+    centre_m: tuple[float, float],
+    sides_m: tuple[float, float],
+    load: np.ndarray,
+    ahead_m: np.ndarray | None = None,
+) -> Plate:
+    """A plate that is loaded in its middle, or as far ahead of it as ``ahead_m``."""
     x, y = 0.5 * np.array(sides_m)
     corners = np.array([[x, y, 0.0], [-x, y, 0.0], [-x, -y, 0.0], [x, -y, 0.0]]) + np.array([*centre_m, 0.0])
     force = np.column_stack([0.1 * load, -0.02 * load, load])
-    return Plate(index, 2, corners, force, np.cross(corners.mean(axis=0), force), np.zeros(3))
+    pressure = np.tile(corners.mean(axis=0), (len(load), 1))
+    pressure[:, 1] += 0.0 if ahead_m is None else ahead_m
+    return Plate(index, 2, corners, force, np.cross(pressure, force), np.zeros(3))
 
 
 def feet() -> tuple[np.ndarray, np.ndarray]:
@@ -33,12 +41,13 @@ def treadmill(noise_n: float = 3.0) -> list[Plate]:
     """Its two belts one behind the other; the left and the right foot; both together, on the whole treadmill."""
     left, right = feet()
     front = 700.0 * np.clip(0.5 + 0.6 * np.cos(2.0 * np.pi * TIME_S), 0.0, 1.0)
+    ahead_m = 0.4 * (2.0 * front - 700.0) / 700.0
     made = [
-        plate(1, (0.0, 0.0), (0.6, 1.4), left),
-        plate(2, (0.0, 0.0), (0.6, 1.4), right),
+        plate(1, (0.0, 0.0), (0.6, 1.4), left, ahead_m),
+        plate(2, (0.0, 0.0), (0.6, 1.4), right, ahead_m),
         plate(3, (0.0, 0.4), (0.6, 0.7), front),
         plate(4, (0.0, -0.4), (0.6, 0.7), 700.0 - front),
-        plate(5, (0.0, 0.0), (0.6, 1.4), left + right),
+        plate(5, (0.0, 0.0), (0.6, 1.4), left + right, ahead_m),
     ]
     rng = np.random.default_rng(2)
     return [replace(one, force_n=one.force_n + noise_n * rng.normal(size=one.force_n.shape)) for one in made]
@@ -59,22 +68,36 @@ def test_the_force_counts_once(present: tuple[int, ...], used: set[int], order: 
 
 
 def test_plates_over_each_other_with_forces_of_their_own_are_all_used() -> None:
-    """The left and the right foot on one treadmill; and a handle bar of which a tenth of the force is its own."""
+    """The left and the right foot on one treadmill; and a plate whose force is its own by a fifth."""
     left, right = treadmill()[:2]
     assert without_repeated([left, right]) == ((left, right), ())
-    other = replace(left, index=3, force_n=left.force_n * [1.0, 1.0, 1.1])
+    other = replace(left, index=3, force_n=left.force_n * [1.0, 1.0, 1.2])
     assert without_repeated([left, right, other])[1] == ()
 
 
 def test_plates_beside_each_other_with_the_same_force_are_all_used() -> None:
-    """Who stands evenly on two plates loads both alike; contacts of a force file bound pressures, which may overlap."""
+    """Who stands evenly on two plates, or on feet whose contacts overlap, loads both alike, not in one place."""
     load = np.full(3000, 350.0) + np.sin(TIME_S)
-    one, other = plate(1, (0.0, 0.0), (0.4, 0.6), load), plate(2, (0.41, 0.0), (0.4, 0.6), load)
-    assert without_repeated([one, other]) == ((one, other), ())
-    contacts = [replace(each, type=CONTACT_TYPE) for each in treadmill()]
-    assert without_repeated(contacts) == (tuple(contacts), ())
+    for apart_m, kind in ((0.41, 2), (0.1, CONTACT_TYPE)):
+        one, other = plate(1, (0.0, 0.0), (0.4, 0.6), load), plate(2, (apart_m, 0.0), (0.4, 0.6), load)
+        pair = replace(one, type=kind), replace(other, type=kind)
+        assert without_repeated(pair) == (pair, ())
     off = [replace(each, use=each.index < 3) for each in treadmill()]
     assert without_repeated(off) == (tuple(off), ())
+
+
+def test_a_repetition_that_lacks_a_step_is_one() -> None:
+    front, back, whole = treadmill()[2:]
+    lacking = replace(front, force_n=front.force_n.copy(), moment_nm=front.moment_nm.copy(), index=6)
+    lacking.force_n[:500], lacking.moment_nm[:500] = 0.0, 0.0
+    plates, _ = without_repeated([front, back, lacking, replace(back, index=7), whole])
+    assert [each.index for each in plates if each.use] == [5]
+
+
+def test_contacts_of_a_force_file_may_repeat_each_other_too() -> None:
+    left, right, whole = treadmill()[0], treadmill()[1], treadmill()[4]
+    plates, _ = without_repeated([replace(each, type=CONTACT_TYPE) for each in (left, right, whole)])
+    assert [each.index for each in plates if each.use] == [5]
 
 
 def test_a_file_with_the_force_of_a_treadmill_twice_is_read_once(tmp_path: Path) -> None:
@@ -91,4 +114,3 @@ def test_a_file_with_the_force_of_a_treadmill_twice_is_read_once(tmp_path: Path)
     assert np.mean(vertical_force_n(recording)) == pytest.approx(700.0, abs=5.0)
     (message,) = [remark.message for remark in recording.remarks if remark.code == "plates-repeated"]
     assert message == "Plates 1, 2 lie over plates 3 and repeat their force; they are not used."
-    assert list(itertools.chain.from_iterable(one.clipped_s for one in recording.plates)) == []

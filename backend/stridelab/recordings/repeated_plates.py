@@ -3,12 +3,12 @@
 Some programs write the force of a treadmill several times: as that of its belts, of the left and the right foot, and of
 both together. Their sum would be a multiple of the force on the body. Real plates do not lie over each other. Let the
 plates S be some of the loaded ones, and each of the others, R, lie with half of its area on one of S, or one of S with
-half of its area on it. If for a whole number k >= 1 and all samples
+half of its area on it; the contacts of a force file have no place of their own. If for a whole number k >= 1
 
-    | sum_R f - k sum_S f |  <=  0.05 k | sum_S f |   (root mean square),
+    | sum_R f - k sum_S f |  <=  0.1 k | sum_S f |   and   | p_R - p_S |  <=  3 cm
 
-R repeats S k times and is not used. Of several such S the one with the fewest plates over each other is used, of those
-the one with the largest area.
+with the centres of pressure p at three quarters of the samples above 100 N, R repeats S k times and is not used. Of
+several such S the one with the fewest plates over each other is used, of those the one with the largest area.
 """
 
 import itertools
@@ -23,7 +23,8 @@ from stridelab.recordings.force_plates import plate_axes
 from stridelab.recordings.recording import Plate, Remark
 
 _OVER_SHARE: Final = 0.5
-_APART_SHARE: Final = 0.05
+_APART_SHARE, _SAME_SHARE = 0.1, 0.75
+_APART_M, _HEAVY_N = 0.03, 100.0
 _MOST_PLATES: Final = 12
 _GRID: Final = 9
 """Points per side of a plate that are looked up on another."""
@@ -31,9 +32,10 @@ _GRID: Final = 9
 
 def without_repeated(plates: Sequence[Plate]) -> tuple[tuple[Plate, ...], tuple[Remark, ...]]:
     """The plates with those that repeat others out of use, and a remark that names them."""
-    loaded = [i for i, plate in enumerate(plates) if plate.use and plate.type != CONTACT_TYPE and plate.loaded.any()]
+    loaded = [i for i, plate in enumerate(plates) if plate.use and plate.loaded.any()]
     over = {(i, j) for i, j in itertools.permutations(loaded, 2) if _share_over(plates[i], plates[j]) > _OVER_SHARE}
-    if not over or len(loaded) > _MOST_PLATES:
+    placeless = any(plates[i].type == CONTACT_TYPE for i in loaded)
+    if not (over or placeless) or len(loaded) > _MOST_PLATES:
         return tuple(plates), ()
     choices = [
         chosen
@@ -44,11 +46,11 @@ def without_repeated(plates: Sequence[Plate]) -> tuple[tuple[Plate, ...], tuple[
     if not choices:
         return tuple(plates), ()
 
-    def overlaps_and_area(chosen: tuple[int, ...]) -> tuple[int, float]:
+    def rank(chosen: tuple[int, ...]) -> tuple[int, float]:
         n_over = sum(pair in over for pair in itertools.permutations(chosen, 2))
         return n_over, -sum(_area_m2(plates[i]) for i in chosen)
 
-    best = min(choices, key=overlaps_and_area)
+    best = min(choices, key=rank)
     repeated = [plates[i].index for i in loaded if i not in best]
     names = ", ".join(str(index) for index in repeated)
     kept = ", ".join(str(plates[i].index) for i in best)
@@ -59,11 +61,21 @@ def without_repeated(plates: Sequence[Plate]) -> tuple[tuple[Plate, ...], tuple[
 
 def _repeats(plates: Sequence[Plate], chosen: Sequence[int], others: Sequence[int], over: set[tuple[int, int]]) -> bool:
     """Whether the ``others`` lie over the ``chosen`` plates and measure a multiple of their force at all times."""
-    if not all(any(over & {(i, j), (j, i)} for j in chosen) for i in others):
+    placed = [i for i in others if plates[i].type != CONTACT_TYPE]
+    if not others or not all(any(over & {(i, j), (j, i)} for j in chosen) for i in placed):
         return False
     one, more = (np.sum([plates[i].force_n for i in group], axis=0) for group in (chosen, others))
-    k = round(float((one * more).sum() / (one * one).sum()))
-    return k >= 1 and float(np.linalg.norm(more - k * one)) <= _APART_SHARE * k * float(np.linalg.norm(one))
+    one_nm, more_nm = (np.sum([plates[i].moment_nm for i in group], axis=0) for group in (chosen, others))
+    heavy = one[:, 2] > _HEAVY_N
+    one, more, one_nm, more_nm = one[heavy], more[heavy], one_nm[heavy, :2], more_nm[heavy, :2]
+    if len(one) == 0:
+        return False
+    k = round(float(np.median((one * more).sum(axis=1) / (one * one).sum(axis=1))))
+    if k < 1:
+        return False
+    same = np.linalg.norm(more - k * one, axis=1) <= _APART_SHARE * k * np.linalg.norm(one, axis=1)
+    same &= np.linalg.norm(more_nm / k - one_nm, axis=1) <= _APART_M * one[:, 2]
+    return float(np.mean(same)) >= _SAME_SHARE
 
 
 def _area_m2(plate: Plate) -> float:
