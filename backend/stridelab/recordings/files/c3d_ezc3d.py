@@ -150,7 +150,7 @@ def _analog_rate_hz(ratio: int, rate_hz: float) -> float:
     """Smallest single-precision ``ratio`` x ``rate_hz`` whose quotient ezc3d does not truncate to one sample less."""
     single = np.float32(rate_hz)
     product = np.float32(ratio * rate_hz)
-    while single and int(float(product) / float(single)) < ratio:
+    while single and np.isfinite(product) and int(float(product) / float(single)) < ratio:
         product = np.nextafter(product, np.float32(np.inf))
     return float(product)
 
