@@ -108,7 +108,8 @@ def decode_floats(raw: bytes, processor: int) -> Values:
     """Decode four-byte floats.
 
     A number of DEC has its halves exchanged, and is (-1)^s (0.5 + m / 2^24) 2^(e - 128) with the sign s, the exponent e
-    and the 23 bits m of its fraction; 0 if e is 0. There is neither infinity nor NaN.
+    and the 23 bits m of its fraction; 0 if e is 0. NaN if e is 255, as programs
+    on other machines write it.
     """
     if processor != DEC:
         with np.errstate(invalid="ignore"):  # a signalling NaN becomes a quiet one
@@ -117,7 +118,8 @@ def decode_floats(raw: bytes, processor: int) -> Values:
     negative, exponent = halves[:, 0] >> 15, (halves[:, 0] >> 7) & 0xFF
     fraction = (((halves[:, 0] & 0x7F) << 16) | halves[:, 1]) / 2.0**24
     magnitude = np.where(exponent == 0, 0.0, np.ldexp(0.5 + fraction, exponent - 128))
-    return np.where(negative == 1, -magnitude, magnitude)
+    values = np.where(negative == 1, -magnitude, magnitude)
+    return np.where(exponent == 255, np.nan, values)
 
 
 def numeric_values(record: Record, processor: int) -> Values:
