@@ -112,6 +112,27 @@ def beside(recording: Recording) -> Recording:
     return replace(recording, plates=tuple(moved))
 
 
+def swapped(recording: Recording) -> Recording:
+    """Every marker of the left side has the name of the right one, and the other way round."""
+    other = {"L": "R", "R": "L"}
+    names = {label: f"{other[label[0]]}{label[1:]}" for label in recording.markers_m if label[0] in other}
+    names = {label: name for label, name in names.items() if name in recording.markers_m}
+    markers = {names.get(label, label): track for label, track in recording.markers_m.items()}
+    return replace(recording, markers_m=markers, events=())
+
+
+def overloaded(limit_n: float) -> Callable[[Recording], Recording]:
+    """The plates cannot measure more than ``limit_n`` upwards."""
+
+    def change(recording: Recording) -> Recording:
+        plates = [
+            replace(plate, force_n=np.minimum(plate.force_n, [np.inf, np.inf, limit_n])) for plate in recording.plates
+        ]
+        return replace(recording, plates=tuple(plates))
+
+    return change
+
+
 CASES: dict[str, tuple[Callable[[Recording], Recording], dict[int, dict[str, Any]]]] = {
     "whole": (lambda r: r, {}),
     "no plates": (bare, {}),
@@ -130,6 +151,11 @@ CASES: dict[str, tuple[Callable[[Recording], Recording], dict[int, dict[str, Any
     "0.42 s": (lambda r: cut(r, 200, 242), {}),
     "short on the plates": (lambda r: cut(r, 100, 222), {}),
     "no mass": (lambda r: without_subject(cut(r, 195, 240)), {}),
+    "left and right exchanged": (swapped, {}),
+    "left and right exchanged, no plates": (lambda r: swapped(bare(r)), {}),
+    "left and right exchanged, short": (lambda r: bare(swapped(cut(r, 200, 238))), {}),
+    "overloaded": (overloaded(100.0), {}),
+    "overloaded at times": (overloaded(600.0), {}),
 }
 
 UNSEEN = {"0.42 s"}
@@ -213,3 +239,16 @@ def test_nothing_is_refused_of_recordings_that_give_an_estimate(gait: Path, tmp_
         known = facts_of(examine_trial(task.recording, folder))
         estimate_com.run(task, folder, quiet)
         assert codes(known, NO_SUBJECT if known.subject.mass_kg is None else None) == (None, None), path.name
+
+
+@pytest.mark.parametrize("static_stated", [False, True])
+def test_exchanged_sides_are_known_before_any_job(static_stated: bool, tmp_path: Path) -> None:
+    write_c3d(tmp_path / "trial.c3d", swapped(read_recording(SAMPLE / "recording.c3d")))
+    known = facts_of(examine_trial(RecordingSource(file="trial.c3d", filename="trial.c3d"), tmp_path))
+    made = estimate_offers(known, known.subject, no_other_mass_source=True, static_stated=static_stated)
+    assert {offer.code for offer in made} == {"sides-swapped"}
+    assert {offer.reason for offer in made} == {
+        "Markers labelled right lie on the left: labels are swapped, or the axes of the file are mirrored."
+    }
+    whole = facts_of(examine_trial(RecordingSource(file="recording.c3d", filename="recording.c3d"), SAMPLE))
+    assert all(offer.possible for offer in offers(whole).values())

@@ -30,6 +30,7 @@ from stridelab.pipelines.mass_and_latency import (
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import Trial, assign_static_landmarks, examine_trial, read_static
 from stridelab.recordings import force_windows as measured
+from stridelab.recordings.clipped_force import FORCE_CLIPPED
 from stridelab.recordings.foot_contact import find_feet, is_treadmill, stated_belts_m_s
 from stridelab.recordings.gap_filling import MAX_GAP_S, true_runs
 from stridelab.recordings.marker_sets import WAYS_TO_NAME_MARKERS, MarkerSetMatch
@@ -225,6 +226,15 @@ def _has_estimable_window(windows: tuple[Window, ...], trial: Trial) -> bool:
     )
 
 
+def _require_unclipped_time(trial: Trial) -> None:
+    """Raise ``NotEstimable`` (``window-too-short``) with the cause if an overloaded plate leaves too short windows."""
+    clipped = [remark.message for remark in trial.recording.remarks if remark.code == FORCE_CLIPPED]
+    longest_s = max((window.duration_s for window in trial.windows), default=0.0) + 1.0 / trial.recording.marker_rate_hz
+    if clipped and longest_s < SHORTEST_WINDOW_S:
+        message = f"All contact force is measured for {longest_s:.2f} s at a time; at least {SHORTEST_WINDOW_S} s are"
+        raise NotEstimable("window-too-short", f"{message} needed. {' '.join(clipped)}")
+
+
 def require_method(method: str) -> str:
     """Return ``method``. Raises ``NotEstimable`` (``method-unavailable``) if this version does not have it."""
     if method not in METHODS:
@@ -269,12 +279,14 @@ def require_windows(trial: Trial, window_s: tuple[float, float] | None, *, needs
     """The windows to use: the measured ones, or the requested interval.
 
     Raises ``NotEstimable`` (``single-frame``, ``no-plates``, ``plates-switched-off``, ``plates-unloaded``,
-    ``forces-and-markers-apart``, ``no-measured-window``) where no force can be used, ``InvalidInput``
-    (``window-outside-recording``, ``window-not-measured``) where the requested interval is not inside the recording or
-    a measured window.
+    ``forces-and-markers-apart``, ``no-measured-window``, ``window-too-short``) where no force can be used,
+    ``InvalidInput`` (``window-outside-recording``, ``window-not-measured``) where the requested interval is not inside
+    the recording or a measured window.
     """
     if needs_force and not trial.windows:
         measured.require_windows(trial.recording, trial.match.landmarks, trial.motion, stated_kg=trial.stated_kg)
+    if needs_force:
+        _require_unclipped_time(trial)
     if window_s is None:
         return trial.windows
     start_s, end_s = window_s

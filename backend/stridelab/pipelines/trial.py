@@ -86,12 +86,12 @@ def examine_trial(
     match = identify_source(source, recording, map_of_present_labels(source.marker_map, recording))
     match = named_by_static(match, recording, static)
     recording = without_foreign_subject(recording, match.landmarks)
-    body = _place_body(recording, match)
+    body, body_remarks = _place_body(recording, match)
     com_m = body.com_m if body is not None and recording.plates else None
     motion = vertical_motion(recording, match.landmarks, com_m)
     stated_kg = source.subject.mass_kg or recording.subject.mass_kg
     search = find_windows(recording, match.landmarks, motion, stated_kg=stated_kg)
-    remarks = (*recording.remarks, *match.degraded, *search.remarks)
+    remarks = (*recording.remarks, *match.degraded, *body_remarks, *search.remarks)
     masses = weigh(recording, search.windows, motion)
     joint_centres_m = {} if body is None else body.joint_centres_m
     return Trial(recording, match, search.windows, masses, remarks, motion, stated_kg, joint_centres_m)
@@ -135,14 +135,17 @@ def named_by_static(match: MarkerSetMatch, recording: Recording, static: "Trial 
     return replace(match, name=name, landmarks=landmarks | technical, degraded=remarks)
 
 
-def _place_body(recording: Recording, match: MarkerSetMatch) -> GeometricCom | None:
-    """Segments and geometric CoM, which gives the velocity; None if the segments cannot be placed."""
+def _place_body(recording: Recording, match: MarkerSetMatch) -> tuple[GeometricCom | None, tuple[Remark, ...]]:
+    """Segments and geometric CoM, which gives the velocity; None if the segments cannot be placed.
+
+    A remark says that left and right are exchanged, which no static trial mends, unlike a hidden marker.
+    """
     if match.name is None or recording.n_frames < 2:
-        return None
+        return None, ()
     try:
-        return SegmentModel().com(recording, match.landmarks, subject=recording.subject)
-    except StridelabError:
-        return None
+        return SegmentModel().com(recording, match.landmarks, subject=recording.subject), ()
+    except StridelabError as error:
+        return None, (Remark(error.code, error.message),) if error.code == SIDES_SWAPPED else ()
 
 
 def map_of_present_labels(marker_map: Mapping[str, str], recording: Recording) -> dict[str, str]:
@@ -167,6 +170,8 @@ def _with_uploaded_name(error: StridelabError, stored: str, uploaded: str) -> St
     return type(error)(error.code, error.message, faults)
 
 
+SIDES_SWAPPED: Final = "sides-swapped"
+"""Code of the remark, and of the error of every method, if markers of the right side lie on the left."""
 BODY_MODEL: Final = "body-model"
 """Marker set of a recording whose body model has bodies of unknown names: its feet are then unknown, too."""
 MIN_SHARED_LABELS: Final = 0.5

@@ -24,14 +24,15 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Corners, Mask, Points, Rotation, Series, Vector3
+from stridelab.recordings.clipped_force import clipped_intervals_s
 from stridelab.recordings.files.metadata import moment_scale
-from stridelab.recordings.files.raw import FilePlate, PlateSignals
+from stridelab.recordings.files.raw import Channels, FilePlate, PlateSignals
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Recording, Remark
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
 """Analog channels per plate type."""
-_LOADED_N = 50.0
+LOADED_N = 50.0
 _PULL_N = 100.0
 MIN_ON_PLATE_SHARE = 0.01
 """A plate is excluded if a smaller share of its loaded centre of pressure lies inside its corners."""
@@ -40,7 +41,6 @@ _MIN_LOADED = 20
 COP_NEVER_ON_PLATE = "cop-never-on-plate"
 _MIN_SIDE_M, _MAX_SIDE_M = 0.1, 10.0
 
-Channels = Float[np.ndarray, "n channels"]
 Calibration = Float[np.ndarray, "6 6"]
 
 
@@ -99,7 +99,7 @@ def corners_fault(corners_m: Corners) -> str | None:
 
 def inside_fraction(force_n: Points, moment_nm: Points, origin_m: Vector3, corners_m: Corners) -> float:
     """Share of the loaded samples whose centre of pressure lies on the plate (2 cm tolerance); NaN when unloaded."""
-    loaded = np.abs(force_n[:, 2]) > _LOADED_N
+    loaded = np.abs(force_n[:, 2]) > LOADED_N
     F, M = force_n[loaded], moment_nm[loaded] - np.cross(origin_m, force_n[loaded])
     if len(F) == 0:
         return float("nan")
@@ -155,7 +155,8 @@ def plate_wrench(signals: PlateSignals, up: Vector3, rate_hz: float) -> tuple[Fi
                 "plate-origin-negated", f"{where}: its ORIGIN has the opposite sign; the centre of pressure decided."
             )
         )
-    n_loaded = int(np.count_nonzero(np.abs(force_n[:, 2]) > _LOADED_N))
+    loaded = np.abs(force_n[:, 2]) > LOADED_N
+    n_loaded = int(np.count_nonzero(loaded))
     usable = not (share < MIN_ON_PLATE_SHARE and n_loaded >= _MIN_LOADED)
     if not usable:
         message = (
@@ -178,7 +179,8 @@ def plate_wrench(signals: PlateSignals, up: Vector3, rate_hz: float) -> tuple[Fi
     f, nu = at_origin(force_n, moment_nm)
     (zero_n,), (zero_nm,) = at_origin(tare.force_n[None], tare.moment_nm[None])
     plate = FilePlate(signals.index, signals.type, signals.corners_m, f, nu, zero_n, usable, zero_nm)
-    return replace(plate, zero_is_known=not tare.never_unloaded), tuple(remarks)
+    clipped_s = clipped_intervals_s(signals.channels, loaded, rate_hz, signals.ranges)
+    return replace(plate, zero_is_known=not tare.never_unloaded, clipped_s=clipped_s), tuple(remarks)
 
 
 def with_session_zeros(recording: Recording, zeros: Mapping[int, Sequence[float]]) -> Recording:
@@ -332,7 +334,7 @@ class _TaredPlate:
 
     def cop_moves(self, factor: float) -> bool:
         """Whether the centre of pressure moves as under a foot."""
-        loaded = np.abs(self.force_n[:, 2]) > _LOADED_N
+        loaded = np.abs(self.force_n[:, 2]) > LOADED_N
         force_z = self.force_n[loaded, 2]
         p = factor * self.moment_nm[loaded, :2] / force_z[:, None]
         return float(np.median(np.linalg.norm(p - p.mean(axis=0), axis=1))) > _MOVES_M
@@ -384,7 +386,7 @@ def _tared_plate(signals: PlateSignals, up: Vector3, rate_hz: float) -> _TaredPl
     upward_n = upward_sign(signals, up) * (signals.force_n @ (R.T @ up))
     tare = find_tare(signals.force_n, signals.moment_nm, upward_n, signals.zero_samples, rate_hz)
     force_n = signals.force_n - tare.force_n
-    n = int(np.count_nonzero(np.abs(force_n[:, 2]) > _LOADED_N))
+    n = int(np.count_nonzero(np.abs(force_n[:, 2]) > LOADED_N))
     return _TaredPlate(signals, force_n, signals.moment_nm - tare.moment_nm, n)
 
 

@@ -3,17 +3,9 @@
 A frame is complete if the whole outline of every foot that may be on the ground lies on loaded plates in use. On
 overground walks over two plates this holds from the trailing foot's lift-off to the leading foot's second strike. If
 the motion of the body is known, frames in which the plates carry less than the motion requires are excluded as well: a
-chair, a rail or the floor beside a plate carries the rest. In flight the contact force is known to
-be zero: these frames are complete, wherever the feet are, and count as measured. The events in a file are not used.
-
-Missing force: the plates carry less than the motion of the body requires.
-
-With m the mass, z the height of the markers' centre of mass and f_z the sum of the plates, both low-passed at 4 Hz,
-
-    D(t) = min over |s| <= 30 ms of (g + z''(t + s)) / g - f_z(t) / (m g)
-
-is the missing share of body weight, carried by a chair, a rail, a stick or the floor beside the plate. In free fall
-z'' = -g, and no force is missing. The minimum over 30 ms allows for the latency between force and markers.
+chair, a rail or the floor beside a plate carries the rest. So are frames in which a plate is overloaded. In flight
+the contact force is known to be zero: these frames are complete, wherever the feet are, and count as measured. The
+events in a file are not used.
 
 Flight: no plate is loaded, both feet are above the floor, and z falls as a parabola of -g. The contact force is then
 known to be zero, wherever the feet are.
@@ -28,15 +20,16 @@ from jaxtyping import Int
 
 from stridelab.conventions import GRAVITY_M_S2, Mask, Series
 from stridelab.errors import Fault, NotEstimable
-from stridelab.recordings.body_mass import VerticalMotion, low_band
+from stridelab.recordings.body_mass import VerticalMotion
+from stridelab.recordings.clipped_force import FORCE_CLIPPED, clipped_frames
 from stridelab.recordings.files.raw import NO_FORCE_FILE
 from stridelab.recordings.foot_contact import Foot, find_feet, foot_outline
 from stridelab.recordings.force_plates import COP_NEVER_ON_PLATE
 from stridelab.recordings.gap_filling import true_runs
+from stridelab.recordings.missing_force import FORCE_MISSING, frames_missing_force
 from stridelab.recordings.plate_contacts import (
     STAIR_M,
     loaded_intervals,
-    low_pass,
     main_plate,
     markers_on_plate,
     outline_off_plates,
@@ -92,7 +85,7 @@ def find_windows(
             "The feet are not marked, so it is unknown when one of them stood beside the plates; the measured "
             "interval was estimated from the load on the plates and a symmetric walk.",
         )
-        windows, missing = _remove_missing_force(recording, _windows_from_load(recording, plates), motion, stated_kg)
+        windows, missing = _remove_unknown_force(recording, _windows_from_load(recording, plates), motion, stated_kg)
         return WindowSearch(windows, (remark, *missing))
     complete, shared = _complete_frames(recording, landmarks, plates, feet)
     flight = flight_frames(recording, feet, motion)
@@ -101,7 +94,7 @@ def find_windows(
         for window in _as_windows(complete | flight, recording.marker_rate_hz)
         if _is_mostly_measured(recording, plates, window, flight)
     )
-    windows, missing = _remove_missing_force(recording, candidates, motion, stated_kg)
+    windows, missing = _remove_unknown_force(recording, candidates, motion, stated_kg)
     remarks = (*missing, *_step_coverage_remarks(recording, windows))
     if np.count_nonzero(shared) >= _SHARED_S * recording.marker_rate_hz and _both_feet_lift(feet):
         message = "Two feet stand on one plate at a time: the total force is right, the force per foot is not."
@@ -129,27 +122,37 @@ def _complete_frames(
     return complete, np.logical_and(standing[0] == standing[1], standing[0] >= 0)
 
 
-def _remove_missing_force(
+def _remove_unknown_force(
     recording: Recording, windows: tuple[Window, ...], motion: VerticalMotion | None, stated_kg: float | None
 ) -> tuple[tuple[Window, ...], tuple[Remark, ...]]:
-    """Remove the frames with missing force from the windows; the remark lists their times."""
+    """Remove the frames with clipped and with missing force from the windows; a remark lists the times of the latter.
+
+    The recording itself has the remark on clipped force.
+    """
+    rate_hz = recording.marker_rate_hz
+    clipped = clipped_frames(recording)
+    if clipped.any():
+        windows = _split_windows(windows, clipped, rate_hz)
     if motion is None or not windows:
         return windows, ()
     missing = frames_missing_force(recording, windows, motion, stated_kg)
     if not missing.any():
         return windows, ()
-    rate_hz = recording.marker_rate_hz
-    measured: list[Window] = []
-    for window in windows:
-        i, j = round(window.start_s * rate_hz), round(window.end_s * rate_hz) + 1
-        spans = [Window((i + a) / rate_hz, (i + b - 1) / rate_hz) for a, b in true_runs(~missing[i:j])]
-        measured += [span for span in spans if span.duration_s >= MIN_WINDOW_S]
     when = ", ".join(f"{i / rate_hz:.2f} to {(j - 1) / rate_hz:.2f} s" for i, j in true_runs(missing))
     message = (
         f"The plates carry less than the motion of the body needs at {when}: something beside them carries the rest "
         "(a part of a foot, a chair, a rail), or the stated mass is too large. These times are not used."
     )
-    return tuple(measured), (Remark("force-missing", message),)
+    return _split_windows(windows, missing, rate_hz), (Remark(FORCE_MISSING, message),)
+
+
+def _split_windows(windows: tuple[Window, ...], excluded: Mask, rate_hz: float) -> tuple[Window, ...]:
+    """The parts of the windows without the ``excluded`` frames, of at least ``MIN_WINDOW_S``."""
+    parts: list[Window] = []
+    for window in windows:
+        i, j = round(window.start_s * rate_hz), round(window.end_s * rate_hz) + 1
+        parts += [Window((i + a) / rate_hz, (i + b - 1) / rate_hz) for a, b in true_runs(~excluded[i:j])]
+    return tuple(part for part in parts if part.duration_s >= MIN_WINDOW_S)
 
 
 def _step_coverage_remarks(recording: Recording, windows: tuple[Window, ...]) -> tuple[Remark, ...]:
@@ -207,8 +210,9 @@ def require_windows(
     search = find_windows(recording, landmarks, motion, stated_kg=stated_kg)
     if not search.windows:
         why = ["Whenever a plate is loaded, a foot, or a part of one, stands beside the plates."]
-        why = [remark.message for remark in search.remarks if remark.code == "force-missing"] or why
-        raise NotEstimable("no-measured-window", f"At no time is all contact force measured. {why[0]}")
+        remarks = (*recording.remarks, *search.remarks)
+        why = [remark.message for remark in remarks if remark.code in (FORCE_CLIPPED, FORCE_MISSING)] or why
+        raise NotEstimable("no-measured-window", f"At no time is all contact force measured. {' '.join(why)}")
     return search.windows
 
 
@@ -285,15 +289,6 @@ def _windows_from_load(recording: Recording, plates: list[Plate]) -> tuple[Windo
     return tuple(Window(start_s, end_s) for start_s, end_s in spans)
 
 
-MISSING_SHARE, MISSING_SHARE_BY_PELVIS = 0.2, 0.4
-"""Share of body weight above which force is missing. The largest D in windows without a fault is 0.12 (fast walks)."""
-_CLEAR = 0.5
-"""An interval of missing force extends until the missing share falls below this fraction of the limit."""
-_LATENCY_S = 0.03
-_LIFTED_M_S2 = 4.0
-"""Frames with a smaller g + z'' are not used to estimate the mass."""
-_LEVEL_PERCENTILE = 75.0
-_LIGHT, _ABSURD, _STEADY = 1.1, 1.5, 0.3
 _CLEARANCE_M, _MIN_FLIGHT_S, _MIN_FLIGHT_FRAMES = 0.01, 0.05, 5
 """Least height of both feet above the floor, and the shortest flight whose acceleration can be measured."""
 _STANDING_PERCENTILE = 5.0
@@ -336,64 +331,3 @@ def _height_above_floor_m(foot: Foot) -> Series:
     above_m = height_m - np.nanpercentile(height_m, _STANDING_PERCENTILE, axis=0)
     lowest_m = np.nan_to_num(above_m, nan=np.inf).min(axis=1, initial=np.inf)
     return np.where(np.isfinite(lowest_m), lowest_m, np.nan)
-
-
-def frames_missing_force(
-    recording: Recording, windows: Sequence[Window], motion: VerticalMotion, stated_kg: float | None
-) -> Mask:
-    """Frames of the candidate ``windows`` in which force is missing; False where the motion is unknown."""
-    missing = np.zeros(recording.n_frames, dtype=bool)
-    rate_hz = recording.marker_rate_hz
-    up_n = _force_at_frames(recording)
-    spans = []
-    for window in windows:
-        i, j = round(window.start_s * rate_hz), round(window.end_s * rate_hz) + 1
-        spans += [(i + a, i + b) for a, b in true_runs(motion.known_frames[i:j]) if b - a >= 3]
-    force_n = {span: low_band(up_n[slice(*span)], rate_hz) for span in spans}
-    mass_kg = _plate_level_kg(recording, windows, force_n, motion, stated_kg)
-    if mass_kg is None:
-        return missing
-    limit = MISSING_SHARE_BY_PELVIS if motion.from_pelvis else MISSING_SHARE
-    reach = max(1, round(_LATENCY_S * rate_hz))
-    for (i, j), carried_n in force_n.items():
-        padded = np.pad(1.0 + motion.acceleration_m_s2[i:j] / GRAVITY_M_S2, reach, constant_values=np.inf)
-        needed = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=1)
-        lacking = needed - carried_n / (mass_kg * GRAVITY_M_S2)
-        for a, b in true_runs(lacking > _CLEAR * limit):
-            missing[i + a : i + b] = bool(lacking[a:b].max() > limit)
-    return missing
-
-
-def _plate_level_kg(
-    recording: Recording,
-    windows: Sequence[Window],
-    force_n: dict[tuple[int, int], Series],
-    motion: VerticalMotion,
-    stated_kg: float | None,
-) -> float | None:
-    """Mass that the plates carry when no force is missing: the upper quartile of f_z / (g + z'').
-
-    A given mass that is larger by 10 % is used instead, unless the plates carry their level steadily over a whole step
-    or in quiet stance, or the given mass is larger by 50 %: then the given mass is considered wrong.
-    """
-    ratios = []
-    for (i, j), carried_n in force_n.items():
-        needed = GRAVITY_M_S2 + motion.acceleration_m_s2[i:j]
-        ratios.append(carried_n[needed > _LIFTED_M_S2] / needed[needed > _LIFTED_M_S2])
-    ratio = np.concatenate([np.zeros(0), *ratios])
-    if len(ratio) == 0:
-        return None
-    low, middle, level, high = np.percentile(ratio, (10.0, 50.0, _LEVEL_PERCENTILE, 90.0))
-    if stated_kg is not None and _LIGHT * level < stated_kg < _ABSURD * level:
-        stands = recording.walking_direction is None
-        whole = stands or any(whole_steps(recording, window) for window in windows)
-        if not (whole and high - low < _STEADY * middle):
-            return stated_kg
-    return float(level) if level > 0.0 else None
-
-
-def _force_at_frames(recording: Recording) -> Series:
-    """Upward force of the plates in use at the marker instants, low-passed to remove plate ringing."""
-    up_n = vertical_force_n(recording)
-    smooth = low_pass(np.column_stack([np.zeros_like(up_n), np.zeros_like(up_n), up_n]), recording.force_rate_hz)[:, 2]
-    return np.asarray(np.interp(recording.time_s, np.arange(len(smooth)) / recording.force_rate_hz, smooth))

@@ -11,6 +11,7 @@ import numpy as np
 from stridelab.conventions import Mask, Points, Rotation, Vector3
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings import orientation
+from stridelab.recordings.clipped_force import clipped_intervals_s, clipped_remark
 from stridelab.recordings.file_axes import with_common_axes
 from stridelab.recordings.files.c3d import read_c3d
 from stridelab.recordings.files.foreign_formats import unknown_format_error
@@ -22,11 +23,12 @@ from stridelab.recordings.files.raw import FilePlate, RawTrial
 from stridelab.recordings.files.trc import is_marker_storage
 from stridelab.recordings.files.trc_mot import read_text, read_trc, read_trc_mot
 from stridelab.recordings.foot_contact import detect_treadmill
-from stridelab.recordings.force_plates import plate_wrench, with_true_moment_units
+from stridelab.recordings.force_plates import LOADED_N, plate_wrench, with_true_moment_units
 from stridelab.recordings.gap_filling import fill_short_gaps
 from stridelab.recordings.opensim.model_trial import has_body_model, read_model_trial
 from stridelab.recordings.plate_contacts import fore_aft_remarks
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
+from stridelab.recordings.repeated_plates import without_repeated
 
 _HEAD_BYTES: Final = 20_000
 _C3D_KEY: Final = b"P"
@@ -165,14 +167,19 @@ def _belts_m_s(plates: Sequence[Plate], switches: Mapping[int, PlateSwitches]) -
 def _world_plates(
     raw: RawTrial, up: Vector3, R: Rotation, switches: Mapping[int, PlateSwitches]
 ) -> tuple[tuple[Plate, ...], list[Remark]]:
-    file_plates: list[FilePlate] = list(raw.contacts)
+    file_plates: list[FilePlate] = []
     remarks: list[Remark] = []
+    for contact in raw.contacts:
+        loaded = np.linalg.norm(contact.force_n, axis=1) > LOADED_N
+        clipped_s = clipped_intervals_s(contact.force_n, loaded, raw.force_rate_hz)
+        file_plates.append(replace(contact, clipped_s=clipped_s))
     all_signals, unit_remarks = with_true_moment_units(raw.plates, up, raw.force_rate_hz)
     remarks += unit_remarks
     for signals in all_signals:
         plate, more = plate_wrench(signals, up, raw.force_rate_hz)
         file_plates.append(plate)
         remarks += more
+    remarks += [clipped_remark(plate) for plate in file_plates if plate.clipped_s]
     plates = []
     for plate in file_plates:
         switch = switches.get(plate.index, PlateSwitches())
@@ -192,9 +199,11 @@ def _world_plates(
                 threshold_n=20.0 if switch.threshold_n is None else switch.threshold_n,
                 belt_speed_m_s=switch.belt_speed_m_s,
                 moment_offset_m=switch.moment_offset_m,
+                clipped_s=plate.clipped_s,
             )
         )
-    return tuple(plates), remarks
+    used, repeated_remarks = without_repeated(plates)
+    return used, [*remarks, *repeated_remarks]
 
 
 def _split_tracks(raw: RawTrial, points: np.ndarray) -> tuple[dict[str, Points], dict[str, Points], dict[str, Mask]]:

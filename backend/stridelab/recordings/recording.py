@@ -42,6 +42,7 @@ class Plate:
     set; the last is the speed of the treadmill belt on the plate, None if it is not stated. ``tare_moment_nm`` (at the
     world origin) was removed with ``tare_force_n``; ``zero_is_known`` if the plate was seen unloaded, in this trial or
     in another one of its session. ``moment_offset_m`` is the switch of that name; the moments have it already.
+    ``clipped_s`` are the times, from first to last sample, at which the plate is overloaded and its force is wrong.
     """
 
     index: int
@@ -56,6 +57,7 @@ class Plate:
     tare_moment_nm: Vector3 = field(default_factory=lambda: np.zeros(3))
     zero_is_known: bool = False
     moment_offset_m: tuple[float, float, float] | None = None
+    clipped_s: tuple[tuple[float, float], ...] = ()
 
     @property
     def loaded(self) -> Mask:

@@ -32,11 +32,13 @@ def estimate_offers(
     may name the labels of an unknown marker set.
     """
     labels = None if static_stated else _label_refusal(facts)
-    geometry = labels or _geometry_refusal(facts)
+    sides = next(((one.code, one.message) for one in facts.warnings if one.code == "sides-swapped"), None)
+    geometry = labels or sides or _geometry_refusal(facts)
     force = (
         labels
         or _force_refusal(facts, subject)
         or _mass_refusal(facts, subject, no_other_mass_source=no_other_mass_source)
+        or sides
     )
     return [_estimate_offer(method, geometry if method == "geometry" else force) for method in METHODS]
 
@@ -94,15 +96,16 @@ def _force_refusal(facts: RecordingFacts, subject: SubjectFields) -> Refusal | N
         return "plates-unloaded", "The force plates of this recording are never loaded."
     if "force-missing" in remarks and subject.mass_kg != facts.subject.mass_kg:
         return None  # the intervals of missing force depend on the mass, which has changed since the file was read
+    clipped = "".join(f"{remark.message} " for remark in facts.warnings if remark.code == "force-clipped")
     if not facts.windows_s:
-        message = f"At no time is all contact force measured. {remarks.get('force-missing', '')}".strip()
+        message = f"At no time is all contact force measured. {clipped}{remarks.get('force-missing', '')}".strip()
         return "no-measured-window", f"{message} {_GEOMETRY_HINT}"
     longest_s = max(end_s - start_s for start_s, end_s in facts.windows_s)
     if longest_s + 1.0 / facts.marker_rate_hz < SHORTEST_WINDOW_S:
         message = (
             f"All contact force is measured for {longest_s:.2f} s at a time; at least {SHORTEST_WINDOW_S} s are needed."
         )
-        return "window-too-short", f"{message} {_GEOMETRY_HINT}"
+        return "window-too-short", f"{message} {clipped}{_GEOMETRY_HINT}"
     return None
 
 

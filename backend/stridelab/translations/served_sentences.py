@@ -1,7 +1,6 @@
 """Sentences of the service that the pages translate; all others are shown in English, marked as such.
 
-``%(name)s`` stands for a value. They are those that a person sees: states of a job, verdicts on sensors, what a
-recording cannot give, and remarks.
+``%(name)s`` stands for a value. A person sees them: states of a job, verdicts on sensors, refusals and remarks.
 """
 
 from typing import Final
@@ -112,6 +111,11 @@ ON_PAGES: Final = (
         "The plates carry less than the motion of the body needs at %(span_when)s: something beside them carries "
         "the rest (a part of a foot, a chair, a rail), or the stated mass is too large. These times are not used."
     ),
+    "Plates %(list_repeated)s lie over plates %(list_used)s and repeat their force; they are not used.",
+    (
+        "Plate %(number)s is overloaded at %(span_when)s: one of its channels stays at its limit and does not follow "
+        "the load. These times are not used."
+    ),
     "The interval in which all force is measured holds %(part_steps)s; position offsets seen in it are uncertain.",
     "one whole step",
     "no whole step",
@@ -142,6 +146,7 @@ ON_PAGES: Final = (
     "The file has poses of body segments and no markers: the origins of the segments are used.",
     "The header of %(name)s states %(stated)s frames and %(number)s follow; those are used.",
     "Line 3 of %(name)s states %(stated)s frames and %(number)s follow; those are used.",
+    "The header states %(stated)s frames, and the file ends after %(number)s, at the end of a frame; those are used.",
     (
         "Line 3 of %(name)s states %(stated)s frames and %(number)s follow; those are used. The file may have "
         "been cut off."

@@ -229,3 +229,29 @@ def test_joint_angles_beside_the_forces_are_ignored(tmp_path: Path) -> None:
     angles = "Coordinates\nversion=1\nnRows=1\nnColumns=2\nendheader\ntime\tknee_angle\n0\t1\n"
     force = mot(names("", ""), values(), HEADERS["nRows"])
     check(read(tmp_path, {"a.trc": trc(1000 * body()), "a.sto": force, "ik.mot": angles}))
+
+
+@pytest.mark.parametrize(
+    "written", ["nan", "NaN", "-nan", "-nan(ind)", "nan(snan)", "-1.#IND", "1.#QNAN0", "-1.#IND00"]
+)
+def test_nan_is_read_as_the_libraries_of_c_print_it(written: str) -> None:
+    f, p, T = wrench()
+    values = np.hstack([f, p, T])
+    text = mot(names("", ""), values, "forces\nnRows=900\n")
+    lines = text.splitlines()
+    cells = lines[10].split("\t")
+    cells[4] = written
+    lines[10] = "\t".join(cells)
+    _, contacts = parse_mot("\n".join(lines), "grf.mot")
+    (contact,) = contacts.values()
+    assert np.argwhere(np.isnan(contact["p"])).tolist() == [[6, 0]]
+
+
+@pytest.mark.parametrize("written", ["1.#INF", "nano", "1.#", "nan(ind", "--nan"])
+def test_what_is_no_number_and_no_nan_stays_refused(written: str) -> None:
+    f, p, T = wrench()
+    text = mot(names("", ""), np.hstack([f, p, T]), "forces\nnRows=900\n")
+    lines = text.splitlines()
+    lines[10] = lines[10].replace(lines[10].split("\t")[4], written, 1)
+    with pytest.raises(UnreadableFile, match="which is not a number"):
+        parse_mot("\n".join(lines), "grf.mot")

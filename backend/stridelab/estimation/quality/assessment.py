@@ -227,6 +227,15 @@ def _force_rows(measures: Measures, mass_kg: float) -> Iterator[_CheckRow]:
 
 
 def _plate_rows(measures: Measures) -> Iterator[_CheckRow]:
+    if measures.clipped_share > 0.0:
+        yield _CheckRow(
+            "force_clipped",
+            measures.clipped_share,
+            f"Plate {measures.clipped_plate} is overloaded for {measures.clipped_share:.1%} of the time in which it "
+            "is loaded: one of its channels stays at its limit. These times are not used; the others may be wrong, too",
+            f"the range of plate {measures.clipped_plate} and its load",
+            "",
+        )
     feet, off = _worst_plate(measures, "from_feet_m"), _worst_plate(measures, "off_plate")
     yield _CheckRow(
         "pressure_from_feet",

@@ -64,6 +64,9 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         # The sole extends 6 cm beyond the markers of a foot; 15 cm is more than half a foot.
         "pressure_from_feet": Limit(0.06, 0.15, "m"),
         "pressure_off_plate": Limit(0.1, 0.5),
+        # Times at a limit are not used, so that none contradicts. A channel that was mixed into others after it was
+        # clipped cannot be found, which one that is found makes likely.
+        "force_clipped": Limit(0.0, 1.0),
         # The hips of a person who sits lie 45 degrees behind the ankles, the neck 25; only a person who lies, crawls or
         # hangs extends farther from the vertical, and may do so. No angle contradicts.
         "body_axis": Limit(60.0, 180.0, "deg"),

@@ -43,6 +43,7 @@ from stridelab.estimation.quality.plate_checks import (
     plate_pressures,
     unmarked_shares,
 )
+from stridelab.recordings.clipped_force import clipped_share
 from stridelab.recordings.gap_filling import true_runs
 from stridelab.recordings.recording import Recording, WrenchTrack
 
@@ -164,7 +165,8 @@ class Measures:
     would act through a centre of mass that is so much nearer to the markers'.
     ``axis``, ``force_share`` and ``unmarked_share`` are those of ``acceleration_difference``, ``leg`` is the segment of
     ``leg_length_change``. ``model_leg_share`` is the share of the legs in a body model's mass,
-    None without a model. ``body_angle_deg`` and ``upper_end`` are those of ``mean_body_axis``.
+    None without a model. ``body_angle_deg`` and ``upper_end`` are those of ``mean_body_axis``. ``clipped_share`` is the
+    share of its loaded time at which ``clipped_plate`` is overloaded, the most of all plates; 0 if none is.
     """
 
     force_tilt: float = NAN
@@ -192,6 +194,8 @@ class Measures:
     plates: tuple[PlatePressure, ...] = ()
     gains: tuple[ChannelGain, ...] = ()
     exchange_ratio: float = NAN
+    clipped_plate: int = 0
+    clipped_share: float = 0.0
 
 
 def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
@@ -216,6 +220,9 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
     complete = wrench.complete[used]
     offset_m = (estimate.com_m - geometric.com_m[used])[complete]
     apart = acceleration_difference(geometric, wrench, recorded.mass_kg)
+    used_plates = [plate for plate in recorded.recording.plates if plate.use]
+    shares = {plate.index: clipped_share(plate, recorded.recording.force_rate_hz) for plate in used_plates}
+    clipped_plate = max(shares, key=lambda index: shares[index], default=0)
     balance = force_balance(recorded.recording, geometric, wrench, recorded.mass_kg)
     horizontal_m, vertical_m, largest_m, lean_m = NAN, NAN, NAN, NAN
     if np.isfinite(offset_m).all(axis=1).any():
@@ -245,6 +252,8 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         plates=plate_pressures(recorded.recording, recorded.landmarks, wrench.complete, wrench.latency_applied_s),
         gains=channel_gains(balance),
         exchange_ratio=exchange_ratio(balance),
+        clipped_plate=clipped_plate,
+        clipped_share=shares.get(clipped_plate, 0.0),
     )
 
 

@@ -4,6 +4,7 @@ import math
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from stridelab.recordings.files.metadata import (
     read_subject,
     recorded_on,
 )
-from stridelab.recordings.files.raw import LARGEST_PLAUSIBLE, Cloud, PlateSignals, RawTrial
+from stridelab.recordings.files.raw import LARGEST_PLAUSIBLE, Cloud, PlateSignals, Ranges, RawTrial
 from stridelab.recordings.force_plates import CHANNELS, corners_fault, sensor_wrench
 from stridelab.recordings.gap_filling import bridge_force_gaps, mark_missing
 from stridelab.recordings.orientation import rotation_to_z_up
@@ -36,6 +37,9 @@ CARRIED_GROUP = "STRIDELAB"
 _PLATE_WIDTH_M = (0.15, 2.0)
 """A plate or a belt is as wide as a foot is long, and narrower than two people side by side."""
 _SCREEN = {"+X": "+x", "-X": "+x", "+Y": "+y", "-Y": "+y", "+Z": "+z", "-Z": "+z"}
+_PRESSURES_OF_TYPE_1 = (3, 4)
+"""Channels of plates of type 1 that are no load but its place, which is arbitrary while the plate is empty."""
+_FEWEST_BITS, _MOST_BITS = 8, 24
 _OUTPUT_LISTS = ("ANGLES", "POWERS", "FORCES", "MOMENTS", "SCALARS")
 
 
@@ -83,8 +87,9 @@ def read_c3d(path: Path) -> RawTrial:
 
     Raises ``UnreadableFile`` (``c3d-unreadable``, ``no-frames``, ``no-markers``, and as ``check_c3d``).
     """
+    checked = check_c3d(path)
     try:
-        content = open_c3d(path)
+        content = open_c3d(path, checked)
     except EZC3D_ERRORS as error:
         raise UnreadableFile(
             "c3d-unreadable",
@@ -110,6 +115,13 @@ def read_c3d(path: Path) -> RawTrial:
     if not choice.column:
         raise _no_markers_error(path.name, P, cloud.shape[1], analogs.shape[1])
     column = list(choice.column.values())
+    frame_remarks: tuple[Remark, ...] = ()
+    if checked.lacks_frame:
+        n = checked.layout.n_frames
+        message = (
+            f"The header states {n + 1} frames, and the file ends after {n}, at the end of a frame; those are used."
+        )
+        frame_remarks = (Remark("c3d-frame-count", message),)
     scale, unit_remarks = length_scale(P.text("POINT", "UNITS"), cloud[:, column, :])
     subject, subject_remarks = read_subject(_stated_subject(P))
     force_rate_hz = P.number("ANALOG", "RATE", rate_hz) or rate_hz
@@ -125,7 +137,7 @@ def read_c3d(path: Path) -> RawTrial:
         subject=subject,
         events=_read_events(P, int(content["header"]["points"]["first_frame"]), rate_hz),
         up_hint=_SCREEN.get(P.text("POINT", "Y_SCREEN").upper()),
-        remarks=(*choice.remarks, *segment_remarks, *unit_remarks, *subject_remarks, *plate_remarks),
+        remarks=(*frame_remarks, *choice.remarks, *segment_remarks, *unit_remarks, *subject_remarks, *plate_remarks),
         metres_per_unit=scale,
         joint_widths_m=read_joint_widths_m(
             {name: P.number("PROCESSING", name, math.nan) for name in P.names("PROCESSING")}
@@ -286,8 +298,22 @@ def _read_plates(
             continue
         force, moment, o = sensor_wrench(kind, signals, origin_m, matrix, moment_scale(unit, scale), scale)
         moment_unit = unit if kind in (2, 4) else None
-        plates.append(PlateSignals(k + 1, kind, corners_m, o, force, moment, zero_samples, moment_unit))
+        plate = PlateSignals(k + 1, kind, corners_m, o, force, moment, zero_samples, moment_unit)
+        loadable = [i for i in range(len(used)) if kind != 1 or i not in _PRESSURES_OF_TYPE_1]
+        ranges = _converter_ranges(P, [used[i] for i in loadable])
+        plates.append(replace(plate, channels=signals[:, loadable], ranges=ranges))
     return tuple(plates), remarks
+
+
+def _converter_ranges(P: Parameters, channels: Sequence[int]) -> Ranges:
+    """Values at either end of the range of ANALOG:BITS bits, about the offset; NaN where a channel has no scale."""
+    bits = P.number("ANALOG", "BITS", 0.0)
+    scales = P.numbers("ANALOG", "SCALE").ravel() * P.number("ANALOG", "GEN_SCALE", 1.0)
+    if not _FEWEST_BITS <= bits <= _MOST_BITS:
+        return np.full((len(channels), 2), np.nan)
+    half = 2.0 ** (int(bits) - 1)
+    ends = [np.array([-half, half - 1.0]) * (scales[i] if i < len(scales) else np.nan) for i in channels]
+    return np.sort(np.array(ends), axis=1)
 
 
 def _layout_fault(

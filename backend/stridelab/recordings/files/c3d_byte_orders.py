@@ -58,11 +58,12 @@ _SINGLE = {"USED", "RATE", "DATA_START", "FRAMES", "GEN_SCALE", "RATIO"}
 
 @dataclass(frozen=True)
 class CheckedC3d:
-    """Validated header, parameters and data layout of a file."""
+    """Validated header, parameters and data layout of a file; ``lacks_frame`` if it ends one frame early."""
 
     header: Header
     records: tuple[Record, ...]
     layout: Layout
+    lacks_frame: bool = False
 
 
 def check_c3d(path: Path) -> CheckedC3d:
@@ -104,12 +105,28 @@ def check_c3d(path: Path) -> CheckedC3d:
     if layout.values_per_frame and header.data_block < 2:
         what = f"the header states frames from block {header.data_block} on, which is the header itself"
         raise broken_parameters_error(path.name, what)
-    if layout.values_per_frame and layout.data_end > size:
-        raise truncated_file_error(path.name, "its frames")
+    lacks_frame = bool(layout.values_per_frame) and layout.data_end > size
+    if lacks_frame:
+        layout = _without_last_frame(path, layout, size)
     _check_numbers(path, records)
     if header.n_analog:
         _check_rates(path, header, records)
-    return CheckedC3d(header, records, layout)
+    return CheckedC3d(header, records, layout, lacks_frame)
+
+
+def _without_last_frame(path: Path, layout: Layout, size: int) -> Layout:
+    """``layout`` with one frame less, if the file ends there.
+
+    Some programs count one frame too many. Their file ends with a frame, or with less than a block of zeros after it;
+    one that was cut off ends within a frame. Raises ``UnreadableFile`` (``truncated-file``) for the latter.
+    """
+    shorter = replace(layout, n_frames=layout.n_frames - 1)
+    if shorter.n_frames >= 1 and 0 <= size - shorter.data_end < BLOCK:
+        with path.open("rb") as file:
+            file.seek(shorter.data_end)
+            if not any(file.read()):
+                return shorter
+    raise truncated_file_error(path.name, "its frames")
 
 
 def _refuse_nameless_points(path: Path, header: Header, size: int) -> None:
@@ -208,9 +225,14 @@ def read_content(path: Path, checked: CheckedC3d) -> C3dContent:
     rotations = first_number(header, records, "ROTATION", "DATA_START") or 0.0
     tail_start = (int(rotations) - 1) * BLOCK
     tail = content[tail_start:] if processor == INTEL and tail_start >= layout.data_end else b""
+    head = _intel_head(content[:BLOCK], processor)
+    records = tuple(_record_as_intel(record, processor) for record in records)
+    if checked.lacks_frame:
+        head = head[:8] + struct.pack("<H", header.first_frame + layout.n_frames - 1) + head[10:]
+        records = with_numbers(records, "POINT", "FRAMES", int16_scalar(layout.n_frames))
     return C3dContent(
-        head=_intel_head(content[:BLOCK], processor),
-        records=tuple(_record_as_intel(record, processor) for record in records),
+        head=head,
+        records=records,
         layout=layout,
         points=points,
         analogs=analogs,

@@ -20,7 +20,6 @@ import numpy as np
 from stridelab.recordings.files.c3d_byte_orders import (
     C3dContent,
     CheckedC3d,
-    check_c3d,
     int16_scalar,
     is_unsigned,
     read_content,
@@ -51,9 +50,8 @@ _HALF_RANGE = -32768.0
 """An offset of 32768 counts in 16 bits; ezc3d uses its absolute value and thus reads it correctly."""
 
 
-def open_c3d(path: Path) -> Any:
-    """Content of a file as read by ezc3d; raises ``UnreadableFile`` as ``check_c3d``, and ``EZC3D_ERRORS``."""
-    checked = check_c3d(path)
+def open_c3d(path: Path, checked: CheckedC3d) -> Any:
+    """Content of a file that has passed ``check_c3d``, as read by ezc3d; raises ``EZC3D_ERRORS``."""
     if not is_misread(checked):
         with contextlib.suppress(*EZC3D_ERRORS):  # the rewritten file may be readable
             return ezc3d.c3d(str(path))
@@ -90,7 +88,7 @@ def _split_frames(file: C3dContent, n_in_header: int) -> Iterator[C3dContent]:
 def is_misread(checked: CheckedC3d) -> bool:
     """Whether ezc3d would misread the file."""
     header, records, layout = checked.header, checked.records, checked.layout
-    if header.processor != INTEL or layout.width == 2 or not header.scale < 0.0:
+    if header.processor != INTEL or layout.width == 2 or not header.scale < 0.0 or checked.lacks_frame:
         return True
     if any(len(record.description) > _LONGEST_DESCRIPTION or not record.has_description for record in records):
         return True
@@ -152,7 +150,7 @@ def _analog_rate_hz(ratio: int, rate_hz: float) -> float:
     """Smallest single-precision ``ratio`` x ``rate_hz`` whose quotient ezc3d does not truncate to one sample less."""
     single = np.float32(rate_hz)
     product = np.float32(ratio * rate_hz)
-    while single and int(float(product) / float(single)) < ratio:
+    while single and np.isfinite(product) and int(float(product) / float(single)) < ratio:
         product = np.nextafter(product, np.float32(np.inf))
     return float(product)
 

@@ -105,11 +105,21 @@ def read_header(head: bytes, processor: int) -> Header:
 
 
 def decode_floats(raw: bytes, processor: int) -> Values:
-    """Decode four-byte floats; DEC swaps the halves and its exponent is larger by two."""
+    """Decode four-byte floats.
+
+    A number of DEC has its halves exchanged, and is (-1)^s (0.5 + m / 2^24) 2^(e - 128) with the sign s, the exponent e
+    and the 23 bits m of its fraction; 0 if e is 0. NaN if e is 255, as programs
+    on other machines write it.
+    """
     if processor != DEC:
-        return np.frombuffer(raw, BYTE_ORDER[processor] + "f4").astype(np.float64)
-    halves = np.frombuffer(raw, "<u2").reshape(-1, 2)[:, ::-1]
-    return np.ascontiguousarray(halves).view("<f4").ravel().astype(np.float64) / 4.0
+        with np.errstate(invalid="ignore"):  # a signalling NaN becomes a quiet one
+            return np.frombuffer(raw, BYTE_ORDER[processor] + "f4").astype(np.float64)
+    halves = np.frombuffer(raw, "<u2").reshape(-1, 2).astype(np.int32)
+    negative, exponent = halves[:, 0] >> 15, (halves[:, 0] >> 7) & 0xFF
+    fraction = (((halves[:, 0] & 0x7F) << 16) | halves[:, 1]) / 2.0**24
+    magnitude = np.where(exponent == 0, 0.0, np.ldexp(0.5 + fraction, exponent - 128))
+    values = np.where(negative == 1, -magnitude, magnitude)
+    return np.where(exponent == 255, np.nan, values)
 
 
 def numeric_values(record: Record, processor: int) -> Values:

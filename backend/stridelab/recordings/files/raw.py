@@ -11,6 +11,10 @@ from stridelab.recordings.recording import Event, Remark, SegmentMotion, Subject
 
 Cloud = Float[np.ndarray, "frames labels 3"]
 """Positions of all labels at all frames."""
+Channels = Float[np.ndarray, "n channels"]
+"""Samples of the analog channels of a plate."""
+Ranges = Float[np.ndarray, "channels 2"]
+"""Smallest and largest value of each channel."""
 
 LARGEST_PLAUSIBLE = 1e9
 """Largest plausible magnitude in any unit; larger numbers come from damaged files and would overflow later."""
@@ -29,6 +33,8 @@ class PlateSignals:
     ``moment_nm`` is about the sensor; ``origin_m`` is the vector from the sensor to the centre of the surface;
     ``zero_samples`` are the first and last analog sample (from 1) to average, as in FORCE_PLATFORM:ZERO.
     ``moment_unit`` is the unit text by which the moments were scaled, None if the unit is fixed (types 1 and 3).
+    ``channels`` are the samples of the channels that a load may drive to their limits, in the file's units;
+    ``ranges`` the values of each between which the file's converter works, NaN where it does not state them.
     """
 
     index: int
@@ -39,6 +45,8 @@ class PlateSignals:
     moment_nm: Points
     zero_samples: tuple[int, int] | None
     moment_unit: str | None = None
+    channels: Channels = field(default_factory=lambda: np.zeros((0, 0)))
+    ranges: Ranges = field(default_factory=lambda: np.zeros((0, 2)))
 
 
 @dataclass(frozen=True)
@@ -46,6 +54,7 @@ class FilePlate:
     """One plate in the file's axes: wrench on the body about the file's origin, tare removed.
 
     ``usable`` is False if the loaded centre of pressure is never on the plate; its wrench is then excluded from sums.
+    ``clipped_s`` are the times at which a channel stays at its limit.
     """
 
     index: int
@@ -57,6 +66,7 @@ class FilePlate:
     usable: bool = True
     tare_moment_nm: Vector3 = field(default_factory=lambda: np.zeros(3))
     zero_is_known: bool = False
+    clipped_s: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)

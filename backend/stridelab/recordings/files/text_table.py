@@ -1,10 +1,16 @@
 """Parses tables of numbers separated by tabs or blanks; errors name the line and column."""
 
+import re
+from typing import Final
+
 import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Series
 from stridelab.recordings.files.raw import LARGEST_PLAUSIBLE
+
+_NO_NUMBER: Final = re.compile(r"([-+]?(nan(\(\w*\))?|1\.#(ind|qnan|snan)\d*))?", re.IGNORECASE)
+"""An empty cell, and NaN as the runtime libraries of C print it: ``nan``, ``-nan(ind)``, ``1.#QNAN``, ``-1.#IND00``."""
 
 Table = Float[np.ndarray, "rows columns"]
 
@@ -57,7 +63,7 @@ def parse_storage(text: str) -> tuple[list[str], list[str], Table]:
 
 def _parse_cell(cell: str, line: int, column: int) -> float:
     try:
-        value = float(cell) if cell.strip() else np.nan
+        value = np.nan if _NO_NUMBER.fullmatch(cell.strip()) else float(cell)
     except ValueError as error:
         raise BrokenLineError(
             f"line {line}, column {column} holds {cell.strip()[:40]!r}, which is not a number"
