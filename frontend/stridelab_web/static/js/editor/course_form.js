@@ -120,7 +120,16 @@ function elementRow(element, index) {
     const ariaLabel = `${label}${unit && ` in ${unit}`} of ${place}`;
     const value = String(element.values[name]);
     const inputMode = name === "number" ? WHOLE : ""; // a decimal keyboard of a phone may have no minus
-    const input = createElement("input", { type: "number", inputMode, min, max, step, value, required: true, ariaLabel });
+    const input = createElement("input", {
+      type: "number",
+      inputMode,
+      min,
+      max,
+      step,
+      value,
+      required: true,
+      ariaLabel,
+    });
     input.addEventListener("input", () => {
       if (input.validity.valid) element.values[name] = input.valueAsNumber;
     });

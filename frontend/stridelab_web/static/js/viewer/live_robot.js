@@ -190,8 +190,7 @@ function showState(message) {
     say(message.may_push ? "" : "Your token lets you watch; pushing needs the scope submit.");
   isInterrupted = false;
   for (const slider of sliders)
-    if (performance.now() > (sentUntil.get(slider) ?? 0))
-      showSetting(slider, message.settings[slider.dataset.setting]);
+    if (performance.now() > (sentUntil.get(slider) ?? 0)) showSetting(slider, message.settings[slider.dataset.setting]);
 }
 
 /** @param {PageElement} slider @param {number | null} value */
