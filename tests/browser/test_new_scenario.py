@@ -36,12 +36,43 @@ def test_numbers_outside_their_range_are_named_and_nothing_starts(tab: Tab, serv
     expect(page.locator("[data-pictures] svg")).to_have_count(2)
     before = len(service.client.jobs(kind="plan-contacts").items)
     page.get_by_label("Depth in cm of Stairs, obstacle 1").fill("1")
-    expect(page.locator("[data-course-said]")).to_have_text("A number is missing or outside of its range.")
+    reason = "Depth in cm of Stairs, obstacle 1: a number from 5 to 200."
+    expect(page.locator("[data-course-said]")).to_have_text(reason)
     page.get_by_role("button", name="Plan the motion").click()
-    expect(page.locator("[data-plan-said]")).to_have_text("A number is missing or outside of its range.")
+    expect(page.locator("[data-plan-said]")).to_have_text(reason)
+    page.get_by_label("Depth in cm of Stairs, obstacle 1").fill("30")
+    page.get_by_label("Stairs of Stairs, obstacle 1").fill("2.5")
+    expect(page.locator("[data-course-said]")).to_have_text(
+        "Stairs of Stairs, obstacle 1: a whole number from 1 to 40."
+    )
     page.get_by_role("button", name="Remove: Stairs, obstacle 1").click()
     expect(page.locator("[data-course-said]")).to_have_text("Add an obstacle.")
     assert len(service.client.jobs(kind="plan-contacts").items) == before
+
+
+def test_measured_numbers_are_taken_as_they_are(tab: Tab, service: Service) -> None:
+    """17.3 cm is no multiple of the step of the arrow keys; neither is the friction of a report."""
+    page = tab.go("/scenarios/new")
+    expect(page.locator("[data-pictures] svg")).to_have_count(2)
+    page.get_by_label("Rise in cm of Stairs, obstacle 1").fill("17.3")
+    with page.expect_response("**/scenarios/new/pictures?*") as drawn:
+        page.get_by_label("Friction").fill("0.33")
+    assert drawn.value.ok
+    page.get_by_label("Friction").press("Enter")
+    page.reload()
+    expect(page.get_by_label("Rise in cm of Stairs, obstacle 1")).to_have_value("17.3")
+    with page.expect_response("**/scenarios/new/pictures?*") as drawn:
+        page.get_by_role("button", name="Add: Gap").click()
+    assert drawn.value.ok
+    expect(page.locator("[data-course-said]")).to_have_text("")
+
+
+def test_too_many_obstacles_are_counted(tab: Tab, service: Service) -> None:
+    page = tab.go("/scenarios/new")
+    expect(page.locator("[data-pictures] svg")).to_have_count(2)
+    for _ in range(20):
+        page.get_by_role("button", name="Add: Gap").click()
+    expect(page.locator("[data-course-said]")).to_have_text("A course has at most 20 obstacles.")
 
 
 def test_an_obstacle_is_dragged_by_its_handle_and_everything_is_undone(tab: Tab, service: Service) -> None:

@@ -117,9 +117,18 @@ def test_an_impossible_session_is_refused(run: Run, opened: list[str], arguments
     assert not opened
 
 
+def test_a_log_that_cannot_be_written_starts_no_robot(run: Run, opened: list[str], tmp_path: Path) -> None:
+    ran: Ran = run("live", "six-stairs", "--log", str(tmp_path / "nowhere" / "run.mcap"))
+    assert ran.code == 2
+    assert "output-not-writable" in ran.err.replace("\n", "")
+    assert not opened
+    assert not FakeClient.started
+
+
 @pytest.mark.usefixtures("opened")
 def test_a_session_is_recorded_as_a_log_whose_time_does_not_go_back(run: Run, tmp_path: Path) -> None:
     log = tmp_path / "run.mcap"
+    log.write_bytes(b"an earlier log")
     ran: Ran = run("live", "six-stairs", "--no-open", "--log", str(log))
     assert ran.code == 0
     assert "3 frames are in" in ran.err.replace("\n", "")

@@ -28,8 +28,10 @@ def test_ranges_become_the_jobs_input() -> None:
     job_input = request.to_input(short_walk())
     assert job_input.vary == {"stride": (0.6, 1.05, 50), "friction": (0.3, 0.8, 6)}
     assert (job_input.points, job_input.solver, job_input.node_rate_hz) == (300, "casadi", 20.0)
-    with pytest.raises(InvalidInput):
+    with pytest.raises(InvalidInput) as refusal:
         SweepRequest("walk", ["mass=1:2:3"]).to_input(short_walk())
+    assert refusal.value.faults[0].where == "--vary"
+    assert refusal.value.faults[0].message.startswith("mass: Input should be 'stride'")
 
 
 def test_a_sweep_from_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, BinaryIO, Final
 from urllib.parse import urlsplit
 
 import typer
@@ -18,6 +18,7 @@ from stridelab.cli.options import AsJson, Token
 from stridelab.cli.results import err, out
 from stridelab.errors import Fault, InvalidInput, NotFound, Unavailable
 from stridelab.schemas.live.messages import MAX_AHEAD_M_S, MAX_LEFT_M_S, MAX_TURN_RAD_S, LiveInput
+from stridelab.service.local_runs import cannot_write
 
 SERVER: Final = "http://127.0.0.1:8000"
 START_S: Final = 120.0
@@ -50,7 +51,11 @@ def live(
     from stridelab.cli.remote import translated_errors
     from stridelab.client import Client
 
-    with _running_service(server, token) as started, translated_errors(server, lambda: NotFound):
+    with (
+        _opened_log(log) as log_file,
+        _running_service(server, token) as started,
+        translated_errors(server, lambda: NotFound),
+    ):
         with Client(server, token) as client:
             session = client.start_live(scenario, robot, commanded)
         address = server.rstrip("/") + session.page
@@ -60,15 +65,32 @@ def live(
             out.print(f"{escape(session.title)} is live: {escape(address)}")
         if browser:
             webbrowser.open(address)
-        if log is not None:
+        if log_file is not None:
             with Client(server, token) as client:
-                _record_session(client.watch_live(session.session_id), log)
+                _record_session(client.watch_live(session.session_id), log_file)
         if started is not None:
             err.print("The service was started for this robot; Ctrl-C stops both.")
             started.wait()
 
 
-def _record_session(messages: Iterator[str], path: Path) -> None:
+@contextmanager
+def _opened_log(path: Path | None) -> Iterator[BinaryIO | None]:
+    """The log, opened before a robot is started for it; an earlier one is replaced only by frames.
+
+    Raises ``InvalidInput`` (``output-not-writable``).
+    """
+    if path is None:
+        yield None
+        return
+    try:
+        file = path.open("ab")
+    except OSError as error:
+        raise cannot_write(path, error, "--log") from error
+    with file:
+        yield file
+
+
+def _record_session(messages: Iterator[str], file: BinaryIO) -> None:
     """Write the frames among ``messages`` to an MCAP log until they end, or Ctrl-C; a rewind does not turn it back."""
     import numpy as np
 
@@ -77,24 +99,24 @@ def _record_session(messages: Iterator[str], path: Path) -> None:
     log: MotionLog | None = None
     effectors: list[str] = []
     time_s, ahead_s, frames = -1.0, 0.0, 0
-    with path.open("wb") as file:
-        try:
-            for message in map(json.loads, messages):
-                if message["type"] == "state" and message["robot"] is not None and log is None:
-                    effectors = message["robot"]["effectors"]
-                    log = MotionLog(file, message["robot"]["links"], effectors)
-                elif message["type"] == "frame" and log is not None and message["time_s"] != time_s:
-                    ahead_s += max(0.0, time_s - message["time_s"])
-                    time_s, frames = message["time_s"], frames + 1
-                    places, forces_n, loaded = message["effectors_m"], message["forces_n"], set(message["contacts"])
-                    forces = [[*places[n], *forces_n[n]] if n in loaded else [np.nan] * 6 for n in effectors]
-                    log.add_poses(time_s + ahead_s, np.array(message["links"]))
-                    log.add_com(time_s + ahead_s, np.array(message["com_m"]))
-                    log.add_forces(time_s + ahead_s, np.array(forces))
-        finally:  # an interrupted recording is complete, too
-            if log is not None:
-                log.finish()
-            err.print(f"{frames} frames are in {escape(str(path))}.")
+    try:
+        for message in map(json.loads, messages):
+            if message["type"] == "state" and message["robot"] is not None and log is None:
+                effectors = message["robot"]["effectors"]
+                file.seek(file.truncate(0))
+                log = MotionLog(file, message["robot"]["links"], effectors)
+            elif message["type"] == "frame" and log is not None and message["time_s"] != time_s:
+                ahead_s += max(0.0, time_s - message["time_s"])
+                time_s, frames = message["time_s"], frames + 1
+                places, forces_n, loaded = message["effectors_m"], message["forces_n"], set(message["contacts"])
+                forces = [[*places[n], *forces_n[n]] if n in loaded else [np.nan] * 6 for n in effectors]
+                log.add_poses(time_s + ahead_s, np.array(message["links"]))
+                log.add_com(time_s + ahead_s, np.array(message["com_m"]))
+                log.add_forces(time_s + ahead_s, np.array(forces))
+    finally:  # an interrupted recording is complete, too
+        if log is not None:
+            log.finish()
+        err.print(f"{frames} frames are in {escape(file.name)}.")
 
 
 def _parse_velocity(text: str) -> tuple[float, float, float]:

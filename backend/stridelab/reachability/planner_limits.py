@@ -42,7 +42,7 @@ def planner_limits(robot_name: str) -> RobotLimits:
         if shape.reach is None or name not in card.effectors:
             raise NotFound("reachability-not-learned", f"The reach of {name} of {robot_name} has not been learned.")
         upright = card.effectors[name].reach
-        heading = _intersect_reach(upright, shape.reach) if shape.kind == "surface" else _to_effector_reach(upright)
+        heading = _intersect_reach(upright, shape.reach) if shape.kind == "surface" else _beside_hand(name, upright)
         effectors[name] = EffectorLimits(shape.kind, shape.half_size_m or (0.0, 0.0), heading, shape.reach)
     h = max(effectors[name].heading.com_high_m[2] for name in FEET)
     soles = sum(effectors[name].half_size_m[1] for name in FEET)
@@ -62,8 +62,11 @@ def _feet_distance_m(card: ReachabilityCard) -> float:
     return next(pair.distance_max_m for pair in card.pairs if set(pair.effectors) == set(FEET))
 
 
-def _to_effector_reach(reach: Reach) -> EffectorReach:
-    return EffectorReach(reach.com_low_m, reach.com_high_m, reach.com_distance_max_m)
+def _beside_hand(name: str, reach: Reach) -> EffectorReach:
+    """Reach of a hand on its own side of the CoM: an arm across the trunk can hold the rail of the other one."""
+    (x0, y0, z0), (x1, y1, z1) = reach.com_low_m, reach.com_high_m
+    low_y, high_y = (y0, min(y1, 0.0)) if name.startswith("left") else (max(y0, 0.0), y1)
+    return EffectorReach((x0, low_y, z0), (x1, high_y, z1), reach.com_distance_max_m)
 
 
 def _intersect_reach(reach: Reach, widest: EffectorReach) -> EffectorReach:

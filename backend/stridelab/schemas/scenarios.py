@@ -1,11 +1,12 @@
 """Schemas of scenarios (a robot, a terrain, a sequence of contact phases) and of courses: obstacles in a row."""
 
+import re
 from datetime import datetime
 from math import hypot
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field, GetJsonSchemaHandler, model_validator
-from pydantic_core import CoreSchema
+from pydantic_core import CoreSchema, PydanticCustomError
 
 from stridelab.schemas.base import Contract, FaultItem, Remark
 from stridelab.schemas.robots import LinkPose
@@ -16,11 +17,36 @@ Position = tuple[Metres, Metres, Metres]
 QuaternionPart = Annotated[float, Field(ge=-10.0, le=10.0)]
 Quaternion = tuple[QuaternionPart, QuaternionPart, QuaternionPart, QuaternionPart]
 Friction = Annotated[float, Field(ge=-1e6, le=1e6, description="coefficient of friction, above 0 and at most 2")]
-SurfaceName = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]*$")]
-UNPRINTABLE = r"\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ufeff"
-"""Control characters, and characters that reorder or hide text; longer texts may contain tabs and line breaks."""
-OneLine = Annotated[str, Field(min_length=1, max_length=120, pattern=rf"^[^\t\n{UNPRINTABLE}]*$")]
-Prose = Annotated[str, Field(max_length=2000, pattern=rf"^[^{UNPRINTABLE}]*$")]
+UNPRINTABLE: Final = r"\x00-\x08\x0b-\x1f\x7f-\x9f\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff"
+"""Control characters, and characters that reorder or hide text; longer texts may contain tabs and line breaks.
+
+The joiners (U+200C, U+200D) are letters' own in Persian and in Indic scripts.
+"""
+
+
+def _matching(pattern: str, reason: str) -> AfterValidator:
+    """Validator of the pattern of a text's schema, with a reason in words in place of the pattern."""
+
+    def require_match(text: str) -> str:
+        if re.fullmatch(pattern, text) is None:
+            raise PydanticCustomError("text-invalid", "{reason}", {"reason": reason})
+        return text
+
+    return AfterValidator(require_match)
+
+
+_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9 _.-]*$"
+_NAME_REASON: Final = "must begin with a letter from A to Z or a digit, and contain only these, spaces, and _ . -"
+_LINE: Final = rf"^[^\t\n{UNPRINTABLE}]*$"
+_PROSE: Final = rf"^[^{UNPRINTABLE}]*$"
+_REASON: Final = "must not contain control characters, or characters that hide or reorder text"
+SurfaceName = Annotated[
+    str, Field(min_length=1, max_length=60, json_schema_extra={"pattern": _NAME}), _matching(_NAME, _NAME_REASON)
+]
+OneLine = Annotated[
+    str, Field(min_length=1, max_length=120, json_schema_extra={"pattern": _LINE}), _matching(_LINE, _REASON)
+]
+Prose = Annotated[str, Field(max_length=2000, json_schema_extra={"pattern": _PROSE}), _matching(_PROSE, _REASON)]
 Edge = Annotated[float, Field(gt=0.0, le=1e6, description="metres, at most 100")]
 
 

@@ -47,6 +47,7 @@ OPTIONS = {
     "item": "ITEM",
     "seeds": "--seeds",
     "pushes": "--push",
+    "vary": "--vary",
     "payload_kg": "--payload",
     "friction": "--friction",
     "delay_s": "--delay",
@@ -72,6 +73,7 @@ def _fault_of_option(path: Sequence[int | str], message: str, model: type[Contra
     field, _, reason = message.partition(": ")
     if not path and field in model.model_fields:
         path, message = (field,), reason
+    path = [part for part in path if part != "[key]"]  # Pydantic's place of a name in a mapping
     name = str(path[0]) if path else "options"
     inside = f"{path[-1]}: " if len(path) > 1 else ""
     return Fault(OPTIONS.get(name, name), inside + message)

@@ -131,3 +131,13 @@ def test_what_cannot_be_composed_is_named() -> None:
     with pytest.raises(InvalidInput) as refusal:
         Course([Level(1.0, None)]).contact_task({"left_foot": TALOS["left_foot"]})
     assert refusal.value.code == "course-without-feet"
+
+
+@pytest.mark.parametrize("robot", ["talos", "hrp2", "g1"])
+def test_each_hand_stays_on_its_own_rail(robot: str) -> None:
+    """Arms reach across the trunk, so that the right hand moved to where the left one already was."""
+    task = {"robot": robot, **Course([Level(1.0, None)], ("left", "right")).contact_task(effector_shapes(robot))}
+    plan = ContactPlanner(effector_shapes(robot), planner_limits(robot)).plan(task)
+    for phase in plan.scenario["phases"]:
+        at_m = {contact["effector"]: contact["position_m"] for contact in phase["contacts"]}
+        assert at_m.get("left_hand", [0.0, 1.0])[1] > 0.0 > at_m.get("right_hand", [0.0, -1.0])[1]

@@ -5,6 +5,7 @@ import {
   removeSurface,
   replaceSurface,
   setSurfaceNumber,
+  SURFACE_FIELDS,
   surfaceNumbers,
 } from "../../../frontend/stridelab_web/static/js/editor/terrain_edits.js";
 import { fromAngles, rotate, toAngles } from "../../../frontend/stridelab_web/static/js/viewer/quaternions.js";
@@ -49,6 +50,13 @@ test("a box is described by its upper face, and each number is set alone", () =>
     for (const [other, number] of Object.entries(changed))
       near([number], [other === name ? value : numbers[other]], 1e-4);
   }
+});
+
+test("no edge and no radius is zero", () => {
+  const least = Object.values(SURFACE_FIELDS).flatMap((fields) =>
+    fields.filter(({ min }) => min).map(({ name }) => name),
+  );
+  assert.deepEqual(least, ["length", "width", "height", "radius"]);
 });
 
 test("a level box keeps its yaw, a tilted one has an orientation", () => {

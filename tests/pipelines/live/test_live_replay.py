@@ -1,5 +1,6 @@
 """A live motion: it goes on as it would have after a rewind, is pushed, changed, and explains its fall."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -190,6 +191,16 @@ def test_a_fall_is_explained_and_can_be_undone(live: LiveReplay, robot: Robot) -
     assert live.fall is None
     assert live.frame().doing == "plan"
     assert live.advance(0.1, ENDLESS_S) == pytest.approx(0.1)
+
+
+def test_steps_of_a_steered_walk_are_not_called_steps_to_stop_it(live: LiveReplay, robot: Robot) -> None:
+    live.steer(steer(ahead_m_s=0.2), hold_s=3.0)
+    live.advance(6.0, ENDLESS_S)
+    live.push_link(push(4.0, robot))
+    live.advance(4.0, ENDLESS_S)
+    assert live.fall is not None
+    assert re.match(r"Steps: after \d+ steps since it was steered, ", live.fall.reasons[0])
+    assert not any("to stop it" in reason for reason in live.fall.reasons)
 
 
 class LateWork:

@@ -8,6 +8,7 @@ import numpy as np
 
 from stridelab.robots.robot import Robot
 from stridelab.schemas.live.messages import LiveFall
+from stridelab.wholebody.recovery.walking import WalkRun
 from stridelab.wholebody.replay.disturbances import Push
 from stridelab.wholebody.replay.log import TORQUE_RATIO, Replay
 from stridelab.wholebody.replay.loss_proof import LossPremises, is_loss_proved
@@ -70,12 +71,16 @@ def _balance_reasons(stepper: ReplayStepper) -> list[str]:
     recovering = stepper.recovering
     if recovering is None:
         return ["Steps: the robot did not leave its plan to step, and its centre of mass left it by 25 cm."]
-    n_steps = recovering.steps - recovering.steps_before
-    steps = "1 step" if n_steps == 1 else f"{n_steps} steps"
     q, _ = stepper.simulation.coordinates()
     tilt_rad = 2.0 * float(np.arcsin(min(1.0, np.hypot(q[3], q[4]))))
     ended = f"its pelvis was tilted by {np.degrees(tilt_rad):.0f} degrees" if tilt_rad > _UPRIGHT else "it sank down"
+    if isinstance(recovering, WalkRun):
+        return [f"Steps: after {_count_steps(recovering.steps)} since it was steered, {ended}."]
     return [
         f"Support: at {recovering.left_plan_s:.2f} s the capture point was farther out than the soles can correct.",
-        f"Steps: after {steps} that were to stop it, {ended}.",
+        f"Steps: after {_count_steps(recovering.steps - recovering.steps_before)} that were to stop it, {ended}.",
     ]
+
+
+def _count_steps(number: int) -> str:
+    return "1 step" if number == 1 else f"{number} steps"

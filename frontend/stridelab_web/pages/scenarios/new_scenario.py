@@ -28,8 +28,11 @@ async def course_pictures(request: Request) -> Response:
         task = await client_of(request).compose_scenario(course)
     except ProblemError as refusal:
         return _reason(refusal.problem.detail)
-    except (ValueError, ValidationError):
-        return _reason("A number is missing or outside of its range.")
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        return _reason(f"{'.'.join(map(str, first['loc']))}: {first['msg']}.")
+    except ValueError:
+        return _reason("The course is not JSON.")
     drawn = _with_both_stances(task)
     side = draw_scenario(drawn, "side")
     handles = {} if side is None else {k: side.to_px(corner_m) for k, corner_m in _end_corners(task).items()}

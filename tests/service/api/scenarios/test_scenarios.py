@@ -304,6 +304,15 @@ def test_an_invalid_scenario_is_refused(http: httpx.Client, path: str, name: str
         assert fault_places(answer) == [where]
 
 
+@pytest.mark.parametrize("case", ["a new line", "text that turns", "a surface named in markup"])
+def test_a_text_is_refused_in_words(http: httpx.Client, case: str) -> None:
+    """Before, by the regular expression that it does not match."""
+    answer = http.post(CHECK, content=HOSTILE[case][0], headers={"Content-Type": "application/json"})
+    (fault,) = answer.json()["errors"]
+    assert fault["message"].startswith("must ")
+    assert "^" not in fault["message"]
+
+
 def test_a_body_of_faults_gets_a_short_answer(http: httpx.Client) -> None:
     unknown = {f"field{i}": None for i in range(30_000)}
     answer = http.post(CHECK, json=unknown)
@@ -321,7 +330,16 @@ def test_of_many_faults_only_the_first_are_listed(http: httpx.Client) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["'; DROP TABLE scenario; --", '" OR ""="', "%00", "<img src=x onerror=alert(1)>", "{{7*7}}", "日本 🦿"]
+    "name",
+    [
+        "'; DROP TABLE scenario; --",
+        '" OR ""="',
+        "%00",
+        "<img src=x onerror=alert(1)>",
+        "{{7*7}}",
+        "日本 🦿",
+        "می\u200cروم",
+    ],
 )
 def test_odd_names_are_only_text(http: httpx.Client, name: str) -> None:
     stored = http.post(SCENARIOS, json=one_step(name=name)).json()

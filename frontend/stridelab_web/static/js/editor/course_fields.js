@@ -1,5 +1,7 @@
 // The obstacles of a course and their numbers: what the form shows, and what POST /scenarios/compose takes.
 
+export const MAX_ELEMENTS = 20; // of POST /scenarios/compose
+
 const CM = 0.01;
 const DEGREE = Math.PI / 180;
 

@@ -3,14 +3,14 @@
 import { untilAnswering } from "../shared/connection_notice.js";
 import { createElement, smallButton } from "../shared/elements.js";
 import { focusRow, replaceRows, setActive } from "../shared/focus.js";
-import { courseBody, dragElement, KINDS, moveItem, newElement } from "./course_fields.js";
+import { courseBody, dragElement, KINDS, MAX_ELEMENTS, moveItem, newElement } from "./course_fields.js";
 import { CourseHistory } from "./course_history.js";
 import { bindCourseButton, planningUrl, startPlan } from "./planning_jobs.js";
 
 const DRAW_AFTER_MS = 100,
   PX_PER_M = 200; // of the drawing (charts/scenario_drawing.py)
 const UNAUTHENTICATED = 401;
-const OUT_OF_RANGE = "A number is missing or outside of its range.";
+const WHOLE = "numeric"; // the input mode of counts
 const HEAD = ["name", "robot", "handrails", "width_m", "friction"];
 
 const form = /** @type {any} */ (document.querySelector("form[data-course]"));
@@ -30,6 +30,7 @@ part("add").append(
   }),
 );
 form.addEventListener("submit", (/** @type {PointerEvent} */ event) => event.preventDefault());
+form.addEventListener("input", (/** @type {Event} */ event) => acceptBetweenSteps(event.target), { capture: true });
 form.addEventListener("input", () => drawSoon());
 form.addEventListener("change", () => form.checkValidity() && record());
 undo.addEventListener("click", () => show(history.undo()));
@@ -53,11 +54,29 @@ bindCourseButton(form, "place", course, (stored) => location.assign(`/view/?scen
 show(history.present);
 
 function course() {
-  if (!elements.length) throw new Error("Add an obstacle.");
-  if (!form.reportValidity()) throw new Error(OUT_OF_RANGE);
+  form.reportValidity();
+  const problem = courseProblem();
+  if (problem) throw new Error(problem);
   const number = (/** @type {string} */ name) => form.elements[name].valueAsNumber;
   const [name, robot, handrails] = ["name", "robot", "handrails"].map((field) => form.elements[field].value);
   return courseBody({ name, robot, handrails, friction: number("friction"), width_m: number("width_m") }, elements);
+}
+
+// Real stairs are 17.3 cm high: the step of a number is what arrow keys add, not what may be typed.
+/** @param {any} input */
+function acceptBetweenSteps(input) {
+  if (input.validity.stepMismatch && input.inputMode !== WHOLE) input.step = "any";
+}
+
+// Why the course cannot be composed; an empty string if it can.
+function courseProblem() {
+  if (!elements.length) return "Add an obstacle.";
+  if (elements.length > MAX_ELEMENTS) return `A course has at most ${MAX_ELEMENTS} obstacles.`;
+  const input = form.querySelector("input:invalid");
+  if (!input) return "";
+  const label = input.ariaLabel ?? input.labels[0].firstChild.textContent.trim();
+  const number = input.inputMode === WHOLE ? "whole number" : "number";
+  return input.type === "number" ? `${label}: a ${number} from ${input.min} to ${input.max}.` : `${label}: missing.`;
 }
 
 /** @param {import("./course_fields.js").CourseElement[]} next */
@@ -88,6 +107,7 @@ function show(state) {
 
 function showElements() {
   replaceRows(list, elements.map(elementRow));
+  for (const input of form.elements) acceptBetweenSteps(input);
   drawSoon();
 }
 
@@ -99,7 +119,17 @@ function elementRow(element, index) {
     const { name, label, unit, min, max, step } = field;
     const ariaLabel = `${label}${unit && ` in ${unit}`} of ${place}`;
     const value = String(element.values[name]);
-    const input = createElement("input", { type: "number", min, max, step, value, required: true, ariaLabel });
+    const inputMode = name === "number" ? WHOLE : ""; // a decimal keyboard of a phone may have no minus
+    const input = createElement("input", {
+      type: "number",
+      inputMode,
+      min,
+      max,
+      step,
+      value,
+      required: true,
+      ariaLabel,
+    });
     input.addEventListener("input", () => {
       if (input.validity.valid) element.values[name] = input.valueAsNumber;
     });
@@ -166,10 +196,8 @@ function drawSoon() {
 async function draw() {
   timer = 0;
   const turn = ++drawn;
-  if (!elements.length || !form.checkValidity()) {
-    status.textContent = elements.length ? OUT_OF_RANGE : "Add an obstacle.";
-    return;
-  }
+  status.textContent = courseProblem();
+  if (status.textContent) return;
   const query = new URLSearchParams({ course: JSON.stringify(course()) });
   const response = await fetch(`/scenarios/new/pictures?${query}`).catch(() => null);
   if (!response || response.status === UNAUTHENTICATED) {

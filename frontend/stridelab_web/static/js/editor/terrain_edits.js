@@ -7,16 +7,18 @@ const DEGREE = Math.PI / 180,
   ON_FACE_M = 2e-3, // a contact at most this far from a surface is on it
   MAX_NAME_LENGTH = 60;
 
-/** @typedef {{ name: string, label: string, unit: string, step: number }} SurfaceField */
+const LEAST_M = 0.001;
+
+/** @typedef {{ name: string, label: string, unit: string, step: number, min?: number }} SurfaceField */
 /** @type {Record<Surface["kind"], SurfaceField[]>} */
 export const SURFACE_FIELDS = {
   box: [
     { name: "x", label: "x", unit: "m", step: 0.05 },
     { name: "y", label: "y", unit: "m", step: 0.05 },
     { name: "top", label: "top", unit: "m", step: 0.01 },
-    { name: "length", label: "length", unit: "m", step: 0.05 },
-    { name: "width", label: "width", unit: "m", step: 0.05 },
-    { name: "height", label: "height", unit: "m", step: 0.05 },
+    { name: "length", label: "length", unit: "m", step: 0.05, min: LEAST_M },
+    { name: "width", label: "width", unit: "m", step: 0.05, min: LEAST_M },
+    { name: "height", label: "height", unit: "m", step: 0.05, min: LEAST_M },
     { name: "turn", label: "turn", unit: "°", step: 5 },
     { name: "slope", label: "slope", unit: "°", step: 1 },
     { name: "lean", label: "lean", unit: "°", step: 1 },
@@ -28,7 +30,7 @@ export const SURFACE_FIELDS = {
     { name: "y2", label: "to y", unit: "m", step: 0.05 },
     { name: "z1", label: "from z", unit: "m", step: 0.05 },
     { name: "z2", label: "to z", unit: "m", step: 0.05 },
-    { name: "radius", label: "radius", unit: "m", step: 0.005 },
+    { name: "radius", label: "radius", unit: "m", step: 0.005, min: LEAST_M },
   ],
 };
 

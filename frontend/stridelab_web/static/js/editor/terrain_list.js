@@ -65,12 +65,12 @@ export class TerrainList {
     });
     if (!isOpen) return createElement("li", {}, button);
     const numbers = surfaceNumbers(surface);
-    const inputs = SURFACE_FIELDS[surface.kind].map(({ name, label, unit, step }) => {
+    const inputs = SURFACE_FIELDS[surface.kind].map(({ name, label, unit, step, min }) => {
       const value = String(Number(numbers[name].toFixed(4)));
-      const input = createElement("input", { type: "number", step, value, name, required: true });
+      const input = createElement("input", { type: "number", step, min: min ?? "", value, name, required: true });
       input.addEventListener("change", () => {
         const typed = input.valueAsNumber;
-        if (!Number.isFinite(typed)) return;
+        if (!Number.isFinite(typed) || (input.validity.rangeUnderflow && !input.reportValidity())) return;
         const edit = (/** @type {Scenario} */ scenario) =>
           replaceSurface(scenario, k, setSurfaceNumber(scenario.terrain[k], name, typed));
         this.onCommit(edit, `${surface.name} stored.`);

@@ -18,6 +18,8 @@ const RECONNECT_MS = 2000,
   REST = [0, 0, 0],
   UPRIGHT = [1, 0, 0, 0],
   SLOW_PACE = 0.95,
+  SETTLE_MS = 1000, // after which states contain what a slider has sent
+  STILL = 0.005, // m/s and rad/s
   UNUSED_NODES = ["/reach/", "/support/", "/live/"]; // of the pages that plan and show densities
 const root = document.querySelector("[data-live-robot]");
 const part = (/** @type {string} */ name) => root.querySelector(`[data-${name}]`);
@@ -30,6 +32,8 @@ const stage = part("stage"),
 const nodes = new ViserNodes(iframe, ["/robot"]);
 const orders = [...root.querySelectorAll("[data-order]")];
 const sliders = [...root.querySelectorAll("[data-setting]")];
+/** @type {Map<PageElement, number>} */
+const sentUntil = new Map(); // until when states may be older than a slider's own value
 /** @type {Record<string, (v: number) => string>} */
 const UNITS = {
   friction: (v) => v.toFixed(2),
@@ -185,8 +189,8 @@ function showState(message) {
   else if (before?.phase !== message.phase || isInterrupted)
     say(message.may_push ? "" : "Your token lets you watch; pushing needs the scope submit.");
   isInterrupted = false;
-  if (document.activeElement?.matches("[data-setting]")) return;
-  for (const slider of sliders) showSetting(slider, message.settings[slider.dataset.setting]);
+  for (const slider of sliders)
+    if (performance.now() > (sentUntil.get(slider) ?? 0)) showSetting(slider, message.settings[slider.dataset.setting]);
 }
 
 /** @param {PageElement} slider @param {number | null} value */
@@ -239,7 +243,7 @@ function drawFrame(frame) {
     planned = isOver ? "stands at the end of its plan" : "follows its plan";
   const doing = {
     plan: planned,
-    steered: `walks as steered${steps}`,
+    steered: `${frame.velocity?.some((speed) => Math.abs(speed) > STILL) ? "walks" : "stands"} as steered${steps}`,
     recovery: recoveryText(frame) + steps,
     fallen: "fallen",
   };
@@ -258,9 +262,9 @@ function recoveryText(frame) {
 
 /** @param {[number, number, number]} values */
 function velocityText([ahead, left, turn]) {
-  const aside = Math.abs(left) < 0.005 ? "" : `, ${Math.abs(left).toFixed(2)} m/s ${left > 0 ? "left" : "right"}`;
+  const aside = Math.abs(left) < STILL ? "" : `, ${Math.abs(left).toFixed(2)} m/s ${left > 0 ? "left" : "right"}`;
   const turning =
-    Math.abs(turn) < 0.005 ? "" : `, turns ${turn > 0 ? "left" : "right"} ${Math.abs(turn).toFixed(2)} rad/s`;
+    Math.abs(turn) < STILL ? "" : `, turns ${turn > 0 ? "left" : "right"} ${Math.abs(turn).toFixed(2)} rad/s`;
   return `${ahead.toFixed(2)} m/s ahead${aside}${turning}`;
 }
 
@@ -296,10 +300,12 @@ for (const button of orders) button.addEventListener("click", () => send({ type:
 for (const slider of sliders)
   slider.addEventListener("input", () => {
     const value = Number(slider.value);
+    sentUntil.set(slider, performance.now() + SETTLE_MS);
     showSetting(slider, value);
     send({ type: "set", [slider.dataset.setting]: value });
   });
 part("reset").addEventListener("click", () => {
+  sentUntil.clear();
   send({ type: "set", friction: null, payload_kg: 0, delay_s: 0, expected_delay_s: 0, floor_time_s: 0.02, pace: 1 });
 });
 field("drag").addEventListener("change", () => overlay.setActive(field("drag").checked));
