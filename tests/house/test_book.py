@@ -17,6 +17,7 @@ from stridelab.service.kinds.provenance import known_references
 from support.docs.book import DOCS, PAGES, ROOT, each_of, inline_code
 from support.docs.shown_calls import description
 
+PROSE_WIDTH = 130
 BOOK = ROOT / "scripts" / "book"
 sys.path.insert(0, str(BOOK))  # where mkdocs looks for what the hook imports
 import formulas  # noqa: E402
@@ -140,3 +141,19 @@ def test_formulas_become_mathml() -> None:
 def test_every_formula_of_a_page_is_understood(page: Path) -> None:
     for inline, block in re.findall(r"\\\((.+?)\\\)|\\\[(.+?)\\\]", page.read_text(encoding="utf-8"), re.DOTALL):
         assert "<math" in formulas.mathml(inline or block)
+
+
+def test_prose_is_wrapped() -> None:
+    """At 120 characters, or a little later where a word may not begin a line; code, tables and formulas may be wider."""
+    wide: list[str] = []
+    pages = [*DOCS.rglob("*.md"), *(ROOT / f"{name}.md" for name in ("README", "CONTRIBUTING", "CHANGELOG"))]
+    for path in pages:
+        is_code = False
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            is_code ^= line.lstrip().startswith("```")
+            is_prose = not (
+                is_code or line.startswith("    ") or line.lstrip().startswith(("|", "\\[", "$$", "<", "`tests/"))
+            )
+            if is_prose and len(line) > PROSE_WIDTH and path.name != "reproduction.md":  # which a script writes
+                wide.append(f"{path.name}:{number}")
+    assert not wide
