@@ -144,7 +144,7 @@ def test_every_formula_of_a_page_is_understood(page: Path) -> None:
 
 
 def test_prose_is_wrapped() -> None:
-    """At 120 characters, or a little later where a word may not begin a line; code, tables and formulas may be wider."""
+    """At 120 characters, or a little later where a word may not begin a line; code, tables and formulas aside."""
     wide: list[str] = []
     pages = [*DOCS.rglob("*.md"), *(ROOT / f"{name}.md" for name in ("README", "CONTRIBUTING", "CHANGELOG"))]
     for path in pages:
