@@ -76,6 +76,7 @@ ELSEWHERE: Final[Mapping[str, Elsewhere]] = {
     "import-contacts": Elsewhere(
         "contacts", "import_contacts", help="Convert such JSON to a scenario, if the robot can carry it out."
     ),
+    "read-terrain": Elsewhere("contacts", "read_terrain"),
     "learn-reachability": Elsewhere("learn_reachability", "learn_reachability"),
     "add-robot": Elsewhere("learn_reachability", "add_robot"),
 }

@@ -1,12 +1,15 @@
 """``stridelab plan-contacts``: plans a contact sequence between two stances, here or on a service.
 
 ``stridelab export-contacts`` and ``import-contacts``: convert contact sequences to and from multicontact-api JSON.
+
+``stridelab read-terrain``: makes the task of crossing a terrain of its mesh.
 """
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 import typer
 from rich.markup import escape
@@ -14,7 +17,8 @@ from rich.markup import escape
 from stridelab.cli.estimate import run_job
 from stridelab.cli.options import Delivery, ScenarioName, with_groups
 from stridelab.cli.results import deliver_result, out, show_files, show_remarks
-from stridelab.errors import Fault, InvalidInput
+from stridelab.errors import Fault, InvalidInput, NotFound, StridelabError
+from stridelab.machine.parallel import map_isolated
 from stridelab.pipelines.scenario_files import read_document, read_json, read_scenario, validate_document
 from stridelab.schemas.base import Remark
 from stridelab.schemas.jobs import JobResult
@@ -177,3 +181,75 @@ def _scenario_without_phases(typed: str) -> Mapping[str, Any]:
 def _describe_size(scenario: Scenario, duration_s: float) -> str:
     count = len(scenario.phases)
     return f"{escape(scenario.name)}, {count} phase{'s' * (count != 1)}, {duration_s:.1f} s, {escape(scenario.robot)}"
+
+
+READ_S, READ_MB = 60.0, 2048
+"""Limits of the process that reads a mesh."""
+METRES_PER: Final = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+
+
+def read_terrain(
+    file: Annotated[Path, typer.Argument(help="The mesh of a terrain: STL, OBJ, PLY or GLB.")],
+    start: Annotated[str, typer.Option("--start", help="Where the robot starts, as x,y in metres.")],
+    goal: Annotated[str, typer.Option("--goal", help="Where it goes, as x,y in metres; it faces there.")],
+    robot: Annotated[str, typer.Option("--robot", help="Name of the robot.")] = "talos",
+    unit: Annotated[Literal["m", "cm", "mm"], typer.Option("--unit", help="Unit of the mesh.")] = "m",
+    up: Annotated[
+        Literal["+z", "+y"] | None, typer.Option("--up", help="Axis that points up; +z, of GLB +y, if omitted.")
+    ] = None,
+    friction: Annotated[float, typer.Option("--friction", min=0.05, max=2.0, help="Coefficient of friction.")] = 0.3,
+    out_file: OutFile = None,
+    force: ForceFile = False,
+) -> None:
+    """Find the surfaces of a mesh on which feet can stand, and write the task of crossing it for plan-contacts.
+
+    Raises ``NotFound`` (``file-not-found``, ``robot-not-found``), ``UnreadableFile`` (``terrain-mesh-unreadable``) and
+    ``InvalidInput`` (``terrain-without-surfaces``, ``invalid-request``, and as ``crossing_task``).
+    """
+    from stridelab.contacts.effector_geometry import effector_shapes
+    from stridelab.contacts.terrain_meshes.crossing import crossing_task
+
+    if not file.is_file():
+        raise NotFound("file-not-found", f"There is no file {file}.", [Fault(str(file), "missing")])
+    ends = _parse_place("--start", start), _parse_place("--goal", goal)
+    item = {"file": str(file), "metres_per_unit": METRES_PER[unit], "up": up}
+    ((_, surfaces),) = map_isolated(_read_here, [item], preload=["numpy"], timeout_s=READ_S, spans_nodes=False)
+    if isinstance(surfaces, StridelabError):
+        raise surfaces
+    if not surfaces:
+        message = (
+            f"{file.name} has no surface on which a foot can stand: at most 35 degrees steep, 10 cm long and wide."
+        )
+        raise InvalidInput("terrain-without-surfaces", message, [Fault(file.name, "no surface")])
+    task = crossing_task(surfaces, *ends, effector_shapes(robot))
+    request = validate_document(
+        PlanContactsInput, {"robot": robot, "friction": friction, "name": file.stem[:100], **task}, file.name, "task"
+    )
+    target = out_file or Path(f"{file.stem}.task.json")
+    write_file(target, request.model_dump_json(indent=2, exclude_none=True) + "\n", force=force, option=OUT_FILE_OPTION)
+    heights = [surface["center_m"][2] + 0.5 * surface["size_m"][2] for surface in surfaces]
+    found = f"{len(surfaces)} surface{'s' * (len(surfaces) != 1)}, {min(heights):.2f} to {max(heights):.2f} m high"
+    out.print(f"[green]written[/] {escape(str(target))}: {found}")
+    out.print(f"To plan the contacts: stridelab plan-contacts {escape(str(target))}")
+
+
+def _parse_place(option: str, typed: str) -> tuple[float, float]:
+    """Two numbers with a comma between them. Raises ``InvalidInput`` (``invalid-request``)."""
+    number = r"\s*(-?\d+(?:\.\d*)?)\s*"
+    match = re.fullmatch(f"{number},{number}", typed)
+    if match is None:
+        raise InvalidInput(
+            "invalid-request", f"{option} has the form x,y in metres, as 0,1.5.", [Fault(option, typed[:60])]
+        )
+    return float(match[1]), float(match[2])
+
+
+def _read_here(item: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """In a process of its own: the surfaces of a mesh."""
+    from stridelab.contacts.terrain_meshes.reading import read_terrain_mesh
+    from stridelab.contacts.terrain_meshes.surfaces import standing_surfaces
+    from stridelab.service.processes.child import limit_memory
+
+    limit_memory(READ_MB)
+    mesh = read_terrain_mesh(Path(item["file"]), metres_per_unit=item["metres_per_unit"], up=item["up"])
+    return standing_surfaces(mesh)

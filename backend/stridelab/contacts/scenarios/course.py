@@ -208,7 +208,7 @@ class Course:
         Raises ``InvalidInput``: ``course-too-long`` (longer than ``TRAVEL_MAX_M``), ``course-without-hand`` (no hand on
         the side of a handrail), ``course-without-feet`` (not two soles whose reach has been learned).
         """
-        robot = _Stance.of_effectors(effectors, self.handrails)
+        robot = StandingRobot.of_effectors(effectors, self.handrails)
         line, terrain = (
             [(0.0, 0.0), (robot.edge_m, 0.0)],
             [_slab("start", -PLATFORM_M, robot.edge_m, 0.0, self.width_m)],
@@ -232,7 +232,7 @@ class Course:
 
 
 @dataclass(frozen=True)
-class _Stance:
+class StandingRobot:
     """Dimensions of a robot that stands: ``edge_m`` from the middle of a sole to an edge in front of the toes."""
 
     foot_y_m: float
@@ -240,7 +240,7 @@ class _Stance:
     height_m: float
 
     @classmethod
-    def of_effectors(cls, effectors: Mapping[str, EffectorShape], handrails: Sequence[Side]) -> "_Stance":
+    def of_effectors(cls, effectors: Mapping[str, EffectorShape], handrails: Sequence[Side]) -> "StandingRobot":
         soles = [effectors.get(name) for name in ("left_foot", "right_foot")]
         sizes = [sole.half_size_m for sole in soles if sole is not None and sole.half_size_m is not None]
         heights = [sole.com_height_m for sole in soles if sole is not None and sole.com_height_m is not None]

@@ -1,0 +1,1 @@
+"""Terrains from meshes: reads a mesh, and finds the surfaces on which feet can stand."""

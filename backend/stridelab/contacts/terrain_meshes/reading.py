@@ -1,0 +1,86 @@
+"""Reads the mesh of a terrain: STL, OBJ, PLY or GLB, in metres with z up.
+
+A stranger's bytes are parsed here: call it in a process with limits.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+from jaxtyping import Int
+
+from stridelab.conventions import Points, Rotation
+from stridelab.errors import Fault, UnreadableFile
+
+UpAxis = Literal["+z", "+y"]
+FORMATS: Final = (".stl", ".obj", ".ply", ".glb")
+MAX_BYTES: Final = 64_000_000
+MAX_TRIANGLES: Final = 500_000
+EXTENT_M: Final = (0.2, 100.0)
+"""Smallest and largest horizontal extent of a terrain: beyond it, the unit is wrong."""
+UP_AXES: Final[dict[UpAxis, Rotation]] = {
+    "+z": np.eye(3),
+    "+y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+}
+"""Rotations to z up."""
+Triangles = Int[np.ndarray, "m 3"]
+SHOWN_NAME: Final = 120
+
+
+@dataclass(frozen=True, eq=False)
+class TerrainMesh:
+    """Triangles that face outwards, in metres with z up."""
+
+    vertices_m: Points
+    triangles: Triangles
+
+
+def read_terrain_mesh(path: Path, *, metres_per_unit: float = 1.0, up: UpAxis | None = None) -> TerrainMesh:
+    """Read a mesh; ``up`` is +y for GLB, as its standard says, and +z for other formats if omitted.
+
+    Raises ``UnreadableFile`` (``terrain-mesh-unreadable``) for a file of another format, a damaged, empty or too large
+    one, coordinates that are not finite, and an extent that no terrain has.
+    """
+    ending = path.suffix.lower()
+    if ending not in FORMATS:
+        raise _unreadable(path, f"Its format is none of {', '.join(FORMATS)}.")
+    if path.stat().st_size > MAX_BYTES:
+        raise _unreadable(path, f"It has more than {MAX_BYTES // 1_000_000} MB.")
+    import trimesh  # 17 MB that only these files need
+
+    try:
+        loaded: Any = trimesh.load(path, force="mesh", process=False, skip_materials=True)
+        vertices, triangles = np.array(loaded.vertices, float), np.array(loaded.faces, np.int64).reshape(-1, 3)
+    except Exception as error:  # of the parsers, which raise whatever the bytes lead to
+        raise _unreadable(path, "It is damaged, or its content does not match its name.") from error
+    if len(triangles) == 0:
+        raise _unreadable(path, "It has no triangles; a cloud of points must be meshed before.")
+    if len(triangles) > MAX_TRIANGLES:
+        raise _unreadable(path, f"It has {len(triangles)} triangles; at most {MAX_TRIANGLES} are read.")
+    if not np.isfinite(vertices).all() or triangles.min() < 0 or triangles.max() >= len(vertices):
+        raise _unreadable(path, "It has coordinates that are not finite, or triangles without corners.")
+    R = UP_AXES[up or ("+y" if ending == ".glb" else "+z")]
+    vertices_m = np.asarray(vertices * metres_per_unit @ R.T)
+    extent_m = float(np.ptp(vertices_m[triangles.ravel(), :2], axis=0).max())
+    if not EXTENT_M[0] <= extent_m <= EXTENT_M[1]:
+        raise _unreadable(
+            path, f"It is {extent_m:.3g} m wide; a terrain has {EXTENT_M[0]} to {EXTENT_M[1]:g} m. State its unit."
+        )
+    return TerrainMesh(vertices_m, _facing_outwards(vertices_m, triangles))
+
+
+def _facing_outwards(vertices_m: Points, triangles: Triangles) -> Triangles:
+    """The triangles, turned if they face inwards: a closed mesh has a positive volume, an open one faces up."""
+    a, b, c = (vertices_m[triangles[:, k]] for k in range(3))
+    areas = 0.5 * np.cross(b - a, c - a)
+    is_closed = np.linalg.norm(areas.sum(axis=0)) < 1e-3 * np.linalg.norm(areas, axis=1).sum()
+    outwards = (
+        float(np.einsum("ij,ij->", a - vertices_m.mean(axis=0), areas)) if is_closed else float(areas[:, 2].sum())
+    )
+    return triangles[:, ::-1] if outwards < 0.0 else triangles
+
+
+def _unreadable(path: Path, reason: str) -> UnreadableFile:
+    message = f"The mesh of the terrain cannot be used. {reason}"
+    return UnreadableFile("terrain-mesh-unreadable", message, [Fault(path.name[:SHOWN_NAME], "cannot be used")])
