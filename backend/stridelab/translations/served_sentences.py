@@ -213,10 +213,7 @@ ON_PAGES: Final = (
         "acceleration from the force would be wrong by %(error)s m/s²."
     ),
     "either this mass or the plates' calibration is wrong",
-    (
-        "either this mass or the plates' calibration is wrong, or something beside the plates carries a part of "
-        "the weight"
-    ),
+    "either this mass or the plates' calibration is wrong, or something beside the plates carries a part of the weight",
     (
         "The plates weigh %(own)s ± %(sd)s kg in this trial and %(mass)s kg over %(trials)s trials of its "
         "session, %(difference)s N apart: the plates have another zero here, a part of a foot stands beside them,"

@@ -241,6 +241,11 @@ class StandingRobot:
 
     @classmethod
     def of_effectors(cls, effectors: Mapping[str, EffectorShape], handrails: Sequence[Side]) -> "StandingRobot":
+        """Dimensions from the soles and their learned reach.
+
+        Raises ``InvalidInput``: ``course-without-feet`` (not two soles whose reach has been learned),
+        ``course-without-hand`` (no hand on the side of a handrail).
+        """
         soles = [effectors.get(name) for name in ("left_foot", "right_foot")]
         sizes = [sole.half_size_m for sole in soles if sole is not None and sole.half_size_m is not None]
         heights = [sole.com_height_m for sole in soles if sole is not None and sole.com_height_m is not None]

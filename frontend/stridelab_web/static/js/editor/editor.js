@@ -58,8 +58,7 @@ const timeline = new PhaseTimeline(root, {
 const validation = new ValidationView(root, contactList, timeline, (k) => form.show(currentScenario(), k));
 const preview = new LivePreview(root);
 
-// `draft` is the edited scenario that is shown and not stored yet; `pending` is the edit made by keys, which is stored after
-// a pause. `queue` resolves when all requests so far are done.
+// `draft` is shown and not stored yet; `pending`, made by keys, is stored after a pause; `queue` resolves after all requests.
 let /** @type {Touch[]} */ touches = [],
   /** @type {number | null} */ chosenContact = null,
   /** @type {{ scenario: any, draggedContact?: number, isTyping?: boolean } | null} */ draft = null,
