@@ -1,6 +1,7 @@
 """The page of a live robot: the scene follows the simulation, which is pushed, changed, paused and rewound."""
 
 import re
+from collections.abc import Callable
 
 import numpy as np
 from playwright.sync_api import Page, expect
@@ -73,9 +74,9 @@ def test_a_live_robot_is_pushed_changed_paused_and_rewound(tab: Tab, service: Se
     tab.missteps = [misstep for misstep in tab.missteps if "status of 404" not in misstep]
 
 
-def test_a_live_robot_is_steered_by_the_arrow_keys(tab: Tab, service: Service) -> None:
+def test_a_live_robot_is_steered_by_the_arrow_keys(open_tab: Callable[..., Tab], service: Service) -> None:
     session = service.client.start_live(robot="talos")
-    page = tab.go(session.page)
+    page = open_tab().go(session.page)
     robot = page.locator("[data-live-robot]")
     expect(robot).to_have_attribute("data-shown", re.compile(r"[1-9]"), timeout=120_000)
     expect(page.locator("[data-steering]")).to_be_visible()
@@ -90,10 +91,9 @@ def test_a_live_robot_is_steered_by_the_arrow_keys(tab: Tab, service: Service) -
     expect(robot).to_have_attribute("data-doing", "steered")
     expect(page.locator('[data-fact="doing"]')).to_contain_text("stands as steered", timeout=30_000)
     page.locator('[data-setting="payload_kg"]').focus()
-    other = page.context.new_page()
-    other.goto(page.url)
+    other = open_tab(800, 600).go(session.page)
     other.locator('[data-setting="friction"]:enabled').fill("0.3", timeout=60_000)
     expect(page.locator('[data-value="friction"]')).to_have_text("0.30")
-    other.close()
+    other.goto("about:blank")
     service.client.end_live(session.session_id)
     expect(page.locator("[data-said]")).to_have_text("This robot is no longer live. Start a new one.")

@@ -61,7 +61,6 @@ def measure_columns(result: GaitMeasuresResult) -> dict[str, np.ndarray]:
     rows = [(one.recording_id, one.filename, m) for one in result.recordings for m in one.measures]
     rows += [("", "", measure) for measure in result.pooled]
     return {
-        "recording_id": np.array([recording_id for recording_id, _, _ in rows]),
         "recording": np.array([name for _, name, _ in rows]),
         "measure": np.array([measure.name for _, _, measure in rows]),
         "side": np.array([measure.side or "" for _, _, measure in rows]),
@@ -69,6 +68,7 @@ def measure_columns(result: GaitMeasuresResult) -> dict[str, np.ndarray]:
         "value": np.array([measure.value for _, _, measure in rows]),
         "sd": np.array([np.nan if measure.sd is None else measure.sd for _, _, measure in rows], dtype=float),
         "unit": np.array([measure.unit for _, _, measure in rows]),
+        "recording_id": np.array([recording_id for recording_id, _, _ in rows]),
     }
 
 
@@ -111,13 +111,13 @@ def xcom_columns(recordings: tuple[MeasuredRecording, ...]) -> dict[str, np.ndar
         sd = np.full((n, 2), np.nan) if one.xcom.sd_m is None else one.xcom.sd_m
         parts.append(
             {
-                "recording_id": np.array([one.recording_id] * n),
                 "recording": np.array([one.filename] * n),
                 "time_s": one.motion.time_s,
                 "x_m": one.xcom.position_m[:, 0],
                 "y_m": one.xcom.position_m[:, 1],
                 "sd_x_m": sd[:, 0],
                 "sd_y_m": sd[:, 1],
+                "recording_id": np.array([one.recording_id] * n),
             }
         )
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
