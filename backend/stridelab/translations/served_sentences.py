@@ -386,6 +386,7 @@ CHECKS: Final = (
     "flight acceleration",
     "pressure from feet",
     "pressure off plate",
+    "force clipped",
     "body axis",
     "outside body",
     "leg length change",
