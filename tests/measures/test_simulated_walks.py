@@ -145,7 +145,7 @@ def test_the_files_are_a_row_per_value_and_the_extrapolated_com(tmp_path: Path) 
     stems = ("measures", "steps", "xcom", "stability")
     assert names == [f"{stem}.{end}" for stem in stems for end in ("parquet", "csv")]
     table = pyarrow.csv.read_csv(tmp_path / "measures.csv")
-    assert table.column_names == ["recording_id", "recording", "measure", "side", "step", "value", "sd", "unit"]
+    assert table.column_names == ["recording", "measure", "side", "step", "value", "sd", "unit", "recording_id"]
     steps = pyarrow.csv.read_csv(tmp_path / "steps.csv")
     assert steps.column_names[:6] == ["recording_id", "recording", "step", "side", "strike_s", "timing"]
     assert {"step_length_m", "sd_step_length_m", "cadence_1_min", "double_support_share"} <= set(steps.column_names)
@@ -160,7 +160,7 @@ def test_the_files_are_a_row_per_value_and_the_extrapolated_com(tmp_path: Path) 
     in_long = [r["value"] for r in table.to_pylist() if r["measure"] == "step_length"]
     assert in_rows == pytest.approx(in_long)
     xcom = pyarrow.csv.read_csv(tmp_path / "xcom.csv")
-    assert xcom.column_names == ["recording_id", "recording", "time_s", "x_m", "y_m", "sd_x_m", "sd_y_m"]
+    assert xcom.column_names == ["recording", "time_s", "x_m", "y_m", "sd_x_m", "sd_y_m", "recording_id"]
     summary = GaitMeasuresSummary.model_validate(outcome.summary)
     assert summary.n_recordings == 2
     assert summary.steps == steps.num_rows

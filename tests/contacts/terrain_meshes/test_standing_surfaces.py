@@ -35,7 +35,9 @@ def mesh_of_boxes(boxes: Sequence[tuple[Extents, Extents]]) -> trimesh.Trimesh:
     return mesh
 
 
-def found_in(mesh: trimesh.Trimesh, file: Path, scale: float = 1.0, up: UpAxis | None = None) -> list[dict[str, Any]]:
+def surfaces_of_file(
+    mesh: trimesh.Trimesh, file: Path, scale: float = 1.0, up: UpAxis | None = None
+) -> list[dict[str, Any]]:
     """Surfaces in the file of a mesh, by their height."""
     mesh.export(file)
     surfaces = standing_surfaces(read_terrain_mesh(file, metres_per_unit=scale, up=up))
@@ -57,26 +59,26 @@ def assert_is_stairs(surfaces: list[dict[str, Any]], turn_rad: float = 0.0) -> N
 
 @pytest.mark.parametrize("ending", ["stl", "ply", "obj"])
 def test_stairs_keep_their_treads_to_a_hundredth_of_a_millimetre(ending: str, tmp_path: Path) -> None:
-    assert_is_stairs(found_in(mesh_of_boxes(STAIRS), tmp_path / f"stairs.{ending}"))
+    assert_is_stairs(surfaces_of_file(mesh_of_boxes(STAIRS), tmp_path / f"stairs.{ending}"))
 
 
 @pytest.mark.parametrize("turn_rad", [0.4, -0.7])
 def test_turned_stairs(turn_rad: float, tmp_path: Path) -> None:
     mesh = mesh_of_boxes(STAIRS)
     mesh.apply_transform(trimesh.transformations.rotation_matrix(turn_rad, [0, 0, 1]))
-    assert_is_stairs(found_in(mesh, tmp_path / "stairs.ply"), turn_rad)
+    assert_is_stairs(surfaces_of_file(mesh, tmp_path / "stairs.ply"), turn_rad)
 
 
 def test_other_units_axes_and_insides(tmp_path: Path) -> None:
     """Millimetres as stated, y up as the standard of GLB says, and triangles that face inwards."""
     millimetres, y_up, inverted = (mesh_of_boxes(STAIRS) for _ in range(3))
     millimetres.apply_scale(1000.0)
-    assert_is_stairs(found_in(millimetres, tmp_path / "stairs.stl", 1e-3))
+    assert_is_stairs(surfaces_of_file(millimetres, tmp_path / "stairs.stl", 1e-3))
     y_up.apply_transform(trimesh.transformations.rotation_matrix(-0.5 * np.pi, [1, 0, 0]))
-    assert_is_stairs(found_in(y_up, tmp_path / "stairs.glb"))
-    assert_is_stairs(found_in(y_up, tmp_path / "y.stl", up="+y"))
+    assert_is_stairs(surfaces_of_file(y_up, tmp_path / "stairs.glb"))
+    assert_is_stairs(surfaces_of_file(y_up, tmp_path / "y.stl", up="+y"))
     inverted.invert()
-    assert_is_stairs(found_in(inverted, tmp_path / "inverted.stl"))
+    assert_is_stairs(surfaces_of_file(inverted, tmp_path / "inverted.stl"))
 
 
 def test_an_open_sheet_of_a_landing_is_two_rectangles(tmp_path: Path) -> None:
@@ -84,7 +86,7 @@ def test_an_open_sheet_of_a_landing_is_two_rectangles(tmp_path: Path) -> None:
     corners = np.array([[x, y, 0.5] for x in (0, 1, 2) for y in (0, 1, 2)], float)
     squares = [(0, 3, 4, 1), (3, 6, 7, 4), (1, 4, 5, 2)]
     faces = [face for a, b, c, d in squares for face in ((a, b, c), (a, c, d))]
-    surfaces = found_in(trimesh.Trimesh(corners, faces, process=False), tmp_path / "landing.obj")
+    surfaces = surfaces_of_file(trimesh.Trimesh(corners, faces, process=False), tmp_path / "landing.obj")
     assert sorted(sorted(one["size_m"][:2]) for one in surfaces) == [[1.0, 1.0], [1.0, 2.0]]
 
 
@@ -93,7 +95,7 @@ def test_the_floor_below_a_table_holds_nobody(tmp_path: Path) -> None:
         ((3.0, 1.0, 0.1), (0.0, 0.0, -0.05)),
         ((1.0, 1.0, 0.05), (0.0, 0.0, 0.7)),
     )
-    floor_left, floor_right, top = found_in(mesh_of_boxes(table), tmp_path / "table.stl")
+    floor_left, floor_right, top = surfaces_of_file(mesh_of_boxes(table), tmp_path / "table.stl")
     assert [one["size_m"][:2] for one in (floor_left, floor_right, top)] == [
         pytest.approx([1.0, 1.0], abs=0.03),
         pytest.approx([1.0, 1.0], abs=0.03),
@@ -107,7 +109,7 @@ def test_a_ramp_is_tilted_and_a_steep_one_is_none(slope_deg: float, is_found: bo
     slope = np.deg2rad(slope_deg)
     mesh = trimesh.creation.box(extents=(2.0, 1.0, 0.1))
     mesh.apply_transform(trimesh.transformations.rotation_matrix(-slope, [0, 1, 0]))
-    surfaces = found_in(mesh, tmp_path / "ramp.stl")
+    surfaces = surfaces_of_file(mesh, tmp_path / "ramp.stl")
     assert len(surfaces) == is_found
     for surface in surfaces:
         assert surface["size_m"][:2] == pytest.approx([2.0, 1.0], abs=1e-5)
@@ -119,14 +121,14 @@ def test_rubble_and_a_ball_hold_no_foot(tmp_path: Path) -> None:
     mesh = trimesh.util.concatenate(
         [
             trimesh.creation.icosphere(3, radius=1.0),
-            *(trimesh.creation.box(extents=(0.09, 0.09, 0.09), transform=move(rng)) for _ in range(200)),
+            *(trimesh.creation.box(extents=(0.09, 0.09, 0.09), transform=random_shift(rng)) for _ in range(200)),
         ]
     )
-    assert found_in(mesh, tmp_path / "rubble.ply") == []
+    assert surfaces_of_file(mesh, tmp_path / "rubble.ply") == []
     assert SHORTEST_EDGE_M > 0.09
 
 
-def move(rng: np.random.Generator) -> Any:
+def random_shift(rng: np.random.Generator) -> Any:
     return trimesh.transformations.translation_matrix(np.append(rng.uniform(-2, 2, 2), 3.0))
 
 
@@ -153,7 +155,7 @@ def test_a_million_metres_and_broken_files_are_refused(tmp_path: Path) -> None:
 
 
 def test_feet_stand_on_the_highest_surfaces_and_face_the_goal(tmp_path: Path) -> None:
-    surfaces = found_in(mesh_of_boxes(STAIRS), tmp_path / "stairs.stl")
+    surfaces = surfaces_of_file(mesh_of_boxes(STAIRS), tmp_path / "stairs.stl")
     task = crossing_task(surfaces, (-0.5, 0.0), (2.2, 0.1), effector_shapes("talos"))
     start, goal = (task[end]["contacts"] for end in ("start", "goal"))
     assert [one["effector"] for one in start] == ["left_foot", "right_foot"]

@@ -46,11 +46,11 @@ class _Plane:
     cell_m: float
     covered: Cells
 
-    def world(self, places_m: Float[np.ndarray, "n 2"]) -> Points:
+    def place_in_world(self, places_m: Float[np.ndarray, "n 2"]) -> Points:
         """Points of the plane in the world."""
         return np.asarray(np.column_stack([places_m, np.full(len(places_m), self.offset_m)]) @ self.R.T)
 
-    def covers(self, points_m: Points) -> Bool[np.ndarray, "n"]:
+    def covers_points(self, points_m: Points) -> Bool[np.ndarray, "n"]:
         """Which points of the world lie below a covered cell, within the headroom."""
         normal = self.R[:, 2]
         above_m = (self.offset_m - points_m @ normal) / normal[2]
@@ -65,21 +65,21 @@ class _Plane:
 def standing_surfaces(mesh: TerrainMesh) -> list[dict[str, Any]]:
     """Boxes of a scenario's terrain (``BoxSurface``), from the largest on, at most ``MAX_SURFACES``."""
     planes = list(_planes(mesh))
-    found: list[tuple[float, dict[str, Any]]] = []
+    boxes: list[tuple[float, dict[str, Any]]] = []
     floor_m = float(mesh.vertices_m[mesh.triangles.ravel(), 2].min())
     for plane in planes:
         free = plane.covered.copy()
         at = np.argwhere(free)
-        centres_m = plane.world(plane.low_m + (at + 0.5) * plane.cell_m)
+        centres_m = plane.place_in_world(plane.low_m + (at + 0.5) * plane.cell_m)
         for other in planes:
             if other is not plane:
-                free[tuple(at[other.covers(centres_m)].T)] = False
+                free[tuple(at[other.covers_points(centres_m)].T)] = False
         for low_m, high_m in _rectangles(plane, free):
             edges_m = high_m - low_m
             if edges_m.min() >= SHORTEST_EDGE_M:
-                found.append((float(edges_m.prod()), _box(plane, low_m, high_m, floor_m)))
-    found.sort(key=lambda one: -one[0])
-    return [{"name": f"surface {k + 1}"} | box for k, (_, box) in enumerate(found[:MAX_SURFACES])]
+                boxes.append((float(edges_m.prod()), _box(plane, low_m, high_m, floor_m)))
+    boxes.sort(key=lambda one: -one[0])
+    return [{"name": f"surface {k + 1}"} | box for k, (_, box) in enumerate(boxes[:MAX_SURFACES])]
 
 
 def _planes(mesh: TerrainMesh) -> Iterator[_Plane]:
@@ -178,7 +178,7 @@ def _largest_rectangle(free: Cells) -> tuple[tuple[int, int], tuple[int, int]]:
 
 def _box(plane: _Plane, low: Float[np.ndarray, "2"], high: Float[np.ndarray, "2"], floor_m: float) -> dict[str, Any]:
     """A box whose upper face is a rectangle of a plane."""
-    top_m = plane.world((0.5 * (low + high))[None])[0]
+    top_m = plane.place_in_world((0.5 * (low + high))[None])[0]
     is_level = plane.R[2, 2] > np.cos(LEVEL_RAD)
     depth_m = max(float(top_m[2]) - floor_m, SLAB_M) if is_level else SLAB_M
     return {
