@@ -24,7 +24,7 @@ The joiners (U+200C, U+200D) are letters' own in Persian and in Indic scripts.
 """
 
 
-def _matching(pattern: str, reason: str) -> AfterValidator:
+def _require_pattern(pattern: str, reason: str) -> AfterValidator:
     """Validator of the pattern of a text's schema, with a reason in words in place of the pattern."""
 
     def require_match(text: str) -> str:
@@ -41,12 +41,12 @@ _LINE: Final = rf"^[^\t\n{UNPRINTABLE}]*$"
 _PROSE: Final = rf"^[^{UNPRINTABLE}]*$"
 _REASON: Final = "must not contain control characters, or characters that hide or reorder text"
 SurfaceName = Annotated[
-    str, Field(min_length=1, max_length=60, json_schema_extra={"pattern": _NAME}), _matching(_NAME, _NAME_REASON)
+    str, Field(min_length=1, max_length=60, json_schema_extra={"pattern": _NAME}), _require_pattern(_NAME, _NAME_REASON)
 ]
 OneLine = Annotated[
-    str, Field(min_length=1, max_length=120, json_schema_extra={"pattern": _LINE}), _matching(_LINE, _REASON)
+    str, Field(min_length=1, max_length=120, json_schema_extra={"pattern": _LINE}), _require_pattern(_LINE, _REASON)
 ]
-Prose = Annotated[str, Field(max_length=2000, json_schema_extra={"pattern": _PROSE}), _matching(_PROSE, _REASON)]
+Prose = Annotated[str, Field(max_length=2000, json_schema_extra={"pattern": _PROSE}), _require_pattern(_PROSE, _REASON)]
 Edge = Annotated[float, Field(gt=0.0, le=1e6, description="metres, at most 100")]
 
 

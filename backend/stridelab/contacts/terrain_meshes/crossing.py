@@ -31,27 +31,27 @@ def crossing_task(
         raise InvalidInput("crossing-too-short", text[0].upper() + text[1:] + ".", [Fault("goal", text)])
     ahead = np.append(way / np.linalg.norm(way), 0.0)
     foot_y_m = StandingRobot.of_effectors(effectors, ()).foot_y_m
-    boxes = [_placed(box) for box in terrain]
+    boxes = [_upper_face(box) for box in terrain]
     ends = {}
     for end, (x, y) in (("start", start_m), ("goal", goal_m)):
         feet = []
         for side, sign in (("left", 1.0), ("right", -1.0)):
             at_m = np.array([x, y, 0.0]) + sign * foot_y_m * np.cross(UP, ahead)
-            sole = _foothold(boxes, at_m, ahead, f"{end}, {side} foot")
+            sole = _place_sole(boxes, at_m, ahead, f"{end}, {side} foot")
             x_m, y_m, z_m = sole.position_m
             feet.append(contact(f"{side}_foot", (float(x_m), float(y_m), float(z_m)), sole.wxyz))
         ends[end] = {"contacts": feet}
     return {"terrain": list(terrain), **ends}
 
 
-def _placed(box: Mapping[str, Any]) -> tuple[Rotation, Vector3, Vector3]:
+def _upper_face(box: Mapping[str, Any]) -> tuple[Rotation, Vector3, Vector3]:
     """Rotation, middle of the upper face, and half its edges."""
     R = Placement.from_wxyz(box["center_m"], box["orientation_wxyz"]).rotation
     size_m = np.array(box["size_m"])
     return R, np.array(box["center_m"]) + 0.5 * size_m[2] * R[:, 2], 0.5 * size_m
 
 
-def _foothold(
+def _place_sole(
     boxes: Sequence[tuple[Rotation, Vector3, Vector3]], at_m: Vector3, ahead: Vector3, foot: str
 ) -> Placement:
     """Placement of a sole on the highest upper face at a place."""

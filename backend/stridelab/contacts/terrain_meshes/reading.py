@@ -44,27 +44,27 @@ def read_terrain_mesh(path: Path, *, metres_per_unit: float = 1.0, up: UpAxis | 
     """
     ending = path.suffix.lower()
     if ending not in FORMATS:
-        raise _unreadable(path, f"Its format is none of {', '.join(FORMATS)}.")
+        raise _refuse_mesh(path, f"Its format is none of {', '.join(FORMATS)}.")
     if path.stat().st_size > MAX_BYTES:
-        raise _unreadable(path, f"It has more than {MAX_BYTES // 1_000_000} MB.")
+        raise _refuse_mesh(path, f"It has more than {MAX_BYTES // 1_000_000} MB.")
     import trimesh  # 17 MB that only these files need
 
     try:
         loaded: Any = trimesh.load(path, force="mesh", process=False, skip_materials=True)
         vertices, triangles = np.array(loaded.vertices, float), np.array(loaded.faces, np.int64).reshape(-1, 3)
     except Exception as error:  # of the parsers, which raise whatever the bytes lead to
-        raise _unreadable(path, "It is damaged, or its content does not match its name.") from error
+        raise _refuse_mesh(path, "It is damaged, or its content does not match its name.") from error
     if len(triangles) == 0:
-        raise _unreadable(path, "It has no triangles; a cloud of points must be meshed before.")
+        raise _refuse_mesh(path, "It has no triangles; a cloud of points must be meshed before.")
     if len(triangles) > MAX_TRIANGLES:
-        raise _unreadable(path, f"It has {len(triangles)} triangles; at most {MAX_TRIANGLES} are read.")
+        raise _refuse_mesh(path, f"It has {len(triangles)} triangles; at most {MAX_TRIANGLES} are read.")
     if not np.isfinite(vertices).all() or triangles.min() < 0 or triangles.max() >= len(vertices):
-        raise _unreadable(path, "It has coordinates that are not finite, or triangles without corners.")
+        raise _refuse_mesh(path, "It has coordinates that are not finite, or triangles without corners.")
     R = UP_AXES[up or ("+y" if ending == ".glb" else "+z")]
     vertices_m = np.asarray(vertices * metres_per_unit @ R.T)
     extent_m = float(np.ptp(vertices_m[triangles.ravel(), :2], axis=0).max())
     if not EXTENT_M[0] <= extent_m <= EXTENT_M[1]:
-        raise _unreadable(
+        raise _refuse_mesh(
             path, f"It is {extent_m:.3g} m wide; a terrain has {EXTENT_M[0]} to {EXTENT_M[1]:g} m. State its unit."
         )
     return TerrainMesh(vertices_m, _facing_outwards(vertices_m, triangles))
@@ -81,6 +81,6 @@ def _facing_outwards(vertices_m: Points, triangles: Triangles) -> Triangles:
     return triangles[:, ::-1] if outwards < 0.0 else triangles
 
 
-def _unreadable(path: Path, reason: str) -> UnreadableFile:
+def _refuse_mesh(path: Path, reason: str) -> UnreadableFile:
     message = f"The mesh of the terrain cannot be used. {reason}"
     return UnreadableFile("terrain-mesh-unreadable", message, [Fault(path.name[:SHOWN_NAME], "cannot be used")])

@@ -64,7 +64,7 @@ class _Plane:
 
 def standing_surfaces(mesh: TerrainMesh) -> list[dict[str, Any]]:
     """Boxes of a scenario's terrain (``BoxSurface``), from the largest on, at most ``MAX_SURFACES``."""
-    planes = list(_planes(mesh))
+    planes = list(_group_planes(mesh))
     boxes: list[tuple[float, dict[str, Any]]] = []
     floor_m = float(mesh.vertices_m[mesh.triangles.ravel(), 2].min())
     for plane in planes:
@@ -74,15 +74,15 @@ def standing_surfaces(mesh: TerrainMesh) -> list[dict[str, Any]]:
         for other in planes:
             if other is not plane:
                 free[tuple(at[other.covers_points(centres_m)].T)] = False
-        for low_m, high_m in _rectangles(plane, free):
+        for low_m, high_m in _free_rectangles(plane, free):
             edges_m = high_m - low_m
             if edges_m.min() >= SHORTEST_EDGE_M:
-                boxes.append((float(edges_m.prod()), _box(plane, low_m, high_m, floor_m)))
+                boxes.append((float(edges_m.prod()), _box_below(plane, low_m, high_m, floor_m)))
     boxes.sort(key=lambda one: -one[0])
     return [{"name": f"surface {k + 1}"} | box for k, (_, box) in enumerate(boxes[:MAX_SURFACES])]
 
 
-def _planes(mesh: TerrainMesh) -> Iterator[_Plane]:
+def _group_planes(mesh: TerrainMesh) -> Iterator[_Plane]:
     """Groups of triangles of one plane that face up; the largest triangle of the others begins a group."""
     corners_m = mesh.vertices_m[mesh.triangles]
     areas = 0.5 * np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
@@ -117,7 +117,7 @@ def _plane_of(corners_m: Float[np.ndarray, "m 3 3"], normal: Float[np.ndarray, "
     cell_m = max(CELL_M, float((high_m - low_m).max()) / MAX_CELLS)
     covered = np.zeros(np.maximum(np.ceil((high_m - low_m) / cell_m - 1e-9).astype(int), 1), dtype=bool)
     for triangle in flat[..., :2]:
-        _cover(covered, (triangle - low_m) / cell_m)
+        _mark_covered(covered, (triangle - low_m) / cell_m)
     return _Plane(R, float(flat[..., 2].mean()), flat[..., :2], low_m, cell_m, covered)
 
 
@@ -128,7 +128,7 @@ def _longest_side(edges: Points, lengths: Float[np.ndarray, "n"]) -> int:
     return int(np.argmax(np.where(bins == favoured, lengths, -1.0)))
 
 
-def _cover(covered: Cells, triangle: Float[np.ndarray, "3 2"]) -> None:
+def _mark_covered(covered: Cells, triangle: Float[np.ndarray, "3 2"]) -> None:
     """Mark the cells whose centre lies in a triangle, given in cells."""
     low = np.clip(np.floor(triangle.min(axis=0)).astype(int), 0, covered.shape)
     high = np.clip(np.ceil(triangle.max(axis=0)).astype(int), 0, covered.shape)
@@ -141,7 +141,7 @@ def _cover(covered: Cells, triangle: Float[np.ndarray, "3 2"]) -> None:
     covered[low[0] : high[0], low[1] : high[1]] |= inside
 
 
-def _rectangles(plane: _Plane, free: Cells) -> Iterator[tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]]:
+def _free_rectangles(plane: _Plane, free: Cells) -> Iterator[tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]]:
     """Lower and upper corners of the largest free rectangle, of the largest in what it leaves, and so on."""
     places_m = plane.corners_m.reshape(-1, 2)
     for _ in range(MAX_SURFACES):
@@ -176,7 +176,9 @@ def _largest_rectangle(free: Cells) -> tuple[tuple[int, int], tuple[int, int]]:
     return found
 
 
-def _box(plane: _Plane, low: Float[np.ndarray, "2"], high: Float[np.ndarray, "2"], floor_m: float) -> dict[str, Any]:
+def _box_below(
+    plane: _Plane, low: Float[np.ndarray, "2"], high: Float[np.ndarray, "2"], floor_m: float
+) -> dict[str, Any]:
     """A box whose upper face is a rectangle of a plane."""
     top_m = plane.place_in_world((0.5 * (low + high))[None])[0]
     is_level = plane.R[2, 2] > np.cos(LEVEL_RAD)
