@@ -51,9 +51,9 @@ def capability_title(name: str) -> str:
 
 
 def capability_value(capability: Capability) -> str:
-    """The value of a capability, with *at least* where more may pass."""
-    if capability.value is None:
-        return "–"
+    """The value of a capability, with *at least* where more may pass, or *none* where not even the smallest passes."""
+    if not capability.value:
+        return "–" if capability.value is None else "none"
     more = "at least " if capability.ended_by in ("range", "time") else ""
     return f"{more}{_of_capability(capability, capability.value)}"
 

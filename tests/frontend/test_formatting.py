@@ -39,7 +39,7 @@ def test_fixed_digits_and_no_negative_zero(value: float | None, text: str) -> No
         ("turn", 0.349066, "rad", "fails", ("Turn per step, on the spot", "20°", "0.38 rad: shoes")),
         ("stair", 0.23, "m", "range", ("One stair, both feet", "at least 23 cm", "More was not tried.")),
         ("pace", 0.4, "m/s", "time", ("Level walk", "at least 0.4 m/s", "The time ended; more may be possible.")),
-        ("push-left", 0.0, "N s", "fails", ("Push to the left", "0 N s", "0.38 rad: shoes")),
+        ("push-left", 0.0, "N s", "fails", ("Push to the left", "none", "0.38 rad: shoes")),
         ("push-back", None, "N s", "not-tried", ("Push back", "–", "0.38 rad: shoes")),
     ],
 )

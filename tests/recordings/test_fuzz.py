@@ -16,8 +16,9 @@ from support.recordings.fuzzing import Reader, inputs, read_in_child
 
 def test_no_reader_crashes_on_mutated_files() -> None:
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
-    command = [sys.executable, "-m", "support.recordings.fuzzing", "--count", "60", "--seconds", "5"]
-    ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    limits = ["--count", "60", "--seconds", "60"]  # the count decides, also on a slow machine
+    command = [sys.executable, "-m", "support.recordings.fuzzing", *limits]
+    ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=900, check=False)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     lines = ran.stdout.splitlines()
     names = ["c3d", "trc", "mot", "tsv", "tsv forces", "csv", "mvnx", "osim", "joint angles", "scenario"]

@@ -213,14 +213,10 @@ def read_terrain(
         raise NotFound("file-not-found", f"There is no file {file}.", [Fault(str(file), "missing")])
     ends = _parse_place("--start", start), _parse_place("--goal", goal)
     item = {"file": str(file), "metres_per_unit": METRES_PER[unit], "up": up}
-    ((_, surfaces),) = map_isolated(_read_here, [item], preload=["numpy"], timeout_s=READ_S, spans_nodes=False)
-    if isinstance(surfaces, StridelabError):
-        raise surfaces
-    if not surfaces:
-        message = (
-            f"{file.name} has no surface on which a foot can stand: at most 35 degrees steep, 10 cm long and wide."
-        )
-        raise InvalidInput("terrain-without-surfaces", message, [Fault(file.name, "no surface")])
+    ((_, read),) = map_isolated(_read_here, [item], preload=["numpy"], timeout_s=READ_S, spans_nodes=False)
+    if isinstance(read, StridelabError):
+        raise read
+    surfaces = read["terrain"]
     task = crossing_task(surfaces, *ends, effector_shapes(robot))
     request = validate_document(
         PlanContactsInput, {"robot": robot, "friction": friction, "name": file.stem[:100], **task}, file.name, "task"
@@ -244,12 +240,11 @@ def _parse_place(option: str, typed: str) -> tuple[float, float]:
     return float(match[1]), float(match[2])
 
 
-def _read_here(item: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """In a process of its own: the surfaces of a mesh."""
-    from stridelab.contacts.terrain_meshes.reading import read_terrain_mesh
-    from stridelab.contacts.terrain_meshes.surfaces import standing_surfaces
+def _read_here(item: Mapping[str, Any]) -> dict[str, Any]:
+    """In a process of its own: the terrain of a file, as JSON."""
+    from stridelab.pipelines.read_terrain import read_terrain as read_file
     from stridelab.service.processes.child import limit_memory
 
     limit_memory(READ_MB)
-    mesh = read_terrain_mesh(Path(item["file"]), metres_per_unit=item["metres_per_unit"], up=item["up"])
-    return standing_surfaces(mesh)
+    read = read_file(Path(item["file"]), metres_per_unit=item["metres_per_unit"], up=item["up"])
+    return read.model_dump(mode="json", exclude_none=True)

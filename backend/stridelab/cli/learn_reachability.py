@@ -323,7 +323,7 @@ def show_commission(summary: CommissionRobotSummary) -> None:
         return
     table = Table("capability", "largest", "", "not more, because", box=None, pad_edge=False)
     for one in summary.capabilities:
-        value = "" if one.value is None else f"{one.value:.3g}"
+        value = "" if one.value is None else f"{one.value:.3g}" if one.value else "none"
         more = {"range": "end of the range", "time": "the time ended"}.get(one.ended_by, one.reason)
         table.add_row(one.name, value, one.unit, escape(more))
     out.print(table)

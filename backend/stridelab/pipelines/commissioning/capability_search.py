@@ -266,6 +266,8 @@ def _not_tried(name: CapabilityName, reason: str) -> Capability:
 def _describe_capability(capability: Capability) -> str:
     if capability.value is None:
         return f"{capability.name} not tried"
+    if capability.value == 0.0:
+        return f"{capability.name} none"
     more = "at least " if capability.ended_by in ("range", "time") else ""
     return f"{capability.name} {more}{capability.value:.3g} {capability.unit}"
 
