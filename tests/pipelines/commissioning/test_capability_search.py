@@ -119,6 +119,27 @@ def test_shoes_have_room_on_a_stair_for_any_robot(name: str) -> None:
     assert max(ahead_m, behind_m) < half_m + 0.1
 
 
+def test_a_stair_that_fails_is_tried_with_longer_double_supports(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of GR1-T2, whose plans cannot shift its weight between two feet 0.25 m apart within 0.2 s."""
+    rests_s: list[float] = []
+
+    def try_scenario(scenario: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+        both = [phase["duration_s"] for phase in scenario["phases"][1:-1] if len(phase["contacts"]) == 2]
+        rests_s.extend(both)
+        return "" if both[0] > longest_s else f"rests of {both[0]:g} s", scenario
+
+    monkeypatch.setattr(capability_search, "_try_scenario", try_scenario)
+    walk, longest_s = replace(level_walk("talos"), scale=1.0), 0.1
+    assert capability_search._try_stair(walk, 0.1)[0] == ""
+    longest_s = 0.3
+    reason, passing = capability_search._try_stair(walk, 0.1)
+    assert (reason, rests_s) == ("", [0.2, 0.2, 0.6])
+    assert passing is not None
+    assert passing["phases"][2]["duration_s"] == 0.6
+    longest_s = 1.0
+    assert capability_search._try_stair(walk, 0.1)[0] == "rests of 0.6 s"
+
+
 def test_both_feet_turn_about_the_point_between_them() -> None:
     scenario = turn_on_the_spot(2, 0.3)
     last = {contact["effector"]: contact for contact in scenario["phases"][-1]["contacts"]}

@@ -9,12 +9,12 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from stridelab.contacts.scenarios.parts import Walker
+from stridelab.contacts.scenarios.parts import Timing, Walker
 from stridelab.contacts.scenarios.robot_scenes import scaled_stairs, scaled_timing
 from stridelab.contacts.scenarios.stairs import CLIMBING, STROLLING, climb, turn_on_the_spot
 from stridelab.errors import StridelabError
@@ -34,6 +34,8 @@ from stridelab.wholebody.shoe_check import largest_shoe_m
 TURN_STEP_RAD: Final = math.radians(2.0)
 TURN_MAX_RAD: Final = math.radians(40.0)
 STAIR_STEP_M: Final = 0.01
+STAIR_TIMINGS: Final = (CLIMBING, replace(CLIMBING, rest_s=0.6))
+"""A stair that does not pass is tried with longer double supports: weak or wide hips must shift their weight slowly."""
 STAIR_MAX_SHARE: Final = 0.4
 """Highest stair that is tried, over the height of the CoM; TALOS' leg is 0.85 of it."""
 PACE_STEP: Final = 0.1
@@ -201,10 +203,22 @@ def _try_value(walk: LevelWalk, ends_s: float, item: tuple[CapabilityName, int])
     return {"reason": reason, "scenario": None if reason else scenario, "seconds": seconds}
 
 
-def one_stair(walk: LevelWalk, height_m: float) -> dict[str, Any]:
-    """One stair of ``height_m``, as deep as that of TALOS scaled, and as the shoes need; both feet step onto it."""
+def one_stair(walk: LevelWalk, height_m: float, timing: Timing = CLIMBING) -> dict[str, Any]:
+    """One stair of ``height_m``, as deep as that of TALOS scaled, and as the shoes need; both feet step onto it.
+
+    ``timing`` is that of TALOS.
+    """
     walker = Walker(walk.robot, walk.foot_y_m, *largest_shoe_m(load_robot(walk.robot)))
-    return climb(scaled_stairs(walker, walk.scale, 1, height_m), scaled_timing(CLIMBING, walk.scale), "both", walker)
+    return climb(scaled_stairs(walker, walk.scale, 1, height_m), scaled_timing(timing, walk.scale), "both", walker)
+
+
+def _try_stair(walk: LevelWalk, height_m: float) -> Outcome:
+    """The first of ``STAIR_TIMINGS`` with which the stair passes, or why it does not with the last."""
+    for timing in STAIR_TIMINGS:
+        outcome = _try_scenario(one_stair(walk, height_m, timing))
+        if not outcome[0]:
+            break
+    return outcome
 
 
 def _search_of(name: CapabilityName, walk: LevelWalk) -> _Search:
@@ -217,8 +231,7 @@ def _search_of(name: CapabilityName, walk: LevelWalk) -> _Search:
         return _Search("rad", 0.0, TURN_STEP_RAD, round(TURN_MAX_RAD / TURN_STEP_RAD), turn)
     if name == "stair":
         highest_m = STAIR_MAX_SHARE * walk.scale * TALOS_COM_HEIGHT_M
-        stair = lambda height_m: _try_scenario(one_stair(walk, height_m))  # noqa: E731
-        return _Search("m", 0.0, STAIR_STEP_M, math.floor(highest_m / STAIR_STEP_M), stair)
+        return _Search("m", 0.0, STAIR_STEP_M, math.floor(highest_m / STAIR_STEP_M), partial(_try_stair, walk))
     if name == "pace":
         given = walk.speed_m_s
         pace = lambda speed: _try_scenario(at_pace(walk.scenario, speed / given).model_dump(mode="json"))  # noqa: E731
