@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from experiments.building_codes import house_stairs, outdoor_stairs
 from experiments.obstacles import stepping_stones, wall_step
 from stridelab.contacts.scenarios.hand_scenes import stand_up
 from stridelab.contacts.scenarios.parts import HRP2, Scenario
@@ -51,5 +52,7 @@ BUNDLED: Final[Mapping[str, Callable[[], Scenario]]] = {
     "wall-step": wall_step,
     "wall-step-hrp2": hrp2_wall_step,
     "stand-up": stand_up,
+    "house-stairs": house_stairs,
+    "outdoor-stairs": outdoor_stairs,
 }
 """Builder of every file of ``models/scenarios``, by the file's stem."""
