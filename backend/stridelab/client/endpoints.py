@@ -14,6 +14,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.schemas.base import Page, Problem
+from stridelab.schemas.crossings import TerrainCrossing
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.live.messages import LiveSession, LiveSessions
 from stridelab.schemas.plans import PlanContactsInput
@@ -204,6 +205,12 @@ def compose_scenario(body: Course | Mapping[str, Any]) -> Call[PlanContactsInput
     """Compose obstacles in a row to the input of ``plan-contacts``."""
     content = _set_fields(body) if isinstance(body, BaseModel) else dict(body)
     return Call("POST", f"{API}/scenarios/compose", response_reader(PlanContactsInput), json=content)
+
+
+def cross_terrain(body: TerrainCrossing | Mapping[str, Any]) -> Call[PlanContactsInput]:
+    """Compose the task of crossing a terrain, the input of ``plan-contacts``; nothing is stored."""
+    content = body.model_dump(mode="json", exclude_none=True) if isinstance(body, BaseModel) else dict(body)
+    return Call("POST", f"{API}/terrains/crossing", response_reader(PlanContactsInput), json=content)
 
 
 def scaled_scene(body: ScaledScene | Mapping[str, Any]) -> Call[Scenario]:

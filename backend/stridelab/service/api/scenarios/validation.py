@@ -15,6 +15,7 @@ import anyio
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.robots.card import robot_names
 from stridelab.schemas.base import FaultItem, Remark
+from stridelab.schemas.crossings import TerrainCrossing
 from stridelab.schemas.plans import PlanContactsInput
 from stridelab.schemas.scenarios import ContactMargin, Course, PhaseBody, PhaseSupport, Scenario, ScenarioCheck
 from stridelab.service.api.problems import MAX_FAULTS
@@ -59,6 +60,23 @@ async def compose_task(course: Course, limiter: anyio.CapacityLimiter, robots: R
         from stridelab.pipelines.plan_contacts import compose_course
 
         return compose_course(course, _robot_effectors(course.robot, shapes))
+
+    return await anyio.to_thread.run_sync(compose, limiter=limiter)
+
+
+async def compose_crossing_task(
+    request: TerrainCrossing, limiter: anyio.CapacityLimiter, robots: RobotCache
+) -> PlanContactsInput:
+    """Compose the task of a crossing for its robot.
+
+    Raises ``NotFound`` (``robot-not-found``) and as ``compose_crossing`` does.
+    """
+    shapes = await robots.own_shapes(request.robot)
+
+    def compose() -> PlanContactsInput:
+        from stridelab.pipelines.cross_terrain import compose_crossing
+
+        return compose_crossing(request, _robot_effectors(request.robot, shapes))
 
     return await anyio.to_thread.run_sync(compose, limiter=limiter)
 
