@@ -1,0 +1,39 @@
+// What to do about the file of a terrain that was refused, and about places that cannot be crossed.
+import { translate } from "../shared/translate.js";
+
+/** @type {Record<string, number>} */
+const METRES_PER = { m: 1, cm: 0.01, mm: 0.001 };
+const WIDTH_M = [0.5, 60]; // of a terrain whose unit is taken for the right one
+const WIDE = /It is (\d[\d.]*(?:e[+-]?\d+)?) m wide/;
+
+// The units in which a refused file would be as wide as terrains are, and that width, the widest first.
+/** @param {string} detail of the refusal @param {string} unit in which the file was read @returns {{ unit: string, width_m: number }[]} */
+export function unitsThatFit(detail, unit) {
+  const match = WIDE.exec(detail);
+  if (!match) return [];
+  const width = Number(match[1]) / METRES_PER[unit];
+  return Object.entries(METRES_PER)
+    .map(([other, metres]) => ({ unit: other, width_m: width * metres }))
+    .filter(({ unit: other, width_m }) => other !== unit && width_m >= WIDTH_M[0] && width_m <= WIDTH_M[1]);
+}
+
+// What to do about a refused file, beside the sentence of the service; empty if that says it.
+/** @param {string} code */
+export function fileAdvice(code) {
+  if (code === "terrain-without-surfaces") return translate("Try another unit, or the other axis that points up.");
+  if (code === "parser-timed-out" || code === "parser-out-of-memory")
+    return translate("Cut out the part that is crossed, or reduce its triangles, and try again.");
+  return "";
+}
+
+// Why a way cannot be planned and what to do, by what the service refuses; null for any other refusal.
+/** @param {ApiProblem} problem @returns {string | null} */
+export function crossingAdvice(problem) {
+  if (problem.code === "crossing-too-short")
+    return translate("Start and goal are too near to each other: at least %(least)s m are needed.", { least: 0.3 });
+  if (problem.code !== "terrain-without-foothold") return null;
+  const place = problem.errors?.[0]?.where ?? "";
+  if (place.startsWith("start"))
+    return translate("A foot at the start has no surface below it: move the start away from the edge.");
+  return translate("A foot at the goal has no surface below it: move the goal away from the edge.");
+}
