@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 
 import pytest
-from playwright.sync_api import FilePayload, Locator, Page, expect
+from playwright.sync_api import FilePayload, Locator, Page, Route, expect
 
 from support.browser.accessibility import faults_at_every_size
 from support.browser.page import Tab
@@ -89,7 +89,7 @@ def test_clicks_and_numbers_set_the_same_places(tab: Tab) -> None:
     expect(page.get_by_label("the goal", exact=True)).to_be_checked()
     assert float(page.get_by_label("Start, x").input_value()) == pytest.approx(-0.5, abs=0.02)
     assert float(page.get_by_label("Start, y").input_value()) == pytest.approx(0.2, abs=0.02)
-    click_at_place(page, 2.0, 2.0)
+    click_at_place(page, 2.0, -2.0)
     expect(page.locator("[data-placed]")).to_contain_text("There is no surface at")
     assert page.get_by_label("Goal, x").input_value() == ""
     page.get_by_label("Goal, x").fill("3.7")
@@ -139,9 +139,19 @@ def test_the_unit_that_fits_is_offered_and_used(tab: Tab) -> None:
 def test_the_other_axis_is_offered_where_nothing_can_be_stood_on(tab: Tab) -> None:
     page = tab.go(ADDRESS)
     choose(page, "wall.obj")
-    with page.expect_request("**/api/v1/terrains") as asked:
+    with page.expect_request("**/api/v1/terrains"):
         page.get_by_role("button", name="Read it with y up").click()
-    assert "+y" in (asked.value.post_data or "")
+    expect(page.get_by_label("Axis that points up")).to_have_value("+y")
+    expect(page.get_by_role("button", name="Read it with z up")).to_be_visible()
+
+
+def test_a_file_that_is_chosen_before_the_script_has_come_is_read(tab: Tab) -> None:
+    waiting: list[Route] = []
+    tab.page.route("**/editor/terrain_file.js", lambda route: waiting.append(route))
+    tab.page.goto(f"{tab.url}{ADDRESS}", wait_until="commit")
+    plan = choose(tab.page, "stairs.stl")
+    waiting[0].continue_()
+    expect(plan.locator("polygon.floor")).to_have_count(TREADS + 3)
 
 
 def test_a_dropped_file_is_read(tab: Tab) -> None:

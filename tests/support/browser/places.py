@@ -11,7 +11,7 @@ ON_PAGE = """([x, y]) => {
         const [[a, u], [b, v]] = [ticks[0], ticks[ticks.length - 1]];
         return u + ((value - a) / (b - a)) * (v - u);
     };
-    const texts = "text.tick:not(.y):not(.unit)", sides = "text.tick.y";
+    const texts = "text.tick:not(.y):not(.unit)", sides = "text.tick.y:not(.unit)";
     return [left + at(along(texts, "x"), x) * scale, top + (at(along(sides, "y"), y) - 4) * scale];
 }"""
 """Read off the axes, as a person does; the text of a tick at the side is 4 px below its line."""

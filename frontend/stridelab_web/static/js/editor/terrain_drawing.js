@@ -7,6 +7,7 @@ const MOST_PX = 520;
 const TICK_PX = 5;
 const ARROW_PX = 9;
 const PLACE_PX = 8;
+const ABOVE_PX = 6; // the line that a text names
 
 /** @typedef {import("./terrain_plan.js").Layout} Layout */
 
@@ -103,9 +104,8 @@ function axes({ low, high, scale, toPx }) {
     nodes.push(element("line", { class: "grid", x1: left - TICK_PX, x2: right, y1: v, y2: v }));
     nodes.push(element("text", { class: "tick y", x: left - TICK_PX - 3, y: v + 4 }, `${y}`));
   }
-  nodes.push(
-    element("text", { class: "tick unit", x: right, y: bottom + TICK_PX + 27 }, translate("x in m, y in m upwards")),
-  );
+  nodes.push(element("text", { class: "tick unit", x: right, y: bottom + TICK_PX + 27 }, "x (m)"));
+  nodes.push(element("text", { class: "tick unit", x: left - TICK_PX - 3, y: top - 2 }, "y (m)"));
   return nodes;
 }
 
@@ -115,7 +115,7 @@ const middle = (outline) => [0, 1].map((k) => outline.reduce((sum, point) => sum
 /** @param {number[]} place @param {string} text @param {Layout} layout */
 function label([x, y], text, layout) {
   const [u, v] = layout.toPx(x, y);
-  return element("text", { class: "named", x: u, y: v + 4 }, text);
+  return element("text", { class: "named", x: u, y: v - ABOVE_PX }, text);
 }
 
 /** @param {number[][]} outline @param {Layout} layout @param {string} css */

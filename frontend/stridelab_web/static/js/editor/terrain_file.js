@@ -36,10 +36,7 @@ let layout = null;
 let turn = 0;
 
 form.addEventListener("submit", (/** @type {Event} */ event) => event.preventDefault());
-picker.addEventListener("change", () => {
-  if (picker.files[0]) choose(picker.files[0]);
-  picker.value = "";
-});
+picker.addEventListener("change", takePicked);
 for (const name of ["dragenter", "dragover"]) {
   zone.addEventListener(name, (/** @type {Event} */ event) => {
     event.preventDefault();
@@ -66,6 +63,13 @@ bindTaskButton(form, "plan", task, async (stored) => {
   location.assign(planningUrl(stored.id, job.id));
 });
 bindTaskButton(form, "place", task, (stored) => location.assign(`/view/?scenario=${stored.id}`));
+
+takePicked(); // a file may be chosen before this script has come
+
+function takePicked() {
+  if (picker.files[0]) choose(picker.files[0]);
+  picker.value = "";
+}
 
 /** @param {File} chosen */
 function choose(chosen) {

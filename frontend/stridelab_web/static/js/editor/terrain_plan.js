@@ -5,7 +5,7 @@ import { translate } from "../shared/translate.js";
 const LEAST_UP = 0.5; // vertical part of the normal of a face on which a foot may be placed (pipelines/cross_terrain.py)
 const MARGIN_M = 0.15;
 const LEFT_PX = 44,
-  BELOW_PX = 34,
+  BELOW_PX = 40,
   BESIDE_PX = 14; // for the numbers of the axes
 const TICKS_APART_PX = 70;
 
