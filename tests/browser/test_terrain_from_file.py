@@ -25,7 +25,9 @@ def test_a_file_in_millimetres_becomes_a_scenario(tab: Tab, service: Service, tm
     expect(page.locator("[data-summary]")).to_have_text(f"4 surfaces, 0.00 to {3 * RISE_M:.2f} m high.")
     click_at_place(page, 0.0, 0.0)
     click_at_place(page, 1.8, 0.0)
-    expect(page.locator("[data-placed]")).to_have_text(f"Start: 0.00 m high. Goal: {3 * RISE_M:.2f} m high.")
+    expect(page.locator("[data-placed]")).to_have_text(
+        f"Start point: 0.00 m high. Goal point: {3 * RISE_M:.2f} m high."
+    )
     page.get_by_label("Robot").select_option("talos")
     page.get_by_role("button", name="Place the feet only").click()
     page.wait_for_url("**/view/?scenario=*", timeout=PLANNED_WITHIN_MS)

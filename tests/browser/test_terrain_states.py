@@ -39,7 +39,7 @@ def test_every_state_fits_and_is_accessible(tab: Tab) -> None:
     wrong |= faults_at_every_size(page, "terrain-found")
     click_at_place(page, 0.0, 0.0)
     click_at_place(page, 3.7, 0.1)
-    expect(page.locator("[data-placed]")).to_have_text(f"Start: 0.00 m high. Goal: {TOP_M} m high.")
+    expect(page.locator("[data-placed]")).to_have_text(f"Start point: 0.00 m high. Goal point: {TOP_M} m high.")
     wrong |= faults_at_every_size(page, "terrain-placed")
     page.get_by_label("Goal, x").fill("9")
     page.get_by_role("button", name="Place the feet only").click()
@@ -64,7 +64,7 @@ def test_translations_fit_on_a_phone(open_tab: Callable[..., Tab], language: str
     assert page.evaluate("document.documentElement.scrollWidth") == 390
 
 
-def test_what_was_found_is_named_and_coloured_by_height(tab: Tab) -> None:
+def test_surfaces_stairs_and_rails_are_named_and_coloured_by_height(tab: Tab) -> None:
     page = tab.go(ADDRESS)
     plan = choose(page, "stairs.stl")
     expect(page.locator("[data-summary]")).to_have_text(f"14 surfaces, 0.00 to {TOP_M} m high.")
@@ -95,34 +95,34 @@ def test_clicks_and_numbers_set_the_same_places(tab: Tab) -> None:
     page.get_by_label("Goal, x").fill("3.7")
     page.get_by_label("Goal, x").press("Tab")
     page.keyboard.type("0")
-    expect(page.locator("[data-placed]")).to_contain_text(f"Goal: {TOP_M} m high.")
+    expect(page.locator("[data-placed]")).to_contain_text(f"Goal point: {TOP_M} m high.")
     expect(page.locator("[data-plan-view] circle.goal")).to_have_count(1)
     page.set_viewport_size({"width": 390, "height": 844})
     click_at_place(page, 3.5, -0.1)
     assert float(page.get_by_label("Goal, x").input_value()) == pytest.approx(3.5, abs=0.03)
 
 
-def test_what_is_missing_is_said_before_anything_is_sent(tab: Tab) -> None:
+def test_what_is_missing_is_named_before_anything_is_sent(tab: Tab) -> None:
     page = tab.go(ADDRESS)
     sent: list[str] = []
     page.on("request", lambda request: sent.append(request.url))
-    said = page.locator("[data-plan-said]")
+    problem = page.locator("[data-plan-said]")
     plan = page.get_by_role("button", name="Plan the motion")
     plan.click()
-    expect(said).to_have_text("Choose a file with a terrain first.")
+    expect(problem).to_have_text("Choose a file with a terrain first.")
     choose(page, "stairs.stl")
     expect(page.locator("[data-found]")).to_be_visible()
     plan.click()
-    expect(said).to_have_text("Choose the start first.")
+    expect(problem).to_have_text("Choose the start first.")
     page.get_by_label("Start, x").fill("0")
     page.get_by_label("Start, y").fill("0")
     plan.click()
-    expect(said).to_have_text("Choose the goal first.")
+    expect(problem).to_have_text("Choose the goal first.")
     page.get_by_label("Goal, x").fill("3.7")
     page.get_by_label("Goal, y").fill("0")
     page.get_by_label("Friction").fill("3")
     plan.click()
-    expect(said).to_have_text("Friction: a number from 0.05 to 2.")
+    expect(problem).to_have_text("Friction: a number from 0.05 to 2.")
     assert not [url for url in sent if "crossing" in url or "/jobs" in url]
 
 
@@ -147,7 +147,7 @@ def test_the_other_axis_is_offered_where_nothing_can_be_stood_on(tab: Tab) -> No
 
 def test_a_file_that_is_chosen_before_the_script_has_come_is_read(tab: Tab) -> None:
     waiting: list[Route] = []
-    tab.page.route("**/editor/terrain_file.js", lambda route: waiting.append(route))
+    tab.page.route("**/terrain/terrain_file.js", lambda route: waiting.append(route))
     tab.page.goto(f"{tab.url}{ADDRESS}", wait_until="commit")
     plan = choose(tab.page, "stairs.stl")
     waiting[0].continue_()

@@ -33,10 +33,10 @@ from stridelab.client.streams import (
     open_async,
     watch_async,
 )
-from stridelab.schemas.crossings import TerrainUnit, UpAxis
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent
 from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, SubjectFields
+from stridelab.schemas.scenarios import TerrainUnit, UpAxis
 from stridelab.schemas.streams import MarkerStreamConfiguration, StreamConfiguration
 from stridelab.schemas.terrains import ReadTerrain
 

@@ -14,7 +14,6 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.schemas.base import Page, Problem
-from stridelab.schemas.crossings import TerrainCrossing
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.live.messages import LiveSession, LiveSessions
 from stridelab.schemas.plans import PlanContactsInput
@@ -22,7 +21,7 @@ from stridelab.schemas.previews import PartialResults, PlanPreview, PlanPreviewI
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectInput
 from stridelab.schemas.robots import Measure, OwnRobot, RobotFacts, RobotPreparation, RobotSummary
-from stridelab.schemas.scenarios import Course, ScaledScene, Scenario, ScenarioCheck, StoredScenario
+from stridelab.schemas.scenarios import Course, ScaledScene, Scenario, ScenarioCheck, StoredScenario, TerrainCrossing
 from stridelab.schemas.service import Health
 from stridelab.schemas.streams import LiveStreams
 
@@ -209,7 +208,7 @@ def compose_scenario(body: Course | Mapping[str, Any]) -> Call[PlanContactsInput
 
 def cross_terrain(body: TerrainCrossing | Mapping[str, Any]) -> Call[PlanContactsInput]:
     """Compose the task of crossing a terrain, the input of ``plan-contacts``; nothing is stored."""
-    content = body.model_dump(mode="json", exclude_none=True) if isinstance(body, BaseModel) else dict(body)
+    content = _set_fields(body) if isinstance(body, BaseModel) else dict(body)
     return Call("POST", f"{API}/terrains/crossing", response_reader(PlanContactsInput), json=content)
 
 
@@ -292,13 +291,8 @@ def robot_preparation(name: str) -> Call[RobotPreparation]:
 def robot_reachability(name: str, measure: Measure | None = None) -> Call[RobotReachability]:
     """Reachability of the centre of mass: samples, surfaces and maps; by default with the measure of plans."""
     params = {} if measure is None else {"measure": measure}
-    return Call(
-        "GET",
-        _path_of("robots", name, "reachability"),
-        response_reader(RobotReachability),
-        params,
-        wait_s=LOADING_TIMEOUT_S,
-    )
+    path = _path_of("robots", name, "reachability")
+    return Call("GET", path, response_reader(RobotReachability), params, wait_s=LOADING_TIMEOUT_S)
 
 
 def submit(

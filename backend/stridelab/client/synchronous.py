@@ -35,10 +35,10 @@ from stridelab.client.streams import (
     open_sync,
     watch_sync,
 )
-from stridelab.schemas.crossings import TerrainUnit, UpAxis
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent
 from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, SubjectFields
+from stridelab.schemas.scenarios import TerrainUnit, UpAxis
 from stridelab.schemas.streams import MarkerStreamConfiguration, StreamConfiguration
 from stridelab.schemas.terrains import ReadTerrain
 

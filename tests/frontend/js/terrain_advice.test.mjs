@@ -4,7 +4,7 @@ import {
   crossingAdvice,
   fileAdvice,
   unitsThatFit,
-} from "../../../frontend/stridelab_web/static/js/editor/terrain_advice.js";
+} from "../../../frontend/stridelab_web/static/js/terrain/terrain_advice.js";
 
 const WIDE = (/** @type {string} */ width) =>
   `The mesh of the terrain cannot be used. It is ${width} m wide; a terrain has 0.2 to 100 m. State its unit.`;

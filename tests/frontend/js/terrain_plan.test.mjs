@@ -10,7 +10,7 @@ import {
   stairsText,
   ticksOf,
   upperFace,
-} from "../../../frontend/stridelab_web/static/js/editor/terrain_plan.js";
+} from "../../../frontend/stridelab_web/static/js/terrain/terrain_plan.js";
 import { assertNear } from "./near.mjs";
 
 /** @param {number | number[]} actual @param {number | number[]} expected */

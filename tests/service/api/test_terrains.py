@@ -77,7 +77,7 @@ def test_an_empty_form_and_unknown_fields_are_named(http: httpx.Client) -> None:
     assert http.post(TERRAINS, json={"file": "x"}).json()["code"] == "unsupported-media-type"
 
 
-def test_a_wrong_unit_is_told_by_the_width(http: httpx.Client) -> None:
+def test_a_wrong_unit_is_recognised_by_the_width(http: httpx.Client) -> None:
     answer = send(http, stairs(1000.0))
     assert refusal_code(answer) == (422, "terrain-mesh-unreadable")
     assert "m wide" in answer.json()["detail"]

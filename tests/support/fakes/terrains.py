@@ -1,4 +1,4 @@
-"""Terrains as the pages see them: what is found depends on the name of the file alone."""
+"""Terrains as the pages see them: the answer depends on the name of the file alone."""
 
 import math
 from typing import Any, Final
@@ -7,8 +7,8 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse
 from starlette.routing import Route
 
-from stridelab.schemas.crossings import TerrainCrossing
 from stridelab.schemas.plans import PlanContactsInput
+from stridelab.schemas.scenarios import TerrainCrossing
 from stridelab.schemas.terrains import ReadTerrain
 from support.fakes.robots import scenario
 
@@ -17,7 +17,7 @@ EDGE_M: Final = 5.0
 """Beyond it, nothing is below a foot."""
 
 
-def found_terrain() -> ReadTerrain:
+def read_terrain() -> ReadTerrain:
     """A floor, eight treads, a landing, a ramp, a wall and two rails."""
     treads = [
         _box(f"tread {k + 1}", (1.14 + k * RUN_M, 0.0), (RUN_M, 1.2), (k + 1) * RISE_M, RISE_M) for k in range(TREADS)
@@ -82,7 +82,7 @@ async def read(request: Request) -> JSONResponse:
     if "wall" in name:
         text = f"{name} has no surface on which a foot can stand: at most 35 degrees steep, 10 cm long and wide."
         return _refusal("terrain-without-surfaces", text, name, "no surface")
-    return JSONResponse(found_terrain().model_dump(mode="json", exclude_none=True))
+    return JSONResponse(read_terrain().model_dump(mode="json", exclude_none=True))
 
 
 async def cross(request: Request) -> JSONResponse:

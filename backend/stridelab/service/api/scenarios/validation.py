@@ -15,9 +15,16 @@ import anyio
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.robots.card import robot_names
 from stridelab.schemas.base import FaultItem, Remark
-from stridelab.schemas.crossings import TerrainCrossing
 from stridelab.schemas.plans import PlanContactsInput
-from stridelab.schemas.scenarios import ContactMargin, Course, PhaseBody, PhaseSupport, Scenario, ScenarioCheck
+from stridelab.schemas.scenarios import (
+    ContactMargin,
+    Course,
+    PhaseBody,
+    PhaseSupport,
+    Scenario,
+    ScenarioCheck,
+    TerrainCrossing,
+)
 from stridelab.service.api.problems import MAX_FAULTS
 from stridelab.service.api.robots.cache import RobotCache
 
@@ -74,7 +81,7 @@ async def compose_crossing_task(
     shapes = await robots.own_shapes(request.robot)
 
     def compose() -> PlanContactsInput:
-        from stridelab.pipelines.cross_terrain import compose_crossing
+        from stridelab.pipelines.plan_contacts import compose_crossing
 
         return compose_crossing(request, _robot_effectors(request.robot, shapes))
 

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Final, get_args
 from fastapi import APIRouter, Body, Request
 
 from stridelab.errors import Fault, InvalidInput
-from stridelab.schemas.crossings import TerrainCrossing, UpAxis
 from stridelab.schemas.plans import PlanContactsInput
+from stridelab.schemas.scenarios import TerrainCrossing, UpAxis
 from stridelab.schemas.terrains import ReadTerrain
 from stridelab.service.api.dependencies import AppParts
 from stridelab.service.api.openapi import failure_responses, form_body

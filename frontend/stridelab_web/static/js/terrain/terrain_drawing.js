@@ -60,8 +60,8 @@ export function drawPlaces(svg, layout, { start, goal }) {
     drawn.push(element("line", { class: "way", x1, y1, x2, y2 }));
   }
   for (const [place, css, text] of /** @type {[number[] | null, string, string][]} */ ([
-    [start, "start", translate("Start")],
-    [goal, "goal", translate("Goal")],
+    [start, "start", translate("Start point")],
+    [goal, "goal", translate("Goal point")],
   ])) {
     if (!place) continue;
     const [cx, cy] = layout.toPx(place[0], place[1]);

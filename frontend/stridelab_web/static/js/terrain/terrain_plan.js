@@ -2,7 +2,7 @@
 import { rotate } from "../viewer/quaternions.js";
 import { translate } from "../shared/translate.js";
 
-const LEAST_UP = 0.5; // vertical part of the normal of a face on which a foot may be placed (pipelines/cross_terrain.py)
+const LEAST_UP = 0.5; // vertical part of the normal of a face on which a foot may be placed (pipelines/plan_contacts.py)
 const MARGIN_M = 0.15;
 const LEFT_PX = 44,
   BELOW_PX = 40,

@@ -3,7 +3,7 @@
 import { call } from "../shared/api.js";
 import { createElement, smallButton } from "../shared/elements.js";
 import { translate, translateCount } from "../shared/translate.js";
-import { bindTaskButton, planningUrl, startPlan } from "./planning_jobs.js";
+import { bindTaskButton, planningUrl, startPlan } from "../editor/planning_jobs.js";
 import { crossingAdvice, fileAdvice, unitsThatFit } from "./terrain_advice.js";
 import { drawPlaces, drawTerrain } from "./terrain_drawing.js";
 import { facesOf, heightAt, heightRange, stairsText } from "./terrain_plan.js";
@@ -134,7 +134,8 @@ function refuse(error, name, unit) {
   const sentences = units.length
     ? [translate("The size of this terrain does not fit its unit.")]
     : [error.message, fileAdvice(code)];
-  status.textContent = `${name}: ${sentences.filter(Boolean).join(" ")}`;
+  const text = sentences.filter(Boolean).join(" ");
+  status.textContent = text.includes(name) ? text : `${name}: ${text}`;
   const buttons = units.map(({ unit: other, width_m }) => {
     const [option] = [...form.elements.unit.options].filter(({ value }) => value === other);
     const text = translate("Read it in %(unit)s: %(width)s m wide", { unit: option.text, width: width_m.toFixed(1) });
@@ -196,7 +197,7 @@ function placeOf(end) {
   return place.every(Number.isFinite) ? place : null;
 }
 
-const TITLES = { start: () => translate("Start"), goal: () => translate("Goal") };
+const TITLES = { start: () => translate("Start point"), goal: () => translate("Goal point") };
 
 function showPlaces() {
   if (!layout) return;
