@@ -24,7 +24,7 @@ from stridelab.service.kinds.registry import READ_TERRAIN
 router = APIRouter(prefix="/terrains", tags=["scenarios"], route_class=StrictRoute)
 
 READING_TIMEOUT_S: Final = 60.0
-"""Time limit of reading, as of the command line: half a million triangles take half of it."""
+"""Time limit of reading, as of the command line."""
 METRES_PER: Final[Mapping[str, float]] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _VALUES: Final[Mapping[str, tuple[str, ...]]] = {"unit": tuple(METRES_PER), "up": get_args(UpAxis)}
 _ENDING: Final = re.compile(r"\.[a-z0-9]{1,10}")
