@@ -98,3 +98,5 @@ HOSTILE: dict[str, tuple[str, Callable[[], bytes]]] = {
     "a wall": ("wall.obj", lambda: b"v 0 0 0\nv 1 0 0\nv 1 0 1\nf 1 2 3\n"),
 }
 """Name and content of files that are refused, by what is wrong with them."""
+CODES = ("terrain-", "zip-")
+"""Beginnings of the codes with which a reader refuses such a file itself, in contrast to a reader that crashed."""

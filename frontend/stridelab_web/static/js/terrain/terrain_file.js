@@ -2,7 +2,7 @@
 // request the motion.
 import { call } from "../shared/api.js";
 import { createElement, smallButton } from "../shared/elements.js";
-import { translate, translateCount } from "../shared/translate.js";
+import { pageLanguage, translate, translateCount, translateServed } from "../shared/translate.js";
 import { bindTaskButton, planningUrl, startPlan } from "../editor/planning_jobs.js";
 import { crossingAdvice, fileAdvice, unitsThatFit } from "./terrain_advice.js";
 import { drawPlaces, drawTerrain } from "./terrain_drawing.js";
@@ -115,7 +115,7 @@ function show(answer, name) {
   if (rails.length) lines.push(translate("Rails: %(names)s", { names: rails.join(", ") }));
   part("named").replaceChildren(...lines.map((line) => createElement("li", {}, line)));
   part("named").hidden = !lines.length;
-  remarks.replaceChildren(...answer.remarks.map((text) => createElement("li", { lang: "en" }, text)));
+  remarks.replaceChildren(...answer.remarks.map(remarkItem));
   remarks.hidden = !answer.remarks.length;
   part("lowest").textContent = `${low} m`;
   part("highest").textContent = `${high} m`;
@@ -123,6 +123,13 @@ function show(answer, name) {
   part("rail-key").hidden = !rails.length;
   found.hidden = false;
   draw();
+}
+
+// A remark of the service; in English if it has no translation.
+/** @param {string} remark */
+function remarkItem(remark) {
+  const text = translateServed(remark);
+  return createElement("li", { lang: text === remark ? "en" : pageLanguage() }, text);
 }
 
 // Says why the file was refused, and offers what may help.
