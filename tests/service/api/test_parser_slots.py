@@ -47,7 +47,7 @@ def test_a_single_upload_does_not_wait_for_long_ones(
     send: Send,
     status: int,
 ) -> None:
-    """Two batches, robots or terrains are under way and stay so; a file is parsed all the same, and they end as usual."""
+    """Two batches, robots or terrains are under way and stay so; a file is parsed all the same, and they end."""
     parse = service.parts.pool.run
     under_way, may_go_on = threading.Semaphore(0), threading.Event()
 

@@ -9,6 +9,7 @@ import { drawPlaces, drawTerrain } from "./terrain_drawing.js";
 import { facesOf, heightAt, heightRange, stairsText } from "./terrain_plan.js";
 
 const NAME_LENGTH = 100;
+const UNPROCESSABLE = 422; // the fault of such a refusal is the file, whose name stands before the sentence
 const ENDS = /** @type {const} */ (["start", "goal"]);
 
 const form = /** @type {any} */ (document.querySelector("form[data-terrain]"));
@@ -140,7 +141,7 @@ function refuse(error, name, unit) {
   status.className = "wrong";
   const sentences = units.length
     ? [translate("The size of this terrain does not fit its unit.")]
-    : [error.message, fileAdvice(code)];
+    : [error.status === UNPROCESSABLE ? translateServed(error.problem.detail) : error.message, fileAdvice(code)];
   const text = sentences.filter(Boolean).join(" ");
   status.textContent = text.includes(name) ? text : `${name}: ${text}`;
   const buttons = units.map(({ unit: other, width_m }) => {
