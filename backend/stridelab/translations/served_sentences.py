@@ -27,6 +27,7 @@ PROGRESS: Final = (
     "writing the tables",
     "writing the report",
     "reading the file",
+    "reading the robot's reach",
     "unpacking",
 )
 """What a job does, beside its bar."""
@@ -63,6 +64,7 @@ REFUSALS: Final = (
     "The force plates of this recording are never loaded.",
     "The recording has only one frame: it can serve as a static trial.",
     "The stored file is gone. Restore a backup, or upload the recording or compute the result again.",
+    "%(name)s has no surface on which a foot can stand: at most 35 degrees steep, 10 cm long and wide.",
     "The recording lasts %(duration)s ms; at least %(least)s s are needed.",
     (
         "The body mass is neither stated nor in the file, and no force is measured for long enough to weigh the "

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import {
   crossingAdvice,
-  fileAdvice,
+  refusalText,
   unitsThatFit,
 } from "../../../frontend/stridelab_web/static/js/terrain/terrain_advice.js";
 
@@ -23,9 +23,10 @@ test("no unit is offered for another refusal", () => {
 });
 
 test("what can be done is said where the service does not say it", () => {
-  assert.match(fileAdvice("terrain-without-surfaces"), /another unit/);
-  assert.match(fileAdvice("parser-timed-out"), /reduce its triangles/);
-  assert.equal(fileAdvice("upload-too-large"), "");
+  assert.match(refusalText("terrain-without-surfaces", "It has no surface."), /^It has no surface\. .*another unit/);
+  for (const code of ["parser-timed-out", "parser-out-of-memory"])
+    assert.match(refusalText(code, "Reading took long."), /^The terrain is too large.*reduce its triangles\.$/);
+  assert.equal(refusalText("terrain-mesh-unreadable", "It is damaged."), "It is damaged.");
 });
 
 test("the end that has no surface is named", () => {

@@ -1,5 +1,5 @@
 // What to do about the file of a terrain that was refused, and about places that cannot be crossed.
-import { translate } from "../shared/translate.js";
+import { translate, translateServed } from "../shared/translate.js";
 
 /** @type {Record<string, number>} */
 const METRES_PER = { m: 1, cm: 0.01, mm: 0.001 };
@@ -17,13 +17,17 @@ export function unitsThatFit(detail, unit) {
     .filter(({ unit: other, width_m }) => other !== unit && width_m >= WIDTH_M[0] && width_m <= WIDTH_M[1]);
 }
 
-// What to do about a refused file, beside the sentence of the service; empty if that says it.
-/** @param {string} code */
-export function fileAdvice(code) {
-  if (code === "terrain-without-surfaces") return translate("Try another unit, or the other axis that points up.");
+// Why a file was refused and what to do about it.
+/** @param {string} code @param {string} detail the sentence of the service */
+export function refusalText(code, detail) {
   if (code === "parser-timed-out" || code === "parser-out-of-memory")
-    return translate("Cut out the part that is crossed, or reduce its triangles, and try again.");
-  return "";
+    return translate(
+      "The terrain is too large to be read here: cut out the part that is crossed, or reduce its triangles.",
+    );
+  const why = translateServed(detail);
+  if (code !== "terrain-without-surfaces") return why;
+  const advice = translate("Try another unit, or the other axis that points up.");
+  return `${why} ${advice}`;
 }
 
 // Why a way cannot be planned and what to do, by what the service refuses; null for any other refusal.

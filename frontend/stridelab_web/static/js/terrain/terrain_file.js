@@ -4,7 +4,7 @@ import { call } from "../shared/api.js";
 import { createElement, smallButton } from "../shared/elements.js";
 import { pageLanguage, translate, translateCount, translateServed } from "../shared/translate.js";
 import { bindTaskButton, planningUrl, startPlan } from "../editor/planning_jobs.js";
-import { crossingAdvice, fileAdvice, unitsThatFit } from "./terrain_advice.js";
+import { crossingAdvice, refusalText, unitsThatFit } from "./terrain_advice.js";
 import { drawPlaces, drawTerrain } from "./terrain_drawing.js";
 import { facesOf, heightAt, heightRange, stairsText } from "./terrain_plan.js";
 
@@ -139,10 +139,8 @@ function refuse(error, name, unit) {
   const code = error.problem?.code ?? "";
   const units = unitsThatFit(error.problem?.detail ?? "", unit);
   status.className = "wrong";
-  const sentences = units.length
-    ? [translate("The size of this terrain does not fit its unit.")]
-    : [error.status === UNPROCESSABLE ? translateServed(error.problem.detail) : error.message, fileAdvice(code)];
-  const text = sentences.filter(Boolean).join(" ");
+  let text = error.status === UNPROCESSABLE ? refusalText(code, error.problem.detail) : error.message;
+  if (units.length) text = translate("The size of this terrain does not fit its unit.");
   status.textContent = text.includes(name) ? text : `${name}: ${text}`;
   const buttons = units.map(({ unit: other, width_m }) => {
     const [option] = [...form.elements.unit.options].filter(({ value }) => value === other);
