@@ -2,6 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import {
   crossingAdvice,
+  otherUpAxis,
   refusalText,
   unitsThatFit,
 } from "../../../frontend/stridelab_web/static/js/terrain/terrain_advice.js";
@@ -27,6 +28,12 @@ test("what can be done is said where the service does not say it", () => {
   for (const code of ["parser-timed-out", "parser-out-of-memory"])
     assert.match(refusalText(code, "Reading took long."), /^The terrain is too large.*reduce its triangles\.$/);
   assert.equal(refusalText("terrain-mesh-unreadable", "It is damaged."), "It is damaged.");
+});
+
+test("the other axis is not the one that the format has used", () => {
+  assert.equal(otherUpAxis("stairs.stl", ""), "+y");
+  assert.equal(otherUpAxis("Stairs.GLB", ""), "+z");
+  assert.equal(otherUpAxis("stairs.glb", "+z"), "+y");
 });
 
 test("the end that has no surface is named", () => {

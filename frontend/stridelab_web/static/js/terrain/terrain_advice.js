@@ -17,6 +17,13 @@ export function unitsThatFit(detail, unit) {
     .filter(({ unit: other, width_m }) => other !== unit && width_m >= WIDTH_M[0] && width_m <= WIDTH_M[1]);
 }
 
+// The other axis that may point up in a file; without a choice, its format decides.
+/** @param {string} name of the file @param {string} up the choice, or nothing */
+export function otherUpAxis(name, up) {
+  const used = up || (name.toLowerCase().endsWith(".glb") ? "+y" : "+z");
+  return used === "+y" ? "+z" : "+y";
+}
+
 // Why a file was refused and what to do about it.
 /** @param {string} code @param {string} detail the sentence of the service */
 export function refusalText(code, detail) {

@@ -4,7 +4,7 @@ import { call } from "../shared/api.js";
 import { createElement, smallButton } from "../shared/elements.js";
 import { pageLanguage, translate, translateCount, translateServed } from "../shared/translate.js";
 import { bindTaskButton, planningUrl, startPlan } from "../editor/planning_jobs.js";
-import { crossingAdvice, refusalText, unitsThatFit } from "./terrain_advice.js";
+import { crossingAdvice, otherUpAxis, refusalText, unitsThatFit } from "./terrain_advice.js";
 import { drawPlaces, drawTerrain } from "./terrain_drawing.js";
 import { facesOf, heightAt, heightRange, stairsText } from "./terrain_plan.js";
 
@@ -137,9 +137,10 @@ function remarkItem(remark) {
 /** @param {any} error @param {string} name @param {string} unit */
 function refuse(error, name, unit) {
   const code = error.problem?.code ?? "";
-  const units = unitsThatFit(error.problem?.detail ?? "", unit);
   status.className = "wrong";
-  let text = error.status === UNPROCESSABLE ? refusalText(code, error.problem.detail) : error.message;
+  const { detail } = error.problem ?? {};
+  let text = error.status === UNPROCESSABLE && detail ? refusalText(code, detail) : error.message;
+  const units = unitsThatFit(detail ?? "", unit);
   if (units.length) text = translate("The size of this terrain does not fit its unit.");
   status.textContent = text.includes(name) ? text : `${name}: ${text}`;
   const buttons = units.map(({ unit: other, width_m }) => {
@@ -148,7 +149,7 @@ function refuse(error, name, unit) {
     return offer(text, "unit", other);
   });
   if (code === "terrain-without-surfaces") {
-    const up = form.elements.up.value === "+y" ? "+z" : "+y";
+    const up = otherUpAxis(name, form.elements.up.value);
     buttons.push(offer(translate("Read it with %(axis)s up", { axis: up.slice(1) }), "up", up));
   }
   offers.replaceChildren(...buttons);
