@@ -16,6 +16,8 @@ STAIRS = (
     ((1.5, 1.2, 3 * RISE_M), (1.85, 0.0, 1.5 * RISE_M)),
 )
 """Edges and middles of the boxes: a floor, two treads and a landing."""
+PACKED = "stairs.stl"
+"""Name of the file in an archive."""
 _STL_HEAD = b"\0" * 80
 _RECORD = np.dtype([("numbers", "<f4", 12), ("spare", "<u2")])
 
@@ -75,7 +77,7 @@ HOSTILE: dict[str, tuple[str, Callable[[], bytes]]] = {
     "another kind": ("walk.stl", lambda: b"\x50\x02" + b"\0" * 510),
     "a picture": ("stairs.png", lambda: b"\x89PNG\r\n\x1a\n" + b"\0" * 100),
     "a program": ("stairs.py", lambda: b"print('stairs')"),
-    "a zip bomb": ("stairs.zip", lambda: _archive("stairs.stl")),
+    "a zip bomb": ("stairs.zip", lambda: _archive(PACKED)),
     "a zip bomb as a mesh": ("stairs.ply", lambda: _archive("stairs.ply")),
     "four billion corners": ("stairs.glb", _promising_glb),
     "four billion vertices": (
