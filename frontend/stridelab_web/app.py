@@ -53,6 +53,7 @@ def web_routes() -> list[BaseRoute]:
         Route("/subjects/{id}", lists.subject_page),
         Route("/scenarios", in_english(scenario.scenarios_page)),
         Route("/scenarios/new", in_english(new_scenario.new_scenario_page)),
+        Route("/scenarios/new/file", new_scenario.terrain_page),
         Route("/scenarios/new/pictures", new_scenario.course_pictures),
         Route("/scenarios/{id}", in_english(scenario.scenario_page)),
         Route("/plans/{id}", in_english(page.plan_page)),

@@ -9,6 +9,7 @@ import pytest
 
 from stridelab.machine.models_folder import models_dir
 from support.docs.book import PAGES, Block, blocks
+from support.service.terrain_files import stairs
 
 PYTHON = [block for page in PAGES for block in blocks(page) if block.language == "python"]
 ADDRESS = "http://127.0.0.1:8000"
@@ -24,12 +25,13 @@ def laboratory() -> Iterator[tuple[float, list[float], list[float], list[float]]
 def test_a_block_runs(
     block: Block, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In a folder with the sample walk as ``walk.c3d`` and ``trial.c3d``."""
+    """In a folder with the sample walk as ``walk.c3d`` and ``trial.c3d``, and ``stairs.stl`` in millimetres."""
     text = block.text
     if ADDRESS in text:
         text = text.replace(ADDRESS, request.getfixturevalue("service_url"))
     monkeypatch.chdir(tmp_path)
     for name in ("walk.c3d", "trial.c3d"):
         shutil.copyfile(models_dir() / "recordings" / "sample-walk" / "recording.c3d", tmp_path / name)
+    (tmp_path / "stairs.stl").write_bytes(stairs(1000.0))
     (tmp_path / "block.py").write_text(text, encoding="utf-8")
     runpy.run_path("block.py", {"laboratory": laboratory}, "__main__")

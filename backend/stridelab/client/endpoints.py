@@ -21,7 +21,7 @@ from stridelab.schemas.previews import PartialResults, PlanPreview, PlanPreviewI
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectInput
 from stridelab.schemas.robots import Measure, OwnRobot, RobotFacts, RobotPreparation, RobotSummary
-from stridelab.schemas.scenarios import Course, ScaledScene, Scenario, ScenarioCheck, StoredScenario
+from stridelab.schemas.scenarios import Course, ScaledScene, Scenario, ScenarioCheck, StoredScenario, TerrainCrossing
 from stridelab.schemas.service import Health
 from stridelab.schemas.streams import LiveStreams
 
@@ -206,6 +206,12 @@ def compose_scenario(body: Course | Mapping[str, Any]) -> Call[PlanContactsInput
     return Call("POST", f"{API}/scenarios/compose", response_reader(PlanContactsInput), json=content)
 
 
+def cross_terrain(body: TerrainCrossing | Mapping[str, Any]) -> Call[PlanContactsInput]:
+    """Compose the task of crossing a terrain, the input of ``plan-contacts``; nothing is stored."""
+    content = _set_fields(body) if isinstance(body, BaseModel) else dict(body)
+    return Call("POST", f"{API}/terrains/crossing", response_reader(PlanContactsInput), json=content)
+
+
 def scaled_scene(body: ScaledScene | Mapping[str, Any]) -> Call[Scenario]:
     """Scale a bundled scene to a robot; nothing is stored."""
     content = body.model_dump(mode="json") if isinstance(body, BaseModel) else dict(body)
@@ -285,13 +291,8 @@ def robot_preparation(name: str) -> Call[RobotPreparation]:
 def robot_reachability(name: str, measure: Measure | None = None) -> Call[RobotReachability]:
     """Reachability of the centre of mass: samples, surfaces and maps; by default with the measure of plans."""
     params = {} if measure is None else {"measure": measure}
-    return Call(
-        "GET",
-        _path_of("robots", name, "reachability"),
-        response_reader(RobotReachability),
-        params,
-        wait_s=LOADING_TIMEOUT_S,
-    )
+    path = _path_of("robots", name, "reachability")
+    return Call("GET", path, response_reader(RobotReachability), params, wait_s=LOADING_TIMEOUT_S)
 
 
 def submit(

@@ -82,6 +82,7 @@ class Endpoints:
     delete_scenario = _method(endpoints.delete_scenario)
     check_scenario = _method(endpoints.check_scenario)
     compose_scenario = _method(endpoints.compose_scenario)
+    cross_terrain = _method(endpoints.cross_terrain)
     scaled_scene = _method(endpoints.scaled_scene)
     solvers = _method(endpoints.solvers)
     preview_plan = _method(endpoints.preview_plan)

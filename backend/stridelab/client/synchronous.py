@@ -38,7 +38,9 @@ from stridelab.client.streams import (
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent
 from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, SubjectFields
+from stridelab.schemas.scenarios import TerrainUnit, UpAxis
 from stridelab.schemas.streams import MarkerStreamConfiguration, StreamConfiguration
+from stridelab.schemas.terrains import ReadTerrain
 
 T = TypeVar("T")
 
@@ -85,6 +87,26 @@ class Client(Endpoints):
             response = self._http.post(uploads.PATH, **form)
         endpoints.raise_for_problem(response)
         return endpoints.response_reader(Recording)(response)
+
+    def read_terrain(
+        self,
+        path: Path,
+        unit: TerrainUnit = "m",
+        up: UpAxis | None = None,
+        *,
+        filename: str | None = None,
+        progress: uploads.ProgressCallback | None = None,
+    ) -> ReadTerrain:
+        """Find the surfaces, stairs and rails in the file of a terrain with lengths in ``unit``; nothing is stored.
+
+        ``up`` is the axis that points up: +z, of GLB +y, if omitted.
+        """
+        fields = {"unit": unit} if up is None else {"unit": unit, "up": up}
+        form = uploads.form([(filename or path.name, path)], fields, progress)
+        with self._translate_errors():
+            response = self._http.post(uploads.TERRAIN_PATH, **form, timeout=uploads.TERRAIN_TIMEOUT_S)
+        endpoints.raise_for_problem(response)
+        return endpoints.response_reader(ReadTerrain)(response)
 
     def upload_batch(
         self,

@@ -16,6 +16,9 @@ PATH = f"{API}/recordings"
 BATCH_PATH = f"{PATH}/batch"
 BATCH_TIMEOUT_S = 900.0
 """Timeout of a bulk upload: older services read all files before they answer, newer ones answer with a job."""
+TERRAIN_PATH = f"{API}/terrains"
+TERRAIN_TIMEOUT_S = 180.0
+"""Timeout of reading a terrain, which may take a minute and wait for others."""
 PIECE_BYTES = 256 * 1024
 OCTETS = "application/octet-stream"
 ProgressCallback = Callable[[int, int], None]

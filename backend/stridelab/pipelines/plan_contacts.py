@@ -1,4 +1,7 @@
-"""From a stance, a goal stance and a terrain to a scenario with contacts (section 4.2), and courses to such tasks."""
+"""From a stance, a goal stance and a terrain to a scenario with contacts (section 4.2).
+
+Courses of obstacles, and terrains with a start and a goal, become such tasks.
+"""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -9,20 +12,25 @@ from stridelab.contacts.planner.schedule import Transition
 from stridelab.contacts.planner.step_limits import heading_frame
 from stridelab.contacts.scenario_io import sequence_of
 from stridelab.contacts.scenarios.course import Bar, Block, Course, Element, Flight, Gap, Level, Ramp, Stones
+from stridelab.contacts.terrain import Box
+from stridelab.contacts.terrain_meshes.crossing import crossing_task
+from stridelab.contacts.validation.parse import parse_scenario
 from stridelab.contacts.validation.validate import validate_scenario
-from stridelab.errors import NotEstimable, StridelabError
+from stridelab.errors import InvalidInput, NotEstimable, StridelabError
 from stridelab.pipelines.plan_motion import plan_motion, stage_shares
 from stridelab.pipelines.progress import ProgressCallback, Stages
 from stridelab.reachability.planner_limits import planner_limits
 from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import PlanContactsInput, PlanContactsSummary, PlanMotionInput, PlanMotionTask
 from stridelab.schemas.scenarios import Course as CourseInput
-from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.scenarios import Scenario, TerrainCrossing
 
 REFERENCES: Final = ("carpentier2017thesis", "deits2014footstep", "huangfu2018highs")
 """Citation keys of the method."""
 PLAN_SHARE: Final = 0.2
 """Share of the progress taken by the first plan, if motions are computed."""
+LEAST_UP: Final = 0.5
+"""Smallest vertical part of the normal of an upper face on which a foot may be placed: 60 degrees."""
 ELEMENTS: Final[Mapping[str, type[Any]]] = {
     "level": Level,
     "stairs": Flight,
@@ -138,3 +146,32 @@ def compose_course(request: CourseInput, effectors: Mapping[str, EffectorShape])
     task = Course(elements, sides, request.width_m).contact_task(effectors)
     head = {"robot": request.robot, "friction": request.friction, "name": request.name}
     return PlanContactsInput.model_validate({**head, **task})
+
+
+def compose_crossing(request: TerrainCrossing, effectors: Mapping[str, EffectorShape]) -> PlanContactsInput:
+    """Compose the body of ``POST /jobs/plan-contacts``; rails and walls stay in the terrain.
+
+    Raises ``InvalidInput``: ``scenario-invalid`` naming surface and field, ``crossing-too-short``,
+    ``terrain-without-foothold`` naming the end and the foot, and ``course-without-feet``.
+    """
+    head = {"robot": request.robot, "friction": request.friction, "name": request.name}
+    surfaces = [surface.model_dump(mode="json", exclude_none=True) for surface in request.terrain]
+    draft = parse_scenario({**head, "terrain": surfaces, "phases": []}, effectors)
+    faults = [fault for fault in draft.faults if fault.where.startswith(("terrain", "friction"))]
+    if faults:
+        first = faults[0]
+        text = f"The terrain cannot be crossed: {first.where}: {first.message}."
+        raise InvalidInput("scenario-invalid", text, faults)
+    floors = [_plain_box(box) for box in draft.terrain.boxes if box.placement.rotation[2, 2] > LEAST_UP]
+    task = crossing_task(floors, request.start_m, request.goal_m, effectors)
+    return PlanContactsInput.model_validate({**head, **task, "terrain": surfaces})
+
+
+def _plain_box(box: Box) -> dict[str, Any]:
+    return {
+        "kind": "box",
+        "name": box.name,
+        "center_m": box.placement.position_m.tolist(),
+        "size_m": box.size_m.tolist(),
+        "orientation_wxyz": box.placement.wxyz.tolist(),
+    }

@@ -348,3 +348,22 @@ class Course(Contract):
     width_m: Annotated[float, Field(ge=0.3, le=6.0)] = 1.2
     handrails: Annotated[list[Literal["left", "right"]], Field(max_length=2)] = Field(default_factory=list)
     elements: Annotated[list[CourseElement], Field(min_length=1, max_length=20)]
+
+
+TerrainUnit = Literal["m", "cm", "mm"]
+UpAxis = Literal["+z", "+y"]
+Place = Annotated[tuple[Metres, Metres], Field(description="x and y in metres; the feet stand on the highest surface")]
+
+
+class TerrainCrossing(Contract):
+    """A terrain, as ``POST /terrains`` finds it in a file, and the places where the robot starts and ends.
+
+    The robot faces the goal at both places, with its feet beside each other.
+    """
+
+    robot: Annotated[str, Field(min_length=1, max_length=60)]
+    terrain: Annotated[list[TerrainSurface], Field(min_length=1, max_length=200)]
+    start_m: Place
+    goal_m: Place
+    friction: Friction = 0.3
+    name: OneLine | None = None

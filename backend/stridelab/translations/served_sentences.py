@@ -27,6 +27,7 @@ PROGRESS: Final = (
     "writing the tables",
     "writing the report",
     "reading the file",
+    "reading the robot's reach",
     "unpacking",
 )
 """What a job does, beside its bar."""
@@ -63,6 +64,7 @@ REFUSALS: Final = (
     "The force plates of this recording are never loaded.",
     "The recording has only one frame: it can serve as a static trial.",
     "The stored file is gone. Restore a backup, or upload the recording or compute the result again.",
+    "%(name)s has no surface on which a foot can stand: at most 35 degrees steep, 10 cm long and wide.",
     "The recording lasts %(duration)s ms; at least %(least)s s are needed.",
     (
         "The body mass is neither stated nor in the file, and no force is measured for long enough to weigh the "
@@ -137,9 +139,7 @@ ON_PAGES: Final = (
     "An MVNX file holds no ground forces, only the motion of the body.",
     "The zip holds no ground forces. Where a MOT or STO file has them, put it into the zip.",
     "The %(part_what)s in the file (%(value)s) is no real value; it is not used.",
-    "height",
-    "mass",
-    "age",
+    *("height", "mass", "age"),
     "The file says its lengths are in %(stated)s, but the markers span a body in %(unit)s.",
     "The markers span no human body in any unit of length.",
     "The file has markers of several subjects; the most visible one is used, %(number)s were left out.",

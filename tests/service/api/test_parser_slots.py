@@ -1,4 +1,4 @@
-"""Bulk uploads and robots do not take the slots in which single files are parsed."""
+"""Bulk uploads, robots and terrains do not take the slots in which single files are parsed."""
 
 import asyncio
 import threading
@@ -10,9 +10,10 @@ from typing import Any
 import httpx
 import pytest
 
-from stridelab.service.kinds.registry import PARSE_BATCH
+from stridelab.service.kinds.registry import PARSE_BATCH, READ_TERRAIN
 from stridelab.service.stored_robots import READ_ROBOT
 from support.robots.humanoid import Humanoid, archive
+from support.service.terrain_files import stairs
 from support.service.web_server import Served
 
 Send = Callable[[httpx.Client, bytes, int], int]
@@ -29,8 +30,13 @@ def send_robot(http: httpx.Client, _content: bytes, n: int) -> int:
     return http.post("/api/v1/robots", files=files, data={"name": f"robot-{n}"}).status_code
 
 
+def send_terrain(http: httpx.Client, _content: bytes, _n: int) -> int:
+    return http.post("/api/v1/terrains", files={"file": ("stairs.stl", stairs())}).status_code
+
+
 @pytest.mark.parametrize(
-    ("target_held", "send", "status"), [(PARSE_BATCH, send_batch, 201), (READ_ROBOT, send_robot, 422)]
+    ("target_held", "send", "status"),
+    [(PARSE_BATCH, send_batch, 201), (READ_ROBOT, send_robot, 422), (READ_TERRAIN, send_terrain, 200)],
 )
 def test_a_single_upload_does_not_wait_for_long_ones(
     service: Served,
@@ -41,7 +47,7 @@ def test_a_single_upload_does_not_wait_for_long_ones(
     send: Send,
     status: int,
 ) -> None:
-    """Two batches, or two robots, are under way and stay so; a file is parsed all the same, and they end as usual."""
+    """Two batches, robots or terrains are under way and stay so; a file is parsed all the same, and they end."""
     parse = service.parts.pool.run
     under_way, may_go_on = threading.Semaphore(0), threading.Event()
 

@@ -61,6 +61,7 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "subject": f"/subjects/{somebody.subject_id}",
         "scenarios": "/scenarios",
         "new scenario": "/scenarios/new",
+        "terrain from a file": "/scenarios/new/file",
         "scenario": f"/scenarios/{own.id}",
         "live": "/live",
         "help": "/help/theory/smoother",

@@ -27,7 +27,7 @@ from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab.schemas.service import Health
 from stridelab.service.api.downloads import FILE_GONE
 from stridelab.service.jobs.verdict import verdict_of
-from support.fakes import courses, own_card, reachability, recorded_walk, results, robots
+from support.fakes import courses, own_card, reachability, recorded_walk, results, robots, terrains
 from support.fakes.recorded_walk import (
     DURATION_S,
     LABELS,
@@ -220,6 +220,7 @@ class FakeService:
             Route(f"{api}/scenarios", self._scenarios, methods=["GET", "POST"]),
             Route(f"{api}/scenarios/check", self._check, methods=["POST"]),
             Route(f"{api}/scenarios/compose", courses.compose, methods=["POST"]),
+            *terrains.routes(api),
             Route(f"{api}/scenarios/{{id}}", self._scenario, methods=["GET", "PUT"]),
             Route(f"{api}/solvers", self._solvers),
             *(Route(api + name, lambda _: _answer({"items": []})) for name in results.EMPTY_LISTS),

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from stridelab.errors import StridelabError
+from stridelab.service.kinds import read_terrain
 from stridelab.service.kinds.robots.upload import ReadRobotTask, read_robot
 from stridelab.service.processes.child import limit_memory
 
@@ -28,10 +29,19 @@ DONE = "done"
 
 def read_and_measure(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
     """Read an uploaded robot as the service does: the code of its refusal, processor time and peak memory."""
+    return _measure(lambda: read_robot(ReadRobotTask.model_validate(task), folder, progress))
+
+
+def read_terrain_and_measure(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
+    """Read an uploaded terrain as the service does: as ``read_and_measure``."""
+    return _measure(lambda: read_terrain.run(read_terrain.ReadTerrainTask.model_validate(task), folder, progress))
+
+
+def _measure(read: Callable[[], object]) -> dict[str, Any]:
     code = None
     began_s, _ = _processor_s_and_peak_bytes()
     try:
-        read_robot(ReadRobotTask.model_validate(task), folder, progress)
+        read()
     except StridelabError as refusal:
         code = refusal.code
     ended_s, peak_bytes = _processor_s_and_peak_bytes()

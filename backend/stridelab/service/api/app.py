@@ -44,6 +44,7 @@ from stridelab.service.api.stream import marker_endpoints as marker_stream
 from stridelab.service.api.stream.limits import StreamLimiter
 from stridelab.service.api.stream.watching import LiveBoard
 from stridelab.service.api.subjects import endpoints as subjects
+from stridelab.service.api.terrains import endpoints as terrains
 from stridelab.service.api.tokens import endpoints as access
 from stridelab.service.auth.token_cache import TokenCache
 from stridelab.service.jobs.notifications import JobNotifications
@@ -68,6 +69,8 @@ MAX_BATCHES: Final = 2
 """Maximum number of bulk uploads that are parsed at the same time, separate from single uploads: each takes minutes."""
 MAX_ROBOT_READERS: Final = 2
 """Maximum number of robots that are read or whose cards are checked at the same time: each may take 90 s."""
+MAX_TERRAIN_READERS: Final = 2
+"""Maximum number of terrains that are read at the same time: each may take a minute."""
 MAX_VALIDATIONS: Final = 2
 """Maximum number of scenarios that are validated at the same time."""
 REST_S: Final = 5.0
@@ -131,6 +134,7 @@ def create_app(settings: Settings, *, with_sample: bool = False, for_pages: bool
         subjects,
         robots,
         scenarios,
+        terrains,
         plans,
         stream,
         marker_stream,
@@ -240,6 +244,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 parsers=anyio.CapacityLimiter(MAX_PARSERS),
                 batches=anyio.CapacityLimiter(MAX_BATCHES),
                 robot_readers=anyio.CapacityLimiter(MAX_ROBOT_READERS),
+                terrain_readers=anyio.CapacityLimiter(MAX_TERRAIN_READERS),
                 validation_limiter=validation_limiter,
                 tokens=TokenCache(engine),
                 robots=robot_cache,

@@ -63,6 +63,7 @@ class Parts:
     parsers: anyio.CapacityLimiter
     batches: anyio.CapacityLimiter
     robot_readers: anyio.CapacityLimiter
+    terrain_readers: anyio.CapacityLimiter
     validation_limiter: anyio.CapacityLimiter
     tokens: TokenCache
     robots: RobotCache

@@ -42,6 +42,9 @@ PROPOSE_MARKERS = "stridelab.service.kinds.parse_upload:propose_markers"
 READ_POSE = "stridelab.service.kinds.parse_upload:read_pose"
 """Import path of the reader of a static pose, run for streams of markers."""
 
+READ_TERRAIN = "stridelab.service.kinds.read_terrain:run"
+"""Import path of the reader of terrains, run by ``POST /terrains``."""
+
 PARSE_BATCH = "stridelab.service.kinds.read_batch.run:parse_batch"
 """Import path of the parser of bulk uploads, run by ``POST /recordings/batch`` and by the job ``read-batch``."""
 

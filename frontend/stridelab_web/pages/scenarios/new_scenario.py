@@ -1,4 +1,7 @@
-"""New scenarios: a course of obstacles, drawn while it is composed; the contact planner places the feet."""
+"""New scenarios: a course of obstacles, drawn while it is composed, or a terrain of a file.
+
+The contact planner places the feet.
+"""
 
 import json
 
@@ -18,7 +21,13 @@ from stridelab_web.scene.contacts import box_corners_m
 async def new_scenario_page(request: Request) -> Response:
     """``GET /scenarios/new``; the page's script draws the course as soon as it runs."""
     robots = await client_of(request).robots()
-    return render_page(request, "pages/scenario_new.html", section="Scenarios", robots=robots.items)
+    return render_page(request, "pages/scenario_new.html", section="Scenarios", way="obstacles", robots=robots.items)
+
+
+async def terrain_page(request: Request) -> Response:
+    """``GET /scenarios/new/file``; the page's script sends the file and draws what is found in it."""
+    robots = await client_of(request).robots()
+    return render_page(request, "pages/scenario_from_file.html", section="Scenarios", way="file", robots=robots.items)
 
 
 async def course_pictures(request: Request) -> Response:

@@ -42,6 +42,10 @@ FILE_FAILURES: Final = _reader_failures(
 ROBOT_FAILURES: Final = _reader_failures(
     "robot", ("robot-data-unreadable", "The robot could not be read; its description is damaged.")
 )
+TERRAIN_FAILURES: Final = _reader_failures(
+    "terrain",
+    ("terrain-mesh-unreadable", "The terrain could not be read; its file is damaged."),
+)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,15 @@ from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.robots.card import robot_names
 from stridelab.schemas.base import FaultItem, Remark
 from stridelab.schemas.plans import PlanContactsInput
-from stridelab.schemas.scenarios import ContactMargin, Course, PhaseBody, PhaseSupport, Scenario, ScenarioCheck
+from stridelab.schemas.scenarios import (
+    ContactMargin,
+    Course,
+    PhaseBody,
+    PhaseSupport,
+    Scenario,
+    ScenarioCheck,
+    TerrainCrossing,
+)
 from stridelab.service.api.problems import MAX_FAULTS
 from stridelab.service.api.robots.cache import RobotCache
 
@@ -59,6 +67,23 @@ async def compose_task(course: Course, limiter: anyio.CapacityLimiter, robots: R
         from stridelab.pipelines.plan_contacts import compose_course
 
         return compose_course(course, _robot_effectors(course.robot, shapes))
+
+    return await anyio.to_thread.run_sync(compose, limiter=limiter)
+
+
+async def compose_crossing_task(
+    request: TerrainCrossing, limiter: anyio.CapacityLimiter, robots: RobotCache
+) -> PlanContactsInput:
+    """Compose the task of a crossing for its robot.
+
+    Raises ``NotFound`` (``robot-not-found``) and as ``compose_crossing`` does.
+    """
+    shapes = await robots.own_shapes(request.robot)
+
+    def compose() -> PlanContactsInput:
+        from stridelab.pipelines.plan_contacts import compose_crossing
+
+        return compose_crossing(request, _robot_effectors(request.robot, shapes))
 
     return await anyio.to_thread.run_sync(compose, limiter=limiter)
 

@@ -1,11 +1,12 @@
 // The page "New scenario": obstacles in a row, drawn while they change by typing or by handles; then contacts, and on request
 // the motion. Every change can be undone.
+import { call } from "../shared/api.js";
 import { untilAnswering } from "../shared/connection_notice.js";
 import { createElement, smallButton } from "../shared/elements.js";
 import { focusRow, replaceRows, setActive } from "../shared/focus.js";
 import { courseBody, dragElement, KINDS, MAX_ELEMENTS, moveItem, newElement } from "./course_fields.js";
 import { CourseHistory } from "./course_history.js";
-import { bindCourseButton, planningUrl, startPlan } from "./planning_jobs.js";
+import { bindTaskButton, planningUrl, startPlan } from "./planning_jobs.js";
 
 const DRAW_AFTER_MS = 100,
   PX_PER_M = 200; // of the drawing (charts/scenario_drawing.py)
@@ -45,13 +46,17 @@ document.addEventListener("keydown", (event) => {
 });
 pictures.addEventListener("pointerdown", startDrag);
 
-bindCourseButton(form, "plan", course, async (stored) => {
+bindTaskButton(form, "plan", task, async (stored) => {
   const job = await startPlan(stored.id);
   location.assign(planningUrl(stored.id, job.id));
 });
-bindCourseButton(form, "place", course, (stored) => location.assign(`/view/?scenario=${stored.id}`));
+bindTaskButton(form, "place", task, (stored) => location.assign(`/view/?scenario=${stored.id}`));
 
 show(history.present);
+
+async function task() {
+  return call("POST", "/scenarios/compose", course());
+}
 
 function course() {
   form.reportValidity();

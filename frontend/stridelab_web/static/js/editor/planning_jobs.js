@@ -3,6 +3,7 @@ import { call, followJob, jobHeadline, problemSentence, startJob } from "../shar
 import { createElement, writeToAddress } from "../shared/elements.js";
 import { setActive } from "../shared/focus.js";
 import { notifyOfEnd } from "../shared/job_notice.js";
+import { translate, translateServed } from "../shared/translate.js";
 import { CONTACTS_SUFFIX, openAsNewScenario } from "./scenario_store.js";
 
 const FEET = ["left_foot", "right_foot"];
@@ -21,16 +22,18 @@ export function startPlan(scenarioId, options = {}) {
 // The reason why a job did not succeed, with the last progress message of one that ran out of time.
 /** @param {any} job */
 function failureReason(job, lastMessage = "") {
-  if (job.state === "cancelled") return "Cancelled.";
+  if (job.state === "cancelled") return translate("Cancelled.");
   const reason = job.error
     ? problemSentence(job.error.status, job.error)
-    : `The job ended as ${job.state.replaceAll("_", " ")}.`;
-  return lastMessage && job.state === "timed_out" ? `${reason} It was at: ${lastMessage}.` : reason;
+    : translate("The job ended as %(state)s.", { state: translate(job.state.replaceAll("_", " ")) });
+  if (!lastMessage || job.state !== "timed_out") return reason;
+  const last = translate("It was at: %(message)s.", { message: translateServed(lastMessage) });
+  return `${reason} ${last}`;
 }
 
 // A link to the partial result of a failed job.
 const partialResultLink = (/** @type {any} */ job) =>
-  createElement("a", { href: `/plans/${encodeURIComponent(job.id)}` }, "See how far it comes.");
+  createElement("a", { href: `/plans/${encodeURIComponent(job.id)}` }, translate("See how far it comes."));
 
 // Plans the scenario and opens the plan; `onRun()` is called when a plan begins, `onJob(id)` when its job is known,
 // `onProgress()` at each of its events, `onSuccess()` is awaited before the page is left, and `onEnd()` is called when it has ended
@@ -86,15 +89,15 @@ export function bindContactsButton(root, scenarioId, before) {
   bindJobButton(root, "find", { start, before, onSuccess });
 }
 
-// Composes the terrain of the course, plans contacts over it and stores them; `onStored(scenario)` leaves the page.
+// Plans the contacts of a task and stores them; `onStored(scenario)` leaves the page.
 /**
  * @param {PageElement} root
  * @param {string} name
- * @param {() => object} course
+ * @param {() => Promise<object>} task
  * @param {(scenario: any) => unknown} onStored
  */
-export function bindCourseButton(root, name, course, onStored) {
-  const start = async () => startJob("plan-contacts", await call("POST", "/scenarios/compose", course()));
+export function bindTaskButton(root, name, task, onStored) {
+  const start = async () => startJob("plan-contacts", await task());
   const onSuccess = async (/** @type {any} */ job) => {
     const result = await call("GET", `/jobs/${job.id}/result`);
     await onStored(await call("POST", "/scenarios", result.summary.scenario));
@@ -177,7 +180,7 @@ function bindJobButton(
 
   cancel.addEventListener("click", async () => {
     setActive(cancel, false);
-    message.textContent = "cancelling…";
+    message.textContent = translate("cancelling…");
     await call("DELETE", `/jobs/${job.id}?cancel_only=true`).catch((error) => {
       problem.textContent = error.message;
       setActive(cancel, true);
