@@ -108,3 +108,21 @@ def test_an_obstacle_is_dragged_by_its_handle_and_everything_is_undone(tab: Tab,
     page.get_by_role("button", name="Redo").click()
     expect(rise).to_have_value(dragged[0])
     expect(depth).to_have_value(dragged[1])
+
+
+def test_flights_of_building_codes_are_offered_and_a_ladder_is_refused(tab: Tab) -> None:
+    page = tab.go("/scenarios/new")
+    drawn = page.locator("[data-pictures] svg").first
+    expect(drawn.locator("polygon.box")).to_have_count(6)
+    preset = page.get_by_label("Start from")
+    preset.select_option("Stairs of a house, 17 × 28 cm")
+    expect(page.locator("select[name=handrails]")).to_have_value("left right")
+    expect(page.get_by_label("Rise in cm of Stairs, obstacle 1")).to_have_value("17")
+    expect(drawn.locator("polygon.box")).to_have_count(7)
+    page.get_by_role("button", name="Undo").click()
+    expect(page.get_by_label("Rise in cm of Stairs, obstacle 1")).to_have_value("10")
+    preset.select_option("Steep as a ladder, 25 × 20 cm")
+    page.get_by_role("button", name="Plan the motion").click()
+    refused = page.locator("[data-plan-said]")
+    expect(refused).to_contain_text("There is no way to the goal", timeout=PLANNED_WITHIN_MS)
+    expect(refused).to_contain_text("0.066 m farther up")

@@ -6,6 +6,7 @@ import { createElement, smallButton } from "../shared/elements.js";
 import { focusRow, replaceRows, setActive } from "../shared/focus.js";
 import { courseBody, dragElement, KINDS, MAX_ELEMENTS, moveItem, newElement } from "./course_fields.js";
 import { CourseHistory } from "./course_history.js";
+import { PRESETS, presetCourse } from "./course_presets.js";
 import { bindTaskButton, planningUrl, startPlan } from "./planning_jobs.js";
 
 const DRAW_AFTER_MS = 100,
@@ -30,6 +31,12 @@ part("add").append(
     return button;
   }),
 );
+for (const [key, { title }] of Object.entries(PRESETS)) form.elements.preset.add(new Option(title, key));
+form.elements.preset.addEventListener("change", () => {
+  const key = form.elements.preset.value;
+  form.elements.preset.value = "";
+  if (key) show(presetCourse(key, readHead())); // recorded as any change of the form
+});
 form.addEventListener("submit", (/** @type {PointerEvent} */ event) => event.preventDefault());
 form.addEventListener("input", (/** @type {Event} */ event) => acceptBetweenSteps(event.target), { capture: true });
 form.addEventListener("input", () => drawSoon());
