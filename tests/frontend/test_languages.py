@@ -12,8 +12,10 @@ from babel.messages.catalog import Catalog
 import translate
 from stridelab.estimation import observability
 from stridelab.estimation.latency import AxisLag, Latency
+from stridelab.pipelines.gait_measures.pooled import SEVERAL_PEOPLE
 from stridelab.pipelines.mass_and_latency import LatencyChoice, _applied_remark, _describe_choice, body_mass
 from stridelab.recordings.body_mass import MassEstimate
+from stridelab.recordings.gap_filling import bridge_force_gaps
 from stridelab.recordings.marker_sets import all_substitutes
 from stridelab.schemas.quality import Quality
 from stridelab.schemas.sessions import SessionValues
@@ -206,6 +208,14 @@ def test_sentences_of_the_service_are_translated_or_marked() -> None:
         assert served_text("Doubtful: channel gain, force tilt and 3 more").endswith("Neigung der Kraft und 3 weitere")
         assert served_text("a <b>") == '<span lang="en">a &lt;b&gt;</span>'
         assert served_text("") == ""
+
+
+def test_remarks_on_people_and_gaps_are_translated() -> None:
+    (gap,) = bridge_force_gaps(np.array([[1.0], [np.nan], [3.0]]), 1000.0, "plate 1")[1]
+    for language in LANGUAGES.keys() - {"en"}:
+        with in_language(language):
+            for message in (gap.message, SEVERAL_PEOPLE.message):
+                assert 'lang="en"' not in served_text(message), (language, message)
 
 
 def test_sentences_that_contain_others_are_translated_whole_or_not_at_all() -> None:
