@@ -35,6 +35,10 @@ LEFT_OUT: Final = (
     "backwards",
     "sideways",
     "Height or body mass differ between the recordings more than those of one person do: report people one by one.",
+    (
+        "The recordings have speeds from %(low)s to %(high)s m/s. Most measures depend on the speed: report the "
+        "conditions one by one."
+    ),
     "This is the static trial of the other recordings, without steps.",
     "This is the same file as %(name)s: a recording counts once.",
     "The same file as %(name)s: a recording counts once.",

@@ -8,7 +8,7 @@ import numpy as np
 
 import stridelab
 from stridelab.measures.gait_cycle import CURVE_NAMES, CurveName, CycleCurve, MeanCurve, mean_curve
-from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult
+from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult, speed_m_s_of
 from stridelab.pipelines.gait_measures.recording import SIDES, MeasuredRecording
 from stridelab.pipelines.gait_report.content import (
     Cell,
@@ -23,12 +23,7 @@ from stridelab.pipelines.gait_report.content import (
 )
 from stridelab.pipelines.gait_report.literature import reference_text
 from stridelab.pipelines.gait_report.logo import Logo
-from stridelab.pipelines.gait_report.reasons import (
-    cautions_of,
-    missing_measures,
-    missing_reason,
-    speed_m_s_of,
-)
+from stridelab.pipelines.gait_report.reasons import CAUTIONS, cautions_of, missing_measures, missing_reason
 from stridelab.schemas.base import Remark
 from stridelab.schemas.measures import (
     FEW_PEOPLE,
@@ -94,7 +89,7 @@ def report_content(
         version=f"stridelab {stridelab.__version__}",
         verdict=quality.verdict,
         verdict_note=" ".join(wrong) or passed,
-        cautions=cautions_of(result, summary),
+        cautions=cautions_of(summary),
         facts=(
             (gettext("Steps"), steps),
             (gettext("Recordings"), str(summary.n_recordings)),
@@ -117,7 +112,7 @@ def report_content(
         change_note=_change_note(summary.changes),
         missing=missing_measures(summary),
         left_out=_left_out(summary.left_out),
-        remarks=_remarks(summary.warnings),
+        remarks=_remarks([one for one in summary.warnings if one.code not in CAUTIONS]),
         trials=tuple(_trial(one) for one in result.recordings),
         settings=_settings(result),
         references=tuple(reference_text(key) for key in result.citation_keys),

@@ -17,7 +17,7 @@ from stridelab_web.pages.results.measures import measure_rows, measures_headline
 from support.fakes.results import MEASURES_KIND, measures_result, measures_summary
 from support.fakes.service import FakeService
 
-Browse = Callable[[str], httpx.Response]
+Browse = Callable[..., httpx.Response]
 
 
 @pytest.fixture
@@ -73,6 +73,41 @@ def test_what_limits_the_measures_is_beside_them(fake: FakeService, browse: Brow
     result.summary["warnings"] = [{"code": "weight-beside-plates", "message": "The plates carry 80 %."}]
     fake.results[job.id] = result
     assert re.search(r"data-gait-caution>The plates carry 80 %\.", browse(f"/recordings/{walk.id}").text)
+
+
+MIXED = {
+    "code": "speeds-mixed",
+    "message": "The recordings have speeds from 0.32 to 2.17 m/s. Most measures depend on the speed: report the "
+    "conditions one by one.",
+}
+
+
+def test_mixed_speeds_are_said_beside_the_values_and_in_the_language(fake: FakeService, browse: Browse) -> None:
+    """Beside what is left out, which was in one sentence with it and stayed English."""
+    walks = [fake.add_recording(f"walk_{k}.c3d", session_id="gait") for k in (1, 2)]
+    job = fake.add_job(MEASURES_KIND, "succeeded")
+    fake.inputs[job.id] = {"recording_ids": [walk.id for walk in walks]}
+    result = measures_result(fake.inputs[job.id])
+    result.summary["warnings"] = [MIXED]
+    fake.results[job.id] = result
+    for address, mark in ((f"/recordings/{walks[0].id}", "data-gait-caution"), (f"/jobs/{job.id}", "data-caution")):
+        said = re.search(rf"{mark}[^>]*>([^<]*)", browse(address, headers={"Accept-Language": "de"}).text)
+        assert said is not None
+        assert said[1].startswith("Die Aufnahmen haben Geschwindigkeiten von 0.32 bis 2.17 m/s."), address
+
+
+def test_remarks_of_one_code_are_one_remark_with_its_similar_ones(fake: FakeService, browse: Browse) -> None:
+    """Twenty recordings had twenty remarks on their clocks, before all others."""
+    job = fake.add_job(MEASURES_KIND, "succeeded")
+    result = measures_result({"recording_ids": ["a"]})
+    late = [{"code": "latency-applied", "message": f"The force was read {k} ms later."} for k in (3, 4, 5)]
+    result.summary["warnings"] = [late[0], {"code": "head-missing", "message": "No head."}, *late[1:]]
+    fake.results[job.id] = result
+    page = browse(f"/jobs/{job.id}").text
+    assert page.count("<code>latency-applied</code>") == 1
+    assert "Similar remarks of other recordings: 2" in page
+    assert page.index("read 3 ms later") < page.index("read 4 ms later") < page.index("read 5 ms later")
+    assert page.index("read 5 ms later") < page.index("No head.")
 
 
 def text_of(html: str) -> str:
