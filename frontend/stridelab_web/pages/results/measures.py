@@ -43,7 +43,7 @@ MIN_STEPS: Final = 3
 """Steps below which the headline refers to the intervals: Student's quantile for two values is 12.7."""
 
 N_CANDIDATES: Final = 5
-"""Newest jobs of a recording that are looked through for measures of the wanted recordings."""
+"""Newest jobs of a recording, and recordings of a session, that are looked through for the wanted measures."""
 CAUTIONS: Final = frozenset({"force-not-used", "weight-beside-plates", "several-people", "speeds-mixed"})
 """Codes of the remarks that are shown beside the main values."""
 ONE_FOOT: Final = "one-foot-marked"

@@ -50,6 +50,20 @@ def test_the_page_of_a_recording_begins_with_its_newest_measures(fake: FakeServi
     assert "data-gait-result" not in browse("/recordings").text
 
 
+@pytest.mark.parametrize("later", [{"filename": "standing.c3d", "still": True}, {"filename": "walk_3.c3d"}])
+def test_a_session_shows_its_measures_whatever_was_uploaded_last(
+    fake: FakeService, browse: Browse, later: dict[str, Any]
+) -> None:
+    """The newest recording of the list has no measures: a static trial never has."""
+    walks = [fake.add_recording(f"walk_{k}.c3d", session_id="gait") for k in (1, 2)]
+    pooled = fake.add_job(MEASURES_KIND, "succeeded")
+    fake.inputs[pooled.id] = {"recording_ids": [walk.id for walk in walks]}
+    newest = fake.add_recording(session_id="gait", **later)
+    page = browse("/recordings?session_id=gait").text
+    assert page.index(newest.filename) < page.index("walk_1.c3d"), "it is listed first"
+    assert f'data-gait-result="{pooled.id}"' in page
+
+
 def test_the_viewer_has_the_steps_of_the_recording(fake: FakeService, browse: Browse) -> None:
     walk = fake.add_recording()
     job = fake.add_job(MEASURES_KIND, "succeeded")
