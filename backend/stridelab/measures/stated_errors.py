@@ -5,12 +5,12 @@ the same throughout a stride (the segment table, the body mass, the tare of the 
 excursion or in a mean; the state's covariance does not contain how it is correlated in time. So the deviation is
 multiplied by the factor with which the 95 % band holds the truth in 95 % of the steps of walks whose markers move with
 the skin (``scripts/make_measures_coverage.py``, even seeds 6000 to 6198 and 8000 to 8398 over a walkway, odd seeds 6001
-to 6199 over two plates, odd seeds 3001 to 3299 by markers; four of them on 33000 to 33399); other seeds test it. There
+to 6199 over two plates, odd seeds 3001 to 3299 by markers; six of them on 33000 to 33399); other seeds test it. There
 are three: for steps in which all force is measured, for the others, where the velocity follows from markers, and for a
 CoM of the markers alone. What events and markers of the feet add to the error of a margin (``Measure.events_sd``) has
-no factor, nor do times and the lengths and widths of steps. Errors of the pelvis and of the angular momentum have the
-same cause in all three and nearly one factor. Of the markers alone, the sideways margins and the speed of the CoM are
-those of people (``MARKERS_ALONE_SD``): strides of a simulated walk repeat, so that errors cancel in a speed over one.
+no factor, nor do times and the widths of steps. Errors of the pelvis and of the angular momentum have the same cause in
+all three and nearly one factor. Of the markers alone, the sideways margins and the speed of the CoM are those of people
+(``MARKERS_ALONE_SD``): strides of a simulated walk repeat, so that errors cancel in a speed over one.
 """
 
 import math
@@ -25,6 +25,7 @@ from stridelab.walking.steps import GaitStep
 MEASURED_VELOCITY_SD_M_S: Final = 0.01
 """Largest deviation of the vertical velocity of a step in which all force is measured."""
 FACTORS: Final[Mapping[str, tuple[float, float, float]]] = {
+    "step_length": (1.14, 1, 1),
     "walking_speed": (1.2, 1.2, 1.35),
     "stride_length": (0.99, 0.99, 0.59),
     "com_vertical_excursion": (0.22, 0.88, 0.67),
@@ -41,7 +42,7 @@ FACTORS: Final[Mapping[str, tuple[float, float, float]]] = {
     "step_external_work": (1, 1, 0.72),
     "cycloid_wheel_radius": (0.83, 2.5, 0.79),
     "cycloid_point_radius": (0.79, 2.71, 0.69),
-    "cycloid_hub_height": (1.28, 1.37, 1.76),
+    "cycloid_hub_height": (1.43, 1.37, 1.76),
     "cycloid_angular_speed": (0.88, 2.5, 0.6),
     "angular_momentum_range_x": (1.8, 1.75, 1.75),
     "angular_momentum_range_y": (1, 1, 1),
