@@ -13,6 +13,7 @@ import translate
 from stridelab.estimation import observability
 from stridelab.estimation.latency import AxisLag, Latency
 from stridelab.pipelines.gait_measures.pooled import SEVERAL_PEOPLE
+from stridelab.pipelines.gait_report.texts import _check_text
 from stridelab.pipelines.mass_and_latency import LatencyChoice, _applied_remark, _describe_choice, body_mass
 from stridelab.recordings.body_mass import MassEstimate
 from stridelab.recordings.gap_filling import bridge_force_gaps
@@ -248,3 +249,7 @@ def test_failed_check_is_stated_with_its_numbers() -> None:
         shown = shown_quality({"quality": quality.model_dump()})
     assert shown is not None
     assert shown.reasons == ("Kraftresiduum des Ergebnisses: 8.0 %, erwartet höchstens 5.0 %.",)
+    (failed,) = quality.checks
+    assert _check_text(failed) == "In English."
+    with in_language("de"):  # as the report names it
+        assert _check_text(failed) == "Kraftresiduum: 8.0 %, erwartet höchstens 5.0 %."
