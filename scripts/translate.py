@@ -20,7 +20,7 @@ from babel.messages.pofile import read_po, write_po
 
 from stridelab.pipelines.gait_report import reasons, texts
 from stridelab.schemas.measures import MEASURE_TITLES
-from stridelab.translations import catalogue, served_sentences
+from stridelab.translations import catalogue, served_sentences, walk_sentences
 from stridelab_web import formatting
 from stridelab_web.charts import plotly
 from stridelab_web.pages import errors, recording, render
@@ -93,6 +93,7 @@ def message_tables() -> Iterator[tuple[str, Iterable[str]]]:
     yield SCRIPT, formatting.STATES
     yield SCRIPT, [*served_sentences.SCRIPTED, *served_sentences.CHECKS]
     yield "served_sentences.py", served_sentences.ON_PAGES
+    yield "walk_sentences.py", walk_sentences.LEFT_OUT
     yield "pages/errors.py", [*errors.TITLES.values(), *errors.EXPLANATIONS.values()]
     yield "pages/recording.py", [text for _, text in (*recording.LATENCIES, *recording.TABLES)]
     yield "pages/results/quality.py", [*quality.NAMES.values(), *quality.TITLES.values(), *quality.VERDICTS]

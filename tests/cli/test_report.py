@@ -24,6 +24,14 @@ def session(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.fixture
+def earlier(tmp_path: Path) -> Path:
+    """The same walk as another file: unlike the first by bytes behind its end."""
+    path = tmp_path / "earlier.c3d"
+    path.write_bytes(TRIAL.read_bytes() + bytes(512))
+    return path
+
+
 def test_a_folder_becomes_a_page_and_a_pdf(run: Run, session: Path, tmp_path: Path) -> None:
     ran = run("report", session, "--pdf", "--title", "Walk 7", "-o", "out")
     assert ran.code == 0, ran.err
@@ -63,8 +71,9 @@ def test_the_lab_is_named_by_settings(run: Run, tmp_path: Path, monkeypatch: pyt
     assert "logo-not-used" in {one["code"] for one in json.loads(ran.out)["summary"]["warnings"]}
 
 
-def test_a_person_is_compared_with_the_people_of_a_folder(run: Run, session: Path, tmp_path: Path) -> None:
-    ran = run("report", TRIAL, "--reference", session, "--before", TRIAL, "--json")
+def test_a_person_is_compared_with_the_people_of_a_folder(run: Run, session: Path, earlier: Path) -> None:
+    (session / "walk.c3d").write_bytes(TRIAL.read_bytes() + bytes(1024))
+    ran = run("report", TRIAL, "--reference", session, "--before", earlier, "--json")
     assert ran.code == 0, ran.err
     summary = json.loads(ran.out)["summary"]
     assert summary["reference_people"] == 1
@@ -105,8 +114,22 @@ def test_people_are_the_subfolders_and_the_files_beside_them(tmp_path: Path) -> 
         people_in(tmp_path / "empty")
 
 
-def test_the_library_writes_the_same_report(session: Path, tmp_path: Path) -> None:
-    report = sl.gait_report(session, title="Walk 7", before=[TRIAL])
+@pytest.mark.parametrize("group", ["before", "reference"])
+def test_one_file_is_not_compared_with_itself(run: Run, session: Path, tmp_path: Path, group: str) -> None:
+    """A change of exactly zero, or a person in the own reference group, would look like a result."""
+    ran = run("report", TRIAL, f"--{group}", session)
+    assert ran.code == 2, ran.err
+    assert "is the same file as" in ran.err
+    assert "walk.c3d" in ran.err
+    assert not (tmp_path / "report").exists()
+    with pytest.raises(InvalidInput) as refused:
+        sl.gait_report(TRIAL, **({"before": [session]} if group == "before" else {"reference": session}))
+    assert refused.value.code == "recording-twice"
+    assert [Path(fault.where).name for fault in refused.value.faults] == ["walk.c3d"]
+
+
+def test_the_library_writes_the_same_report(session: Path, earlier: Path, tmp_path: Path) -> None:
+    report = sl.gait_report(session, title="Walk 7", before=[earlier])
     assert report.save(tmp_path / "walk.pdf").read_bytes() == report.pdf
     assert report.save(tmp_path / "walk.html").read_text(encoding="utf-8") == report.html
     assert [one.filename for one in report.summary.left_out] == ["broken.c3d"]

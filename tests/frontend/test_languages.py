@@ -12,8 +12,11 @@ from babel.messages.catalog import Catalog
 import translate
 from stridelab.estimation import observability
 from stridelab.estimation.latency import AxisLag, Latency
+from stridelab.pipelines.gait_measures.pooled import SEVERAL_PEOPLE
+from stridelab.pipelines.gait_report.texts import _check_text
 from stridelab.pipelines.mass_and_latency import LatencyChoice, _applied_remark, _describe_choice, body_mass
 from stridelab.recordings.body_mass import MassEstimate
+from stridelab.recordings.gap_filling import bridge_force_gaps
 from stridelab.recordings.marker_sets import all_substitutes
 from stridelab.schemas.quality import Quality
 from stridelab.schemas.sessions import SessionValues
@@ -208,6 +211,14 @@ def test_sentences_of_the_service_are_translated_or_marked() -> None:
         assert served_text("") == ""
 
 
+def test_remarks_on_people_and_gaps_are_translated() -> None:
+    (gap,) = bridge_force_gaps(np.array([[1.0], [np.nan], [3.0]]), 1000.0, "plate 1")[1]
+    for language in LANGUAGES.keys() - {"en"}:
+        with in_language(language):
+            for message in (gap.message, SEVERAL_PEOPLE.message):
+                assert 'lang="en"' not in served_text(message), (language, message)
+
+
 def test_sentences_that_contain_others_are_translated_whole_or_not_at_all() -> None:
     along, lateral, vertical = (AxisLag(lag_s, 0.003, 0.9) for lag_s in (0.012, 0.0, 0.015))
     late = Latency(0.0134, 0.0032, along, lateral, vertical, 0.9)
@@ -238,3 +249,7 @@ def test_failed_check_is_stated_with_its_numbers() -> None:
         shown = shown_quality({"quality": quality.model_dump()})
     assert shown is not None
     assert shown.reasons == ("Kraftresiduum des Ergebnisses: 8.0 %, erwartet höchstens 5.0 %.",)
+    (failed,) = quality.checks
+    assert _check_text(failed) == "In English."
+    with in_language("de"):  # as the report names it
+        assert _check_text(failed) == "Kraftresiduum: 8.0 %, erwartet höchstens 5.0 %."

@@ -25,8 +25,9 @@ from stridelab.measures.energy_exchange import STEP_ERRORS, step_energies
 from stridelab.measures.rolling_wheel import CORRELATION_S, VERTICAL_SHARE, wheel_sd
 from stridelab.measures.spatiotemporal import HALF_STRIDE_CHANGE, timing_sd
 from stridelab.measures.stated_errors import FACTORS, calibrate_errors, is_measured
-from stridelab.measures.walk_motion import FOOT_SKIN_SD_M, MARKER_SD_M, PELVIS_SKIN_SD_M, WalkMotion
+from stridelab.measures.walk_motion import FOOT_SKIN_ALIKE, FOOT_SKIN_SD_M, MARKER_SD_M, PELVIS_SKIN_SD_M, WalkMotion
 from stridelab.recordings.recording import Side
+from stridelab.simulation.human.marker_layout import skin_displacements
 from stridelab.walking.curtate_cycloid import Wheel
 from stridelab.walking.event_calibration import EventError
 from stridelab.walking.gait_events import Contact
@@ -309,9 +310,23 @@ def test_a_step_s_length_is_as_uncertain_as_markers_on_feet_that_stand() -> None
     errors = {"strike_error": EventError(0.0, 0.01), "prior_strike_error": EventError(0.0, 0.01)}
     steps = [replace(step, **errors) for step in plain_steps()]
     measures = spatiotemporal(plain_walk(), steps)
-    for name, skin in (("step_length", math.sqrt(2.0)), ("step_width", math.sqrt(3.0))):
+    for name, skin in (("step_length", math.sqrt(2.0 * 0.6)), ("step_width", math.sqrt(2.0 * 1.4))):
         sd = [m.sd for m in measures if m.name == name][2]
         assert sd == pytest.approx(math.hypot(math.sqrt(2.0) * MARKER_SD_M, skin * FOOT_SKIN_SD_M))
+
+
+def test_the_heels_of_both_feet_share_as_much_skin_as_in_the_simulation() -> None:
+    """Drawn skins: the right heel half a stride later, mirrored, beside the left one."""
+    rng = np.random.default_rng(5)
+    phase = np.arange(24) / 12.0
+    pairs = []
+    for _ in range(400):
+        moved = skin_displacements(phase, rng)
+        pairs.append(np.stack([moved["L_FCC"][:12], moved["R_FCC"][6:18] * [1.0, -1.0, 1.0]]))
+    left, right = np.moveaxis(np.array(pairs), 1, 0)
+    for axis in range(3):
+        shared = np.mean(left[..., axis] * right[..., axis]) / np.mean(left[..., axis] ** 2)
+        assert shared == pytest.approx(FOOT_SKIN_ALIKE, abs=0.08)
 
 
 def test_the_change_of_a_skin_wave_over_half_a_stride_enters_the_speed_of_a_step() -> None:

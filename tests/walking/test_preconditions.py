@@ -14,6 +14,7 @@ from stridelab.recordings.recording import Recording
 from stridelab.reproduction.studies.estimator_study import clean_motion
 from stridelab.simulation.noise import NOISE_FREE
 from stridelab.simulation.robot_recording import record_robot
+from stridelab.translations.catalogue import ENGLISH, LANGUAGES, in_language, translate_sentence
 from stridelab.walking.gait_events import find_contacts
 from stridelab.walking.preconditions import require_steps, require_walk
 from stridelab.walking.steps import find_steps
@@ -36,8 +37,12 @@ def judge(recording: Recording, landmarks: dict[str, str] | None = None) -> None
 
 
 def refused(recording: Recording, landmarks: dict[str, str] | None = None) -> NotEstimable:
+    """The refusal; pages show it in every language."""
     with pytest.raises(NotEstimable) as caught:
         judge(recording, landmarks)
+    for language in LANGUAGES.keys() - {ENGLISH}:
+        with in_language(language):
+            assert translate_sentence(caught.value.message), (language, caught.value.message)
     return caught.value
 
 

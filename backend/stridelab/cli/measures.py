@@ -182,6 +182,8 @@ def _report_there(
     """Upload all recordings, those of the reference group under the names of their folders; run and download."""
     from stridelab.cli.remote import AFTER_UPLOAD, run_remotely
 
+    walks.refuse_shared_files()
+
     def upload_inputs(client: "Client", bar: Bar) -> GaitReportInput:
         def show_upload(share: float, text: str) -> None:
             bar(AFTER_UPLOAD * share, text)

@@ -14,7 +14,8 @@ that of a position at an event is its velocity there, as a difference over the e
 
 Markers move with the skin, in the rhythm of the stride: that drops out of the length of a stride, but not of the speed
 of a step, at whose ends the skin is elsewhere, nor of the distances between the feet. Both heels are read at the same
-phase of their strides, and half of the variance of their skin is taken as alike, mirrored: across, that adds up.
+phase of their strides, and a part of the variance of their skin is taken as alike, mirrored (``FOOT_SKIN_ALIKE``):
+ahead it drops out of their difference, across it adds up.
 """
 
 import math
@@ -28,6 +29,7 @@ from stridelab.conventions import Points
 from stridelab.measures.measure import Measure
 from stridelab.measures.walk_motion import (
     AHEAD,
+    FOOT_SKIN_ALIKE,
     FOOT_SKIN_SD_M,
     LEFT,
     MARKER_SD_M,
@@ -81,7 +83,10 @@ def _of_step(motion: WalkMotion, step: GaitStep, number: int) -> list[Measure]:
         return []
     period = step.period_s
     landing, standing = motion.feet[step.side].heel_m, motion.feet[OTHER_SIDE[step.side]].heel_m
-    skin_m = {AHEAD: math.sqrt(2.0) * FOOT_SKIN_SD_M, LEFT: math.sqrt(3.0) * FOOT_SKIN_SD_M}
+    skin_m = {
+        axis: math.sqrt(2.0 * (1.0 + mirrored * FOOT_SKIN_ALIKE)) * FOOT_SKIN_SD_M
+        for axis, mirrored in ((AHEAD, -1.0), (LEFT, 1.0))
+    }
     values: list[tuple[str, float, float, str]] = []
 
     def heels_sd_m(axis: int) -> float:

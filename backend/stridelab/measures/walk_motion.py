@@ -30,6 +30,9 @@ outline itself is a definition, not a measurement."""
 FOOT_SKIN_SD_M: Final = 0.0012
 """Standard deviation per axis of the motion of a foot marker with the skin: at most 1.8 mm at the forefoot, 4.3 mm at
 the heel (Tranberg and Karlsson 1998). It repeats with the stride and drops out of its length, not out of a step's."""
+FOOT_SKIN_ALIKE: Final = 0.4
+"""Share of its variance that the heels of both feet have in common at the same phase of their strides, mirrored, in the
+simulated skin: half of what the markers of a foot share, and nothing of the quarter as much that each adds."""
 PELVIS_SKIN_SD_M: Final = 0.003
 """The same of the mean of the pelvis markers. Assumed: single ones move by as much relative to each other on people."""
 VARYING_SD_M: Final = 0.002

@@ -1,6 +1,6 @@
 """Consistency of the sensors of a recording; part of every result of a recording."""
 
-from typing import Literal
+from typing import Final, Literal
 
 from pydantic import Field
 
@@ -19,6 +19,33 @@ class QualityCheck(Contract):
     contradicted_above: float = Field(description="above this value, the sensors contradict each other")
     passed: bool
     message: str
+
+
+SHARES: Final = frozenset(
+    {
+        "force_residual",
+        "acceleration_difference",
+        "mass_from_motion",
+        "mass_from_standing",
+        "mass_uncertainty",
+        "flight_acceleration",
+        "pressure_off_plate",
+        "force_clipped",
+        "leg_length_change",
+        "force_tilt",
+        "model_leg_mass",
+    }
+)
+"""Checks whose ratios are shown in percent."""
+
+
+def check_value_text(check: QualityCheck, value: float) -> str:
+    """``value`` or the limit of ``check`` with its unit, as people read it."""
+    if check.unit == "m":
+        return f"{1000.0 * value:.0f} mm" if value < 10.0 else f"{value:.1f} m"
+    if check.unit == "deg":
+        return f"{value:.0f}\N{DEGREE SIGN}"
+    return f"{100.0 * value:.1f} %" if check.name in SHARES else f"{value:.2f}"
 
 
 class Quality(Contract):

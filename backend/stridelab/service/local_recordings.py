@@ -13,7 +13,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from stridelab.errors import StridelabError
+from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.pipelines.session_values import TrialFacts, share_session
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import GaitReportInput, GaitReportTask, MeasuresMember, ReferencePerson
@@ -29,6 +29,30 @@ class ReportWalks:
     person: Sequence[Path]
     people: Sequence[Sequence[Path]]
     before: Sequence[Path]
+
+    def refuse_shared_files(self) -> None:
+        """Raise ``InvalidInput`` (``recording-twice``) for a file of two people, or from both before and after.
+
+        The service refuses the same recording in two groups. Files that cannot be read are passed over: measuring them
+        states the reason.
+        """
+        groups = [("the recordings", self.person)]
+        groups += [("the recordings from before", self.before)] if self.before else []
+        groups += [(f"person {number} of the reference group", one) for number, one in enumerate(self.people, start=1)]
+        first: dict[str, tuple[str, Path]] = {}
+        for group, paths in groups:
+            own: dict[str, tuple[str, Path]] = {}
+            for path in paths:
+                try:
+                    digest = _file_sha256(path)
+                except OSError:
+                    continue
+                if digest in first:
+                    where, other = first[digest]
+                    message = f"{path} of {group} is the same file as {other} of {where}: a recording counts once."
+                    raise InvalidInput("recording-twice", message, [Fault(str(path), f"the same as {other}")])
+                own[digest] = (group, path)
+            first |= own
 
 
 def people_in(folder: Path) -> list[list[Path]]:
@@ -108,9 +132,12 @@ def trial_facts(name: str, source: RecordingSource, folder: Path) -> TrialFacts:
     from stridelab.service.kinds.parse_upload import recording_facts
 
     facts = recording_facts(examine_trial(source, folder))
-    with (folder / source.file).open("rb") as content:
-        digest = hashlib.file_digest(content, "sha256").hexdigest()
-    return TrialFacts(name, source.filename, digest, facts)
+    return TrialFacts(name, source.filename, _file_sha256(folder / source.file), facts)
+
+
+def _file_sha256(path: Path) -> str:
+    with path.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
 
 
 def report_task(
@@ -120,10 +147,14 @@ def report_task(
     static: Path | None,
     folder: Path,
 ) -> GaitReportTask:
-    """Task of ``gait-report`` with copies of all files in ``folder``; ``fields`` are title, method and language."""
+    """Task of ``gait-report`` with copies of all files in ``folder``; ``fields`` are title, method and language.
+
+    Raises as ``ReportWalks.refuse_shared_files`` does.
+    """
     from stridelab.service.kinds.gait_report.kind import stage_logo
     from stridelab.service.settings import current_settings
 
+    walks.refuse_shared_files()
     method = fields["method"]
     people = [share_by_day(stage_walks(paths, folder, SubjectFields(), method), folder) for paths in walks.people]
     staged = stage_walks([*walks.person, *walks.before], folder, subject, method, static)

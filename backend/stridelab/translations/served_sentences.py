@@ -5,6 +5,8 @@
 
 from typing import Final
 
+from stridelab.translations.walk_sentences import LEFT_OUT
+
 PROGRESS: Final = (
     "waiting again",
     "its process was killed; waiting again",
@@ -281,7 +283,6 @@ ON_PAGES: Final = (
         "rest, or the mass is wrong. The force is not used: the centre of mass is that of the markers alone, and "
         "the work of the legs is not measured."
     ),
-    ("Height or body mass differ between the recordings more than those of one person do: report people one by one."),
     "Only one step could be fitted: %(part_scatter)s.",
     "its scatter is unknown",
     "the scatter is that of overlapping intervals",
@@ -347,8 +348,6 @@ ON_PAGES: Final = (
     "The knees are not marked in this trial; add a static trial of the same person that marks them.",
     "The segment model has no centre of mass for part of the window: markers are missing there.",
     "In no frame are all needed markers visible at once.",
-    "This is the static trial of the other recordings, without steps.",
-    "This is the same file as %(name)s: a recording counts once.",
     "The markers give a centre of mass for %(duration)s s at a time; at least %(least)s s are needed.",
 )
 """Remarks and reasons that only the pages show, not their scripts, and the parts that they are composed of.
@@ -396,5 +395,5 @@ CHECKS: Final = (
 """Checks of the sensors as verdicts list them, in place of ``%(checks)s``."""
 SCRIPTED: Final = (*PROGRESS, *VERDICTS, *NOT_POSSIBLE, *REFUSALS, *OBSERVABILITY, *REMARKS)
 """Those that the scripts of the pages translate as well."""
-SERVED: Final = (*SCRIPTED, *ON_PAGES)
+SERVED: Final = (*SCRIPTED, *ON_PAGES, *LEFT_OUT)
 """All of them."""

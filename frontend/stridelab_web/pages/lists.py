@@ -9,7 +9,7 @@ from stridelab_web.api_client import client_of
 from stridelab_web.formatting import KINDS
 from stridelab_web.formatting import job_kind_name as name_of
 from stridelab_web.pages.render import render_page
-from stridelab_web.pages.results.measures import newest_gait
+from stridelab_web.pages.results.measures import N_CANDIDATES, newest_gait
 
 OFFERED: Final = 50
 """Number of recordings without a subject that are offered at a time."""
@@ -61,9 +61,9 @@ async def recordings_page(request: Request) -> Response:
     client, session_id = client_of(request), query.get("session_id") or None
     listed = await client.recordings(session_id=session_id, **list_query(request))
     gait = None
-    if session_id is not None and listed.items:
-        of_first = await client.jobs(recording_id=listed.items[0].id)
-        gait = await newest_gait(client, [one.id for one in listed.items], of_first.items)
+    walks = [one.id for one in listed.items if not one.still] if session_id is not None else []
+    for walk in walks[:N_CANDIDATES]:  # the newest may have been uploaded after the others were measured
+        gait = gait or await newest_gait(client, walks, (await client.jobs(recording_id=walk)).items)
     return render_page(
         request,
         "pages/recordings.html",

@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 
 from stridelab.errors import NotEstimable
-from stridelab.pipelines.gait_measures.pooled import SEVERAL_PEOPLE, GaitMeasuresResult, may_be_several_people
+from stridelab.pipelines.gait_measures.pooled import SEVERAL_PEOPLE, may_be_several_people, speed_remarks
 from stridelab.pipelines.gait_report.content import Curve, Panel
 from stridelab.pipelines.gait_report.drawing import Area, Line, Text, draw_panel
 from stridelab.pipelines.gait_report.fonts import wrap_text
@@ -41,6 +41,7 @@ from stridelab.schemas.measures import (
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
 from stridelab.service.kinds.simulate_recording import run as simulate_recording
+from stridelab.translations.catalogue import in_language
 from support.command_line import SAMPLE, RecordedProgress, quiet
 from support.fakes import results
 
@@ -292,13 +293,13 @@ def test_a_missing_side_is_named_with_the_measures_that_lack_it() -> None:
     missing = {reason: titles for titles, reason in missing_measures(summary)}
     assert "Step length, left" in missing["No whole step of the left foot allows it."]
     assert "right" not in missing["No whole step of the left foot allows it."]
-    assert cautions_of(GaitMeasuresResult((), (), summary), summary) == ("No whole step of the left foot is measured.",)
+    assert cautions_of(summary) == ("No whole step of the left foot is measured.",)
 
 
 def test_few_steps_and_another_speed_than_the_group_stand_before_the_numbers() -> None:
     group = ReferenceValue(name="walking_speed", unit="m/s", value=0.8, n_people=9, mean=1.3, between_sd=0.1, z=-5.0)
     summary = summary_with(steps=3, sides={"left": 2, "right": 1}).model_copy(update={"reference": [group]})
-    few, speed = cautions_of(GaitMeasuresResult((), (), summary), summary)
+    few, speed = cautions_of(summary)
     assert few.startswith("Only 3 steps are measured")
     assert "z = -5.0" in speed
 
@@ -314,13 +315,17 @@ def test_every_measure_is_given_or_missing_with_a_reason() -> None:
     assert "One plate." in reasons.values()
 
 
-def test_recordings_of_several_speeds_are_remarked_on_as_mixed(full: GaitReport, markers_only: GaitReport) -> None:
+def test_recordings_of_several_speeds_are_remarked_on_as_mixed(full: GaitReport) -> None:
     slow = full.measured.recordings[0]
     halved = [replace(one, value=0.5 * one.value) if one.name == "walking_speed" else one for one in slow.measures]
-    both = GaitMeasuresResult((slow, replace(slow, measures=tuple(halved))), (), full.summary)
-    assert any("report the conditions one by one" in text for text in cautions_of(both, markers_only.summary))
-    alone = GaitMeasuresResult((slow,), (), full.summary)
-    assert not any("conditions" in text for text in cautions_of(alone, markers_only.summary))
+    (mixed,) = speed_remarks([slow, replace(slow, measures=tuple(halved))])
+    assert mixed.code == "speeds-mixed"
+    remarked = full.summary.model_copy(update={"warnings": [mixed]})
+    for language, text in (("en", "report the conditions one by one"), ("de", "von der Geschwindigkeit ab")):
+        with in_language(language):
+            assert any(text in caution for caution in cautions_of(remarked))
+    assert speed_remarks([slow, slow]) == ()
+    assert not any("conditions" in text for text in cautions_of(full.summary))
 
 
 def test_recordings_of_several_people_are_remarked_on_and_have_their_range(full: GaitReport) -> None:
@@ -335,7 +340,7 @@ def test_recordings_of_several_people_are_remarked_on_and_have_their_range(full:
     assert may_be_several_people([one, taller])
     assert may_be_several_people([one, heavier])
     remarked = full.summary.model_copy(update={"warnings": [SEVERAL_PEOPLE]})
-    cautions = cautions_of(GaitMeasuresResult((one, taller), (), remarked), remarked)
+    cautions = cautions_of(remarked)
     assert any("report people one by one" in text for text in cautions)
     assert not any("people" in text for text in full.content.cautions)
     assert height_text([one, taller]) == f"{height_m:.2f} to {height_m + 0.15:.2f} m"

@@ -50,6 +50,9 @@ SEVERAL_PEOPLE: Final = base.Remark(
     message="Height or body mass differ between the recordings more than those of one person do: report people one by "
     "one.",
 )
+SPEEDS_MIXED: Final = "speeds-mixed"
+MAX_SPEED_SPREAD: Final = 0.25
+"""Range of the speeds of the recordings over their mean above which conditions are mixed."""
 
 
 @dataclass(frozen=True)
@@ -139,6 +142,25 @@ def may_be_several_people(recordings: Sequence[MeasuredRecording]) -> bool:
     )
 
 
+def speed_m_s_of(one: MeasuredRecording) -> float | None:
+    """Mean walking speed over the steps of a recording."""
+    speeds = [measure.value for measure in one.measures if measure.name == "walking_speed"]
+    return float(np.mean(speeds)) if speeds else None
+
+
+def speed_remarks(recordings: Sequence[MeasuredRecording]) -> tuple[base.Remark, ...]:
+    """A remark (``speeds-mixed``) if the speeds of the recordings are of several conditions."""
+    speeds = [speed for one in recordings if (speed := speed_m_s_of(one)) is not None]
+    if not speeds or max(speeds) - min(speeds) <= MAX_SPEED_SPREAD * float(np.mean(speeds)):
+        return ()
+    low_m_s, high_m_s = min(speeds), max(speeds)
+    message = (
+        f"The recordings have speeds from {low_m_s:.2f} to {high_m_s:.2f} m/s. Most measures depend on the speed: "
+        "report the conditions one by one."
+    )
+    return (base.Remark(code=SPEEDS_MIXED, message=message),)
+
+
 def _calibrate_events(
     members: Sequence[MeasuresMember], measured: Sequence[MeasuredRecording]
 ) -> list[MeasuredRecording]:
@@ -207,6 +229,7 @@ def _summary(
         trials=[one.quality for one in measured],
         warnings=[
             *([SEVERAL_PEOPLE] if may_be_several_people(measured) else ()),
+            *speed_remarks(measured),
             *(base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)),
         ],
     )

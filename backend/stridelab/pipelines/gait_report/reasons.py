@@ -3,10 +3,8 @@
 from collections.abc import Mapping
 from typing import Final
 
-import numpy as np
-
-from stridelab.pipelines.gait_measures.pooled import SEVERAL_PEOPLE, GaitMeasuresResult
-from stridelab.pipelines.gait_measures.recording import SIDES, MeasuredRecording
+from stridelab.pipelines.gait_measures.pooled import SEVERAL_PEOPLE, SPEEDS_MIXED
+from stridelab.pipelines.gait_measures.recording import SIDES
 from stridelab.schemas.measures import MEASURE_TITLES, GaitReportSummary, measure_title
 from stridelab.translations.catalogue import gettext, ngettext, translate_sentence
 
@@ -37,8 +35,8 @@ REASON_OF: Final[Mapping[str, str]] = {
 }
 """The measure of ``not_measured`` that has the reason of a measure without an entry of its own."""
 FEW_STEPS: Final = 6
-MAX_SPEED_SPREAD: Final = 0.25
-"""Range of the speeds of the recordings over their mean above which the report warns that conditions are mixed."""
+CAUTIONS: Final = ("force-not-used", SEVERAL_PEOPLE.code, SPEEDS_MIXED)
+"""Codes of the remarks that stand before the numbers."""
 SIGNIFICANT_Z: Final = 2.0
 NO_STEP: Final[Mapping[str, str]] = {
     "left": "No whole step of the left foot is measured.",
@@ -54,13 +52,9 @@ WHOLE_STEP_NOT_ALLOWING: Final[Mapping[str, str]] = {
 }
 
 
-def cautions_of(result: GaitMeasuresResult, summary: GaitReportSummary) -> tuple[str, ...]:
+def cautions_of(summary: GaitReportSummary) -> tuple[str, ...]:
     """What a reader should know before the numbers."""
-    cautions = [
-        translate_sentence(one.message) or one.message
-        for one in summary.warnings
-        if one.code in ("force-not-used", SEVERAL_PEOPLE.code)
-    ]
+    cautions = [translate_sentence(one.message) or one.message for one in summary.warnings if one.code in CAUTIONS]
     missing = [side for side in SIDES if not summary.sides.get(side)]
     cautions += [gettext(NO_STEP[side]) for side in missing]
     if summary.steps < FEW_STEPS and not missing:
@@ -69,16 +63,6 @@ def cautions_of(result: GaitMeasuresResult, summary: GaitReportSummary) -> tuple
                 "Only %(num)s step is measured: symmetry and scatter between the steps are uncertain.",
                 "Only %(num)s steps are measured: symmetry and scatter between the steps are uncertain.",
                 summary.steps,
-            )
-        )
-    speeds = [speed for one in result.recordings if (speed := speed_m_s_of(one)) is not None]
-    if speeds and max(speeds) - min(speeds) > MAX_SPEED_SPREAD * float(np.mean(speeds)):
-        cautions.append(
-            gettext(
-                "The recordings have speeds from %(low)s to %(high)s m/s. Most measures depend on the speed: report "
-                "the conditions one by one.",
-                low=f"{min(speeds):.2f}",
-                high=f"{max(speeds):.2f}",
             )
         )
     apart = next((one for one in summary.reference if one.name == "walking_speed"), None)
@@ -91,12 +75,6 @@ def cautions_of(result: GaitMeasuresResult, summary: GaitReportSummary) -> tuple
             )
         )
     return tuple(dict.fromkeys(cautions))
-
-
-def speed_m_s_of(one: MeasuredRecording) -> float | None:
-    """Mean walking speed over the steps of a recording."""
-    speeds = [measure.value for measure in one.measures if measure.name == "walking_speed"]
-    return float(np.mean(speeds)) if speeds else None
 
 
 def missing_measures(summary: GaitReportSummary) -> tuple[tuple[str, str], ...]:

@@ -8,7 +8,7 @@ import numpy as np
 
 import stridelab
 from stridelab.measures.gait_cycle import CURVE_NAMES, CurveName, CycleCurve, MeanCurve, mean_curve
-from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult
+from stridelab.pipelines.gait_measures.pooled import GaitMeasuresResult, speed_m_s_of
 from stridelab.pipelines.gait_measures.recording import SIDES, MeasuredRecording
 from stridelab.pipelines.gait_report.content import (
     Cell,
@@ -23,12 +23,7 @@ from stridelab.pipelines.gait_report.content import (
 )
 from stridelab.pipelines.gait_report.literature import reference_text
 from stridelab.pipelines.gait_report.logo import Logo
-from stridelab.pipelines.gait_report.reasons import (
-    cautions_of,
-    missing_measures,
-    missing_reason,
-    speed_m_s_of,
-)
+from stridelab.pipelines.gait_report.reasons import CAUTIONS, cautions_of, missing_measures, missing_reason
 from stridelab.schemas.base import Remark
 from stridelab.schemas.measures import (
     FEW_PEOPLE,
@@ -43,7 +38,8 @@ from stridelab.schemas.measures import (
     measure_title,
 )
 from stridelab.schemas.population import LeftOut
-from stridelab.translations.catalogue import gettext, ngettext, translate_sentence
+from stridelab.schemas.quality import QualityCheck, check_value_text
+from stridelab.translations.catalogue import ENGLISH, current_language, gettext, ngettext, translate_sentence
 
 TILES: Final[Mapping[str, str]] = {
     "walking_speed": "Speed",
@@ -76,10 +72,7 @@ def report_content(
     """Texts of the report in the current language; ``curves`` are the person's, ``reference_curves`` the people's."""
     quality = summary.quality
     wrong = dict.fromkeys(
-        _translate_sentence(check.message)
-        for trial in summary.trials
-        for check in trial.quality.checks
-        if not check.passed
+        _check_text(check) for trial in summary.trials for check in trial.quality.checks if not check.passed
     )
     left, right = (summary.sides.get(side, 0) for side in SIDES)
     steps = gettext("%(number)s (left %(left)s, right %(right)s)", number=summary.steps, left=left, right=right)
@@ -94,7 +87,7 @@ def report_content(
         version=f"stridelab {stridelab.__version__}",
         verdict=quality.verdict,
         verdict_note=" ".join(wrong) or passed,
-        cautions=cautions_of(result, summary),
+        cautions=cautions_of(summary),
         facts=(
             (gettext("Steps"), steps),
             (gettext("Recordings"), str(summary.n_recordings)),
@@ -117,7 +110,7 @@ def report_content(
         change_note=_change_note(summary.changes),
         missing=missing_measures(summary),
         left_out=_left_out(summary.left_out),
-        remarks=_remarks(summary.warnings),
+        remarks=_remarks([one for one in summary.warnings if one.code not in CAUTIONS]),
         trials=tuple(_trial(one) for one in result.recordings),
         settings=_settings(result),
         references=tuple(reference_text(key) for key in result.citation_keys),
@@ -354,13 +347,26 @@ def _translate_sentence(sentence: str) -> str:
     return translate_sentence(sentence) or sentence
 
 
+def _check_text(check: QualityCheck) -> str:
+    """The finding of a failed check; in other languages than its own, the check with its value and its limit."""
+    if current_language() == ENGLISH:
+        return check.message
+    name = gettext(check.name.replace("_", " "))
+    return gettext(
+        "%(check)s: %(value)s, at most %(limit)s expected.",
+        check=name[:1].upper() + name[1:],
+        value=check_value_text(check, check.value),
+        limit=check_value_text(check, check.limit),
+    )
+
+
 def _translated_range(text: str) -> str:
     """Two numbers with a "to" between them."""
     return text.replace(" to ", gettext(" to "))
 
 
 def _trial(one: MeasuredRecording) -> TrialRow:
-    wrong = " ".join(_translate_sentence(check.message) for check in one.quality.quality.checks if not check.passed)
+    wrong = " ".join(_check_text(check) for check in one.quality.quality.checks if not check.passed)
     sides = [sum(step.side == side for step in one.steps) for side in SIDES]
     speed_m_s = speed_m_s_of(one)
     return TrialRow(

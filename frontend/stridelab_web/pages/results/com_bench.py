@@ -88,6 +88,12 @@ def _best_estimator_sentence(summary: ComBenchSummary) -> str:
         "interval": f" ({cell.interval})" if cell is not None and cell.interval else "",
         "people": ngettext("%(num)s person", "%(num)s people", column.n),
     }
+    if not _is_ordered(column):
+        return gettext(
+            "%(people)s: too few to order the estimators. Smallest score: %(method)s, %(value)s. Score: %(score)s; "
+            "%(movement)s.",
+            **values,
+        )
     sentence = gettext(
         "Best: %(method)s, %(value)s%(interval)s. Score: %(score)s; %(movement)s; %(people)s.",
         **values,
@@ -96,6 +102,11 @@ def _best_estimator_sentence(summary: ComBenchSummary) -> str:
     if close:
         sentence += " " + gettext("Within 5 %% of it: %(methods)s.", methods=", ".join(close))
     return sentence
+
+
+def _is_ordered(column: BenchColumn) -> bool:
+    """Whether the order of the estimators means something: with fewer than five people none has an interval."""
+    return any(score.ci95 is not None for score in column.scores.values())
 
 
 def _shown_unit(column: BenchColumn) -> str:
@@ -115,5 +126,5 @@ def _score_cell(column: BenchColumn, score: BenchScore | None) -> Cell | None:
     interval = (
         "" if score.ci95 is None else f"{factor * score.ci95[0]:.1f}{gettext(' to ')}{factor * score.ci95[1]:.1f}"
     )
-    near = score.over_best is not None and score.over_best <= NEAR_BEST
+    near = _is_ordered(column) and score.over_best is not None and score.over_best <= NEAR_BEST
     return Cell(f"{factor * score.value:.1f}", interval, near)

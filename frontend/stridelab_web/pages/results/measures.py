@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from stridelab.client import AsyncClient
+from stridelab.schemas.base import Remark
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.measures import (
     FEW_PEOPLE,
@@ -20,7 +21,9 @@ from stridelab.schemas.measures import (
     measure_scale,
     measure_title,
 )
+from stridelab.schemas.population import LeftOut
 from stridelab.translations.catalogue import gettext, ngettext
+from stridelab_web.formatting import VERDICT_CODES
 from stridelab_web.scene.result_files import STABILITY_TABLE
 
 KINDS: Final = frozenset({"gait-measures", "gait-report"})
@@ -40,8 +43,8 @@ MIN_STEPS: Final = 3
 """Steps below which the headline refers to the intervals: Student's quantile for two values is 12.7."""
 
 N_CANDIDATES: Final = 5
-"""Newest jobs of a recording that are looked through for measures of the wanted recordings."""
-CAUTIONS: Final = frozenset({"force-not-used", "weight-beside-plates"})
+"""Newest jobs of a recording, and recordings of a session, that are looked through for the wanted measures."""
+CAUTIONS: Final = frozenset({"force-not-used", "weight-beside-plates", "several-people", "speeds-mixed"})
 """Codes of the remarks that are shown beside the main values."""
 ONE_FOOT: Final = "one-foot-marked"
 NO_MEANING: Final = "means nothing"
@@ -102,7 +105,8 @@ class NewestGait:
     job_id: str
     n_recordings: int
     headline: str
-    caution: str
+    cautions: tuple[str, ...]
+    left_out: tuple[LeftOut, ...]
     main: tuple[Row, ...]
     scene_url: str | None
     downloads: tuple[str, ...]
@@ -127,17 +131,14 @@ async def newest_gait(client: AsyncClient, recording_ids: Sequence[str], jobs: S
 def _gait_of(job_id: str, result: JobResult) -> NewestGait:
     values = measures_of(result)
     summary: GaitMeasuresSummary = values["summary"]
-    cautions = [one.message for one in summary.warnings if one.code in CAUTIONS]
-    if summary.left_out:
-        number, reason = len(summary.left_out), summary.left_out[0].message
-        cautions.append(gettext("%(number)s left out: %(reason)s", number=number, reason=reason))
     trials = summary.trials
     scene = f"/view/?recording={trials[0].recording_id}&job={job_id}" if values["has_scene"] and trials else None
     return NewestGait(
         job_id=job_id,
         n_recordings=summary.n_recordings,
         headline=values["headline"],
-        caution=" ".join(dict.fromkeys(cautions)),
+        cautions=tuple(dict.fromkeys(one.message for one in summary.warnings if one.code in CAUTIONS)),
+        left_out=tuple(summary.left_out),
         main=tuple(values["main"]),
         scene_url=scene,
         downloads=tuple(name for name in values["downloads"] if name.startswith("report.")),
@@ -161,10 +162,21 @@ def measures_of(result: JobResult) -> dict[str, Any]:
         "few_people": FEW_PEOPLE,
         "contradicted": contradicted,
         "left_out": [item for item in summary.left_out if item not in contradicted],
+        "cautions": [item for item in summary.warnings if item.code in CAUTIONS],
+        "remarks": remarks_by_code(summary.warnings),
         "missing": [(gettext(measure_title(item.name)), item) for item in summary.not_measured],
         "has_scene": STABILITY_TABLE in present,
         "downloads": [name for name in DOWNLOADS if name in present],
     }
+
+
+def remarks_by_code(warnings: Sequence[Remark]) -> list[list[Remark]]:
+    """Remarks but for the cautions and the verdict, those of one code together: recordings differ in numbers only."""
+    by_code: dict[str, list[Remark]] = {}
+    for one in warnings:
+        if one.code not in VERDICT_CODES | CAUTIONS:
+            by_code.setdefault(one.code, []).append(one)
+    return list(by_code.values())
 
 
 def measure_rows(summary: GaitMeasuresSummary) -> tuple[Row, ...]:

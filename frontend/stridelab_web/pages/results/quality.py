@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from stridelab.schemas.quality import Quality, QualityCheck
+from stridelab.schemas.quality import Quality, QualityCheck, check_value_text
 from stridelab.translations.catalogue import ENGLISH, current_language, gettext
 
 NAMES: Final[Mapping[str, str]] = {
@@ -30,22 +30,6 @@ NAMES: Final[Mapping[str, str]] = {
     "body_proportions": "Thigh over trunk, from a person's (logarithm)",
     "model_leg_mass": "Legs' share of the model's mass, from a person's",
 }
-SHARES: Final = frozenset(
-    {
-        "force_residual",
-        "acceleration_difference",
-        "mass_from_motion",
-        "mass_from_standing",
-        "mass_uncertainty",
-        "flight_acceleration",
-        "pressure_off_plate",
-        "force_clipped",
-        "leg_length_change",
-        "force_tilt",
-        "model_leg_mass",
-    }
-)
-"""Checks whose ratios are shown in percent."""
 TITLES: Final[Mapping[str, str]] = {
     "good": "The sensors agree",
     "doubtful": "Not every check passes",
@@ -96,7 +80,7 @@ def shown_quality(summary: Mapping[str, Any]) -> ShownQuality | None:
 def _check_row(check: QualityCheck) -> Row:
     mark = "" if check.passed else "contradicted" if check.value > check.contradicted_above else "doubtful"
     name = gettext(NAMES.get(check.name, check.name))
-    value, limit = _value_text(check, check.value), _value_text(check, check.limit)
+    value, limit = check_value_text(check, check.value), check_value_text(check, check.limit)
     return Row(check.name, name, value, limit, mark, _finding(check, name, value, limit))
 
 
@@ -105,11 +89,3 @@ def _finding(check: QualityCheck, name: str, value: str, limit: str) -> str:
     if current_language() == ENGLISH:
         return check.message
     return gettext("%(check)s: %(value)s, at most %(limit)s expected.", check=name, value=value, limit=limit)
-
-
-def _value_text(check: QualityCheck, value: float) -> str:
-    if check.unit == "m":
-        return f"{1000.0 * value:.0f} mm" if value < 10.0 else f"{value:.1f} m"
-    if check.unit == "deg":
-        return f"{value:.0f}\N{DEGREE SIGN}"
-    return f"{100.0 * value:.1f} %" if check.name in SHARES else f"{value:.2f}"

@@ -56,4 +56,11 @@ def test_the_answer_names_the_best_by_the_score_that_decides_for_most_people() -
         "Best: smoother, 8.0 mm (7.1 to 9.9). Score: Distance from the force path, ahead; On the ground; 7 people. "
         "Within 5 % of it: RTS smoother."
     )
+    alone = {name: one.model_copy(update={"ci95": None}) for name, one in decides.scores.items()}
+    few = decides.model_copy(update={"n": 3, "scores": alone})
+    assert answer(few) == (
+        "3 people: too few to order the estimators. Smallest score: smoother, 8.0 mm. Score: Distance from the force "
+        "path, ahead; On the ground."
+    )
+    assert not any(cell.is_near_best for cell in _score_row(few).cells if cell is not None)
     assert answer(undecided) == "No score that orders estimators as the truth does could be computed."

@@ -17,7 +17,7 @@ from stridelab_web.pages.results.measures import measure_rows, measures_headline
 from support.fakes.results import MEASURES_KIND, measures_result, measures_summary
 from support.fakes.service import FakeService
 
-Browse = Callable[[str], httpx.Response]
+Browse = Callable[..., httpx.Response]
 
 
 @pytest.fixture
@@ -50,6 +50,20 @@ def test_the_page_of_a_recording_begins_with_its_newest_measures(fake: FakeServi
     assert "data-gait-result" not in browse("/recordings").text
 
 
+@pytest.mark.parametrize("later", [{"filename": "standing.c3d", "still": True}, {"filename": "walk_3.c3d"}])
+def test_a_session_shows_its_measures_whatever_was_uploaded_last(
+    fake: FakeService, browse: Browse, later: dict[str, Any]
+) -> None:
+    """The newest recording of the list has no measures: a static trial never has."""
+    walks = [fake.add_recording(f"walk_{k}.c3d", session_id="gait") for k in (1, 2)]
+    pooled = fake.add_job(MEASURES_KIND, "succeeded")
+    fake.inputs[pooled.id] = {"recording_ids": [walk.id for walk in walks]}
+    newest = fake.add_recording(session_id="gait", **later)
+    page = browse("/recordings?session_id=gait").text
+    assert page.index(newest.filename) < page.index("walk_1.c3d"), "it is listed first"
+    assert f'data-gait-result="{pooled.id}"' in page
+
+
 def test_the_viewer_has_the_steps_of_the_recording(fake: FakeService, browse: Browse) -> None:
     walk = fake.add_recording()
     job = fake.add_job(MEASURES_KIND, "succeeded")
@@ -73,6 +87,41 @@ def test_what_limits_the_measures_is_beside_them(fake: FakeService, browse: Brow
     result.summary["warnings"] = [{"code": "weight-beside-plates", "message": "The plates carry 80 %."}]
     fake.results[job.id] = result
     assert re.search(r"data-gait-caution>The plates carry 80 %\.", browse(f"/recordings/{walk.id}").text)
+
+
+MIXED = {
+    "code": "speeds-mixed",
+    "message": "The recordings have speeds from 0.32 to 2.17 m/s. Most measures depend on the speed: report the "
+    "conditions one by one.",
+}
+
+
+def test_mixed_speeds_are_said_beside_the_values_and_in_the_language(fake: FakeService, browse: Browse) -> None:
+    """Beside what is left out, which was in one sentence with it and stayed English."""
+    walks = [fake.add_recording(f"walk_{k}.c3d", session_id="gait") for k in (1, 2)]
+    job = fake.add_job(MEASURES_KIND, "succeeded")
+    fake.inputs[job.id] = {"recording_ids": [walk.id for walk in walks]}
+    result = measures_result(fake.inputs[job.id])
+    result.summary["warnings"] = [MIXED]
+    fake.results[job.id] = result
+    for address, mark in ((f"/recordings/{walks[0].id}", "data-gait-caution"), (f"/jobs/{job.id}", "data-caution")):
+        said = re.search(rf"{mark}[^>]*>([^<]*)", browse(address, headers={"Accept-Language": "de"}).text)
+        assert said is not None
+        assert said[1].startswith("Die Aufnahmen haben Geschwindigkeiten von 0.32 bis 2.17 m/s."), address
+
+
+def test_remarks_of_one_code_are_one_remark_with_its_similar_ones(fake: FakeService, browse: Browse) -> None:
+    """Twenty recordings had twenty remarks on their clocks, before all others."""
+    job = fake.add_job(MEASURES_KIND, "succeeded")
+    result = measures_result({"recording_ids": ["a"]})
+    late = [{"code": "latency-applied", "message": f"The force was read {k} ms later."} for k in (3, 4, 5)]
+    result.summary["warnings"] = [late[0], {"code": "head-missing", "message": "No head."}, *late[1:]]
+    fake.results[job.id] = result
+    page = browse(f"/jobs/{job.id}").text
+    assert page.count("<code>latency-applied</code>") == 1
+    assert "Similar remarks of other recordings: 2" in page
+    assert page.index("read 3 ms later") < page.index("read 4 ms later") < page.index("read 5 ms later")
+    assert page.index("read 5 ms later") < page.index("No head.")
 
 
 def text_of(html: str) -> str:

@@ -8,8 +8,8 @@ import httpx
 import pytest
 
 from stridelab.schemas.base import Remark
-from stridelab.schemas.quality import Quality, QualityCheck
-from stridelab_web.pages.results.quality import NAMES, SHARES, shown_quality
+from stridelab.schemas.quality import SHARES, Quality, QualityCheck
+from stridelab_web.pages.results.quality import NAMES, shown_quality
 from support.fakes import results
 from support.fakes.service import FakeService
 

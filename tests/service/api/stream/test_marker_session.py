@@ -82,6 +82,28 @@ def test_a_body_in_other_units_has_no_estimate(factor: float) -> None:
     assert replies_to(running, frame(1))[0]["com_m"] is not None
 
 
+@pytest.mark.parametrize("axis", ["+x", "-x", "+y", "-y", "-z"])
+def test_a_body_that_never_stands_along_the_stated_axis_has_no_estimate(axis: str) -> None:
+    running = session(up_axis=axis)
+    assert replies_to(running, frame(0, markers=[None] * len(frame(0)["markers"])))[0]["com_m"] is None
+    replies = [replies_to(running, frame(k))[0] for k in range(10, 200, 40)]
+    assert {one["reason"] for one in replies} == {"axis-implausible"}
+    for one in replies:
+        assert one["margin_reason"] == "axis-implausible"
+        assert all(one[name] is None for name in ("com_m", "xcom_m", "velocity_m_s", "margin_m", "height_m"))
+
+
+def test_a_person_who_lay_before_standing_or_lies_down_later_is_estimated() -> None:
+    """The sample turned by 90 degrees about x is a person who lies; the floor is where it was."""
+
+    def lying(k: int) -> dict[str, Any]:
+        return frame(k, markers=[None if m is None else [m[0], m[2], 0.2 - m[1]] for m in frame(k)["markers"]])
+
+    running = session()
+    reasons = [replies_to(running, one)[0]["reason"] for one in (lying(0), frame(1), lying(2))]
+    assert reasons == ["axis-implausible", None, None]
+
+
 def test_a_marker_that_jumps_away_leaves_the_estimate() -> None:
     markers = frame(0)["markers"]
     assert replies_to(session(), frame(0, markers=[[x + 50.0 for x in markers[0]], *markers[1:]]))[0]["reason"] is None

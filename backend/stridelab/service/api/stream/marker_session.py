@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -52,6 +52,7 @@ _SHOWN_FAULTS: Final = 20
 BODY_M: Final = (0.25, 3.0)
 """Smallest and largest extent of the marked body between its 10th and 90th percentile: beyond it, units are wrong."""
 _SIZE_IMPLAUSIBLE: Final = "size-implausible"
+_AXIS_IMPLAUSIBLE: Final = "axis-implausible"
 _HIDDEN: Final = (math.nan, math.nan, math.nan)
 _FEET_NOT_MARKED: Final = Remark(
     code="feet-not-marked",
@@ -100,6 +101,7 @@ class MarkerSession:
             )
         )
         self._pictured_s = -math.inf
+        self._has_stood = False
         self.ready = self._describe(match, stated.person.mass_kg)
 
     def _describe(self, match: MarkerSetMatch, mass_kg: float | None) -> MarkerStreamReady:
@@ -148,6 +150,9 @@ class MarkerSession:
         plates = frame.plates or [None] * self._n_plates
         with np.errstate(all="ignore"):  # hidden markers are NaN
             sample = self._balance.step(frame.t_s, points[self._columns], [self._reading(plate) for plate in plates])
+        self._has_stood = self._has_stood or _stands_along_z(sample.joint_centres_m)
+        if sample.com is not None and not self._has_stood:
+            sample = _without_estimate(sample, _AXIS_IMPLAUSIBLE)
         answer = self._answer(sample)
         picture = ""
         if abs(frame.t_s - self._pictured_s) >= PICTURE_S:
@@ -241,6 +246,35 @@ def _is_as_large_as_a_person(points_m: Points) -> bool:
         return True
     low, high = np.quantile(visible, (0.1, 0.9), axis=0)
     return bool(BODY_M[0] <= float((high - low).max()) <= BODY_M[1])
+
+
+def _stands_along_z(joints_m: Mapping[str, Vector3]) -> bool:
+    """Whether z is the axis, of six, that is nearest to the body's, from the ankles to the neck (else to the hips).
+
+    False where these are hidden. A person who lies or sits on the floor is not told from a wrong axis; so only a stream
+    whose body has never stood along its axis has no estimate.
+    """
+    upper = ["cervical"] if "cervical" in joints_m else ["l_hip", "r_hip"]
+    if not joints_m.keys() >= {"l_ankle", "r_ankle", *upper}:
+        return False
+    ankles_m = np.mean([joints_m["l_ankle"], joints_m["r_ankle"]], axis=0)
+    x, y, z = (np.mean([joints_m[name] for name in upper], axis=0) - ankles_m).tolist()
+    return bool(z >= max(abs(x), abs(y)))
+
+
+def _without_estimate(sample: BalanceSample, reason: str) -> BalanceSample:
+    """The sample with the reason in place of the centre of mass and all that follows from it."""
+    return replace(
+        sample,
+        com=None,
+        xcom_m=None,
+        height_m=None,
+        speed_m_s=None,
+        margin_ap_m=None,
+        margin_ml_m=None,
+        reason=reason,
+        margin_reason=reason,
+    )
 
 
 def _recognise_markers(task: MarkerStreamTask) -> tuple[MarkerSetMatch, list[str]]:

@@ -19,6 +19,7 @@ const REASONS = {
   "ankle-markers-missing": translate("an ankle is hidden"),
   "sides-swapped": translate("markers of the right side lie on the left"),
   "size-implausible": translate("the body is not as large as a person: check the units"),
+  "axis-implausible": translate("the body has not stood along the vertical axis yet: check up_axis"),
   "no-plates": translate("there are no plates"),
   "foot-beside-plates": translate("a foot stands beside the plates"),
   "plate-late": translate("a plate was not read"),
