@@ -356,7 +356,7 @@ def test_single_blanks_separate_names_without_any(tmp_path: Path) -> None:
 def test_ambiguous_blanks_are_refused(tmp_path: Path) -> None:
     """Names with blanks between single blanks, and a row in which a value is absent: no place can be told."""
     spaced = tuple(label.replace(".", " ") for label in LABELS)
-    with pytest.raises(UnreadableFile, match="line 4 holds no tabs, .* nor 5 names between blanks"):
+    with pytest.raises(UnreadableFile, match=r"line 4 holds no tabs, .* nor 5 names between blanks"):
         read_recording(written(tmp_path, blank_separated(spaced, " ", "\t")))
     lines = blank_separated(LABELS, "  ", " ").splitlines()
     for absent in (1, 3):
