@@ -81,10 +81,16 @@ class MarkerFeatures:
 
 @dataclass(frozen=True)
 class ProposedMarker:
-    """Label proposed for a landmark; ``confidence`` (0 to 1) compares it with the best other assignment."""
+    """Label proposed for a landmark; ``confidence`` (0 to 1) compares it with the best other assignment.
+
+    ``likeness`` (0 to 1) is that of the label to the known ones of the landmark, ``misfit`` the cost of the marker's
+    place and motion.
+    """
 
     label: str
     confidence: float
+    likeness: float
+    misfit: float
 
 
 @dataclass(frozen=True)
@@ -101,12 +107,16 @@ class _Statistics:
 
 @dataclass(frozen=True)
 class _Fit:
-    """An assignment (marker to landmark) for one turn, size and place of the body, with its cost."""
+    """An assignment (marker to landmark) for one turn, size and place of the body, with its cost.
+
+    ``fixed_costs`` is the part of ``costs`` that does not depend on place and motion.
+    """
 
     turn_rad: float
     size_m: float
     middle: tuple[float, float]
     costs: Costs
+    fixed_costs: Costs
     pairs: Mapping[int, int]
     total: float
 
@@ -119,18 +129,22 @@ def propose_marker_map(recording: Recording) -> dict[str, ProposedMarker]:
 
 def propose_from_features(features: MarkerFeatures) -> dict[str, ProposedMarker]:
     """Propose the label of each landmark for at least two markers."""
-    names = _landmark_statistics().names
+    known = _landmark_statistics()
     word_costs = label_costs(features.labels)
     turns = _TURNS[:2] if features.heading_known else _TURNS
     starts = [_fit_place(features, word_costs, turn, size_m) for turn, size_m in product(turns, _SIZES_M)]
     refined = [_refine(features, word_costs, start) for start in sorted(starts, key=lambda fit: fit.total)[:3]]
     best = min(refined, key=lambda fit: fit.total)
     margins = _exchange_margins(best.costs, best.pairs)
+    place_costs = best.costs - best.fixed_costs
     return {
-        names[landmark]: ProposedMarker(
-            features.labels[marker], float(1.0 / (1.0 + np.exp(-margins[marker] / _MARGIN_SCALE)))
+        known.names[landmark]: ProposedMarker(
+            features.labels[marker],
+            confidence=float(1.0 / (1.0 + np.exp(-margins[marker] / _MARGIN_SCALE))),
+            likeness=float(-word_costs[marker, landmark] / _LABEL_COST),
+            misfit=float(place_costs[marker, landmark]),
         )
-        for marker, landmark in sorted(best.pairs.items(), key=lambda pair: names[pair[1]])
+        for marker, landmark in sorted(best.pairs.items(), key=lambda pair: known.names[pair[1]])
     }
 
 
@@ -211,7 +225,7 @@ def _fit_place(
         markers, landmarks = np.array(list(pairs)), np.array(list(pairs.values()))
         weight = 1.0 / (known.sd[landmarks, :2] ** 2 * (1.0 + z[markers, landmarks, :2] ** 2 / 4.0))
         middle = (weight * (measured[markers, :2] - known.mean[landmarks, :2])).sum(axis=0) / weight.sum(axis=0)
-    return _Fit(turn_rad, size_m, (float(middle[0]), float(middle[1])), costs, pairs, total)
+    return _Fit(turn_rad, size_m, (float(middle[0]), float(middle[1])), costs, fixed_costs, pairs, total)
 
 
 def _refine(features: MarkerFeatures, word_costs: Costs, start: _Fit) -> _Fit:
