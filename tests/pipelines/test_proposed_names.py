@@ -61,7 +61,7 @@ def test_the_result_is_that_of_the_known_labels_and_is_doubted(
     assert [check.name for check in proposed.summary.quality.checks if not check.passed] == ["proposed_names"]
     codes = {remark.code: remark.message for remark in proposed.summary.warnings}
     assert "l_knee_lateral KneeLatPt_Left" in codes["marker-set-proposed"]
-    assert "nobody has checked the names" in codes["doubtful"]
+    assert "the names are not checked" in codes["doubtful"]
     assert proposed.summary.proposed_names["l_knee_lateral"] == "KneeLatPt_Left"
     assert named.summary.proposed_names == {}
     assert "marker-set-proposed" not in {remark.code for remark in named.summary.warnings}

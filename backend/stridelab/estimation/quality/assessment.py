@@ -295,7 +295,7 @@ def _body_rows(measures: Measures, *, with_force: bool) -> Iterator[_CheckRow]:
             "proposed_names",
             1.0,
             "The labels belong to no known marker set: likeness to known labels and places on the body named the "
-            "markers, and nobody has checked the names",
+            "markers, and the names are not checked",
             "",
             "",
         )
