@@ -106,3 +106,19 @@ def test_few_markers_and_hidden_ones_name_nothing() -> None:
     hidden = dict(relabelled(recording, labels).markers_m)
     hidden[labels["l_knee_lateral"]] = np.full_like(hidden[labels["l_knee_lateral"]], np.nan)
     assert propose_marker_set(replace(recording, markers_m=hidden)) is None
+
+
+@pytest.mark.filterwarnings("error")
+def test_one_visible_marker_of_many_has_no_heading_and_names_nothing() -> None:
+    recording = walk("adult")
+    early = np.arange(recording.n_frames)[:, None] < 5
+    hidden = {mark: np.where(early, track, np.nan) for mark, track in recording.markers_m.items() if mark != "c7"}
+    markers = {"c7": recording.markers_m["c7"], **hidden}
+    assert propose_marker_set(replace(recording, markers_m=markers, walking_direction=None)) is None
+
+
+def test_a_cloud_of_points_is_not_compared_with_a_body() -> None:
+    recording = walk("adult")
+    points = {f"point{k}": recording.markers_m["c7"] for k in range(300)}
+    named = relabelled(recording, labels_of(recording))
+    assert propose_marker_set(replace(named, markers_m={**named.markers_m, **points})) is None

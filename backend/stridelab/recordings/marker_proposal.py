@@ -149,11 +149,11 @@ def propose_from_features(features: MarkerFeatures) -> dict[str, ProposedMarker]
 
 
 def marker_features(recording: Recording) -> MarkerFeatures:
-    """Features of all markers that are visible often enough."""
+    """Features of all markers that are visible often enough; empty if fewer than two are."""
     step = max(1, recording.n_frames // _MAX_FRAMES)
     tracks = {label: np.asarray(track[::step]) for label, track in recording.markers_m.items()}
     labels = tuple(label for label, track in tracks.items() if np.mean(~np.isnan(track[:, 0])) >= _MIN_VISIBLE)
-    if not labels:
+    if len(labels) < 2:
         return MarkerFeatures((), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 0)), heading_known=False)
     points = np.stack([tracks[label] for label in labels], axis=1)  # frames, markers, xyz
     points = points[~np.isnan(points).all(axis=(1, 2))]

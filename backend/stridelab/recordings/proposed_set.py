@@ -29,6 +29,8 @@ MAX_MISFIT: Final = 10.0
 """Largest cost of a marker's place and motion; 10 is that of a marker three standard deviations off in three axes."""
 _UPPER_BODY: Final = 1.15
 """Height, in heights of the ASIS, above which markers are on trunk, arms or head."""
+_MOST_MARKERS: Final = 250
+"""More are no labels of a person, and take minutes."""
 _TRUNK_MISSING: Final = "trunk-missing"
 
 
@@ -38,6 +40,8 @@ def propose_marker_set(recording: Recording) -> MarkerSetMatch | None:
     None, too, where markers on the upper body name neither the shoulders nor C7: an upright trunk would stand in for
     one that is marked.
     """
+    if len(recording.markers_m) > _MOST_MARKERS:
+        return None
     features = marker_features(recording)
     if len(features.labels) < len(LOCOMOTION):
         return None

@@ -77,6 +77,10 @@ REMARKS: Final = (
     "%(number)s points without a name were left out.",
     "Rebuilt from their rigid neighbours: %(names)s.",
     "Short gaps of %(number)s markers were interpolated (%(samples)s samples).",
+    (
+        "The labels belong to no known marker set. They were named from their likeness to known labels and from their "
+        "places on the body: %(names)s. Check them on the body."
+    ),
     "No mass is stated; the plates measure %(mass)s ± %(sd)s kg over %(trials)s trials of the session.",
     (
         "The sex of the subject is not stated: the mean of the female and the male body is used (costs about "
@@ -391,6 +395,7 @@ CHECKS: Final = (
     "outside body",
     "leg length change",
     "body proportions",
+    "proposed names",
     "model leg mass",
 )
 """Checks of the sensors as verdicts list them, in place of ``%(checks)s``."""
