@@ -375,29 +375,12 @@ OBSERVABILITY: Final = (
 )
 """What the force cannot show."""
 CHECKS: Final = (
-    "force tilt",
-    "normalised innovations",
-    "force residual",
-    "acceleration difference",
-    "channel gain",
-    "channel exchange",
-    "horizontal bias",
-    "vertical bias",
-    "largest difference",
-    "mass from motion",
-    "mass from standing",
-    "mass uncertainty",
-    "flight acceleration",
-    "pressure from feet",
-    "pressure off plate",
-    "force clipped",
-    "body axis",
-    "outside body",
-    "leg length change",
-    "body proportions",
-    "proposed names",
+    "force tilt", "normalised innovations", "force residual", "acceleration difference", "channel gain",
+    "channel exchange", "horizontal bias", "vertical bias", "largest difference", "mass from motion",
+    "mass from standing", "mass uncertainty", "flight acceleration", "pressure from feet", "pressure off plate",
+    "force clipped", "body axis", "outside body", "leg length change", "body proportions", "proposed names",
     "model leg mass",
-)
+)  # fmt: skip
 """Checks of the sensors as verdicts list them, in place of ``%(checks)s``."""
 SCRIPTED: Final = (*PROGRESS, *VERDICTS, *NOT_POSSIBLE, *REFUSALS, *OBSERVABILITY, *REMARKS)
 """Those that the scripts of the pages translate as well."""
