@@ -84,7 +84,7 @@ class ProposedMarker:
     """Label proposed for a landmark; ``confidence`` (0 to 1) compares it with the best other assignment.
 
     ``likeness`` (0 to 1) is that of the label to the known ones of the landmark, ``misfit`` the cost of the marker's
-    place and motion.
+    place, its motion, and its distances to the markers of its segment.
     """
 
     label: str
@@ -107,16 +107,12 @@ class _Statistics:
 
 @dataclass(frozen=True)
 class _Fit:
-    """An assignment (marker to landmark) for one turn, size and place of the body, with its cost.
-
-    ``fixed_costs`` is the part of ``costs`` that does not depend on place and motion.
-    """
+    """An assignment (marker to landmark) for one turn, size and place of the body, with its cost."""
 
     turn_rad: float
     size_m: float
     middle: tuple[float, float]
     costs: Costs
-    fixed_costs: Costs
     pairs: Mapping[int, int]
     total: float
 
@@ -136,7 +132,7 @@ def propose_from_features(features: MarkerFeatures) -> dict[str, ProposedMarker]
     refined = [_refine(features, word_costs, start) for start in sorted(starts, key=lambda fit: fit.total)[:3]]
     best = min(refined, key=lambda fit: fit.total)
     margins = _exchange_margins(best.costs, best.pairs)
-    place_costs = best.costs - best.fixed_costs
+    place_costs = best.costs - word_costs - known.rarity
     return {
         known.names[landmark]: ProposedMarker(
             features.labels[marker],
@@ -225,7 +221,7 @@ def _fit_place(
         markers, landmarks = np.array(list(pairs)), np.array(list(pairs.values()))
         weight = 1.0 / (known.sd[landmarks, :2] ** 2 * (1.0 + z[markers, landmarks, :2] ** 2 / 4.0))
         middle = (weight * (measured[markers, :2] - known.mean[landmarks, :2])).sum(axis=0) / weight.sum(axis=0)
-    return _Fit(turn_rad, size_m, (float(middle[0]), float(middle[1])), costs, fixed_costs, pairs, total)
+    return _Fit(turn_rad, size_m, (float(middle[0]), float(middle[1])), costs, pairs, total)
 
 
 def _refine(features: MarkerFeatures, word_costs: Costs, start: _Fit) -> _Fit:

@@ -26,7 +26,7 @@ MARKER_SET_PROPOSED: Final = "marker-set-proposed"
 MIN_LIKENESS: Final = 0.3
 """Least likeness of a label to the known labels and words of its landmark, from 0 to 1."""
 MAX_MISFIT: Final = 10.0
-"""Largest cost of a marker's place and motion; 10 is that of a marker three standard deviations off in three axes."""
+"""Largest cost of a marker's place, motion and distances; about that of three standard deviations in three axes."""
 _UPPER_BODY: Final = 1.15
 """Height, in heights of the ASIS, above which markers are on trunk, arms or head."""
 _MOST_MARKERS: Final = 250
