@@ -7,8 +7,8 @@ laboratory or repository.
 Every recording is read and estimated with default options in a process of its own, with limits on time and memory. A
 TRC file is zipped with the force file that belongs to it: one of the same name, or of the same name and a word such as
 ``_grf``; a TSV file of Qualisys with those of its plates (``_f_1.tsv``), joint angles with their OpenSim model and
-forces. A recording that is refused without a static trial is estimated with the one beside it whose name is the
-most like its own.
+forces. A recording that is refused without a static trial, or for labels of no known set, is estimated with the one
+beside it whose name is the most like its own; where that fails, too, the first refusal is its outcome.
 
 The rows (one JSON object a line) tell for each recording its outcome: ``estimate``, or the code of the error. A survey
 that was interrupted goes on where it stopped; delete the rows to start anew.
@@ -53,7 +53,7 @@ NO_FORCE: Final = frozenset({"no-plates", "no-measured-window", "plates-unloaded
 PROCESS_OUTCOMES: Final = {"computation-timed-out": "timeout", "computation-crashed": "crash"}
 OUTCOMES: Final = (*strangers_list.ESTIMATES, "contradicted")
 """Outcomes with a result."""
-STATIC_NEEDED: Final = ("knee-markers-missing", "pelvis-markers-missing")
+STATIC_NEEDED: Final = ("knee-markers-missing", "pelvis-markers-missing", "unknown-marker-set")
 
 
 INTRODUCTION: Final = """\
@@ -163,7 +163,10 @@ def examine_recording(trial: Trial) -> dict[str, Any]:
                 if refusal.code not in STATIC_NEEDED or trial.static is None:
                     raise
                 row["static"] = trial.static.name
-                com, row["refused_fusion"] = estimated(sl.read(loaded.path, static=trial.static))
+                try:
+                    com, row["refused_fusion"] = estimated(sl.read(loaded.path, static=trial.static))
+                except StridelabError:
+                    raise refusal from None  # the static trial is a guess, and did not help
             geometry = com.result.prepared.geometric
             nearest = np.searchsorted(geometry.time_s, com.time_s - 1e-6).clip(max=len(geometry.time_s) - 1)
             difference_m = com.com_m - geometry.com_m[nearest]

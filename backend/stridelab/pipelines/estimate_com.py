@@ -22,6 +22,7 @@ from stridelab.estimation.quality import Quality as Assessed
 from stridelab.estimation.smoother import Smoother, SmootherPriors
 from stridelab.pipelines.com_inputs import ComInputs, prepare_com_inputs, require_method
 from stridelab.pipelines.progress import ProgressCallback
+from stridelab.recordings.marker_sets import PROPOSED
 from stridelab.recordings.orientation import walking_direction
 from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
@@ -102,6 +103,7 @@ def summary_fields(
 ) -> dict[str, Any]:
     """The fields of a ``RecordingSummary``, with positions in ``frame``; ``remarks`` come after those of the inputs."""
     latency, all_remarks = prepared.latency, (*quality.remarks, *prepared.all_remarks, *remarks)
+    match = prepared.trial.match
     return {
         "window_s": (estimate.window.start_s, estimate.window.end_s),
         "rate_hz": prepared.trial.recording.marker_rate_hz,
@@ -112,6 +114,7 @@ def summary_fields(
         "latency_n_trials": latency.n_trials,
         "session": prepared.session,
         "treadmill": prepared.treadmill(frame),
+        "proposed_names": dict(match.landmarks) if match.name == PROPOSED else {},
         "quality": quality_schema(quality),
         "warnings": [base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(all_remarks)],
     }
@@ -232,6 +235,7 @@ def assess_estimate(prepared: ComInputs, estimate: ComEstimate) -> Assessed:
         standing_mass_kg=prepared.standing_mass_kg,
         stated_mass_kg=prepared.mass.stated_kg,
         mass_sd_kg=prepared.mass.sd_kg if prepared.mass.source == "force" else None,
+        names_proposed=prepared.trial.match.name == PROPOSED,
     )
     return assess_quality(recorded, estimate)
 

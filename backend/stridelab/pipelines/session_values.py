@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from stridelab.estimation.random_effects import Pooled, pool_measurements
+from stridelab.recordings.marker_sets import PROPOSED
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.sessions import SessionTrial, SessionValues
 
@@ -148,8 +149,12 @@ def equipment_key(facts: RecordingFacts) -> tuple[object, ...]:
 
 
 def _distinct_trials(own: TrialFacts, others: Sequence[TrialFacts]) -> list[TrialFacts]:
-    """``own`` and the others; of identical files only the one with the smallest id."""
-    by_hash = {one.sha256: one for one in sorted(others, key=lambda one: one.recording_id, reverse=True)}
+    """``own`` and the others; of identical files only the one with the smallest id.
+
+    Others whose markers were named by a proposal are left out: a wrong name stays in one trial.
+    """
+    named = [one for one in others if one.facts.marker_set != PROPOSED]
+    by_hash = {one.sha256: one for one in sorted(named, key=lambda one: one.recording_id, reverse=True)}
     return list({**by_hash, own.sha256: own}.values())
 
 

@@ -20,6 +20,7 @@ from stridelab.recordings.force_plates import with_session_zeros
 from stridelab.recordings.force_windows import find_windows
 from stridelab.recordings.marker_sets import MarkerSetMatch, identify, marker_set_of_labels
 from stridelab.recordings.plate_contacts import wrench_track
+from stridelab.recordings.proposed_set import propose_marker_set
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import PlateSwitches, Recording, Remark, Subject, Window
 from stridelab.recordings.static_pose import SAME_BODY_M, body_difference, stands_still
@@ -75,16 +76,24 @@ def read_source(source: RecordingSource, folder: Path) -> Recording:
 
 
 def examine_trial(
-    source: RecordingSource, folder: Path, static: "Trial | None" = None, session: SessionValues | None = None
+    source: RecordingSource,
+    folder: Path,
+    static: "Trial | None" = None,
+    session: SessionValues | None = None,
+    *,
+    propose: bool = True,
 ) -> Trial:
     """Read a source; identify its marker set, measured windows and the masses estimated from the force.
 
     ``static`` is its static trial, which names labels of a walk whose own set is unknown, and technical clusters.
-    ``session`` gives the zeros of plates that are never unloaded in this trial.
+    ``session`` gives the zeros of plates that are never unloaded in this trial. With ``propose``, labels that neither a
+    set nor a user names are named by ``propose_marker_set``.
     """
     recording = with_session_zeros(read_source(source, folder), {} if session is None else session.plate_zeros)
     match = identify_source(source, recording, map_of_present_labels(source.marker_map, recording))
     match = named_by_static(match, recording, static)
+    if propose and match.name is None and not match.rivals and source.shipped_sets and not source.marker_map:
+        match = propose_marker_set(recording) or match
     recording = without_foreign_subject(recording, match.landmarks)
     body, body_remarks = _place_body(recording, match)
     com_m = body.com_m if body is not None and recording.plates else None
@@ -210,7 +219,7 @@ def read_static(task: EstimateComTask, folder: Path) -> StaticFile:
     if task.static is None:
         return StaticFile(None)
     try:
-        return StaticFile(examine_trial(task.static, folder, session=task.session))
+        return StaticFile(examine_trial(task.static, folder, session=task.session, propose=False))
     except StridelabError as error:
         if not _selected_from_session(task):
             raise

@@ -81,10 +81,16 @@ class MarkerFeatures:
 
 @dataclass(frozen=True)
 class ProposedMarker:
-    """Label proposed for a landmark; ``confidence`` (0 to 1) compares it with the best other assignment."""
+    """Label proposed for a landmark; ``confidence`` (0 to 1) compares it with the best other assignment.
+
+    ``likeness`` (0 to 1) is that of the label to the known ones of the landmark, ``misfit`` the cost of the marker's
+    place, its motion, and its distances to the markers of its segment.
+    """
 
     label: str
     confidence: float
+    likeness: float
+    misfit: float
 
 
 @dataclass(frozen=True)
@@ -119,27 +125,31 @@ def propose_marker_map(recording: Recording) -> dict[str, ProposedMarker]:
 
 def propose_from_features(features: MarkerFeatures) -> dict[str, ProposedMarker]:
     """Propose the label of each landmark for at least two markers."""
-    names = _landmark_statistics().names
+    known = _landmark_statistics()
     word_costs = label_costs(features.labels)
     turns = _TURNS[:2] if features.heading_known else _TURNS
     starts = [_fit_place(features, word_costs, turn, size_m) for turn, size_m in product(turns, _SIZES_M)]
     refined = [_refine(features, word_costs, start) for start in sorted(starts, key=lambda fit: fit.total)[:3]]
     best = min(refined, key=lambda fit: fit.total)
     margins = _exchange_margins(best.costs, best.pairs)
+    place_costs = best.costs - word_costs - known.rarity
     return {
-        names[landmark]: ProposedMarker(
-            features.labels[marker], float(1.0 / (1.0 + np.exp(-margins[marker] / _MARGIN_SCALE)))
+        known.names[landmark]: ProposedMarker(
+            features.labels[marker],
+            confidence=float(1.0 / (1.0 + np.exp(-margins[marker] / _MARGIN_SCALE))),
+            likeness=float(-word_costs[marker, landmark] / _LABEL_COST),
+            misfit=float(place_costs[marker, landmark]),
         )
-        for marker, landmark in sorted(best.pairs.items(), key=lambda pair: names[pair[1]])
+        for marker, landmark in sorted(best.pairs.items(), key=lambda pair: known.names[pair[1]])
     }
 
 
 def marker_features(recording: Recording) -> MarkerFeatures:
-    """Features of all markers that are visible often enough."""
+    """Features of all markers that are visible often enough; empty if fewer than two are."""
     step = max(1, recording.n_frames // _MAX_FRAMES)
     tracks = {label: np.asarray(track[::step]) for label, track in recording.markers_m.items()}
     labels = tuple(label for label, track in tracks.items() if np.mean(~np.isnan(track[:, 0])) >= _MIN_VISIBLE)
-    if not labels:
+    if len(labels) < 2:
         return MarkerFeatures((), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 0)), heading_known=False)
     points = np.stack([tracks[label] for label in labels], axis=1)  # frames, markers, xyz
     points = points[~np.isnan(points).all(axis=(1, 2))]

@@ -50,6 +50,7 @@ LOCOMOTION: Final = (
 )
 """Landmarks of pelvis and legs: required of a user's map, and of a user's set that requires nothing else."""
 
+PROPOSED: Final = "proposed"  # the name of a set that ``propose_marker_set`` made for one recording
 WAYS_TO_NAME_MARKERS: Final = (
     "Name the markers on the page of the recording, with --marker or the field marker_map, or store a marker set for "
     "all recordings with these labels (--marker-set FILE, POST /marker-sets)."
@@ -322,10 +323,10 @@ def identify(
             unread = {form: label for form, label in present.items() if label not in matched[best].values()}
             common = {} if best < n_own else {common_labels().get(form, ""): unread[form] for form in unread}
             common.pop("", None)
-            return _match_result(sets[best].name, common | matched[best])
+            return match_of_landmarks(sets[best].name, common | matched[best])
         rivals = (sets[best].name, *rivals)
     if not absent_landmarks(LOCOMOTION, own):
-        return _match_result("custom", own)
+        return match_of_landmarks("custom", own)
     lacking = [absent_landmarks(known.required, matched[k]) for k, known in enumerate(sets)]
     scores = [1.0 - len(lacking[k]) / len(known.required) for k, known in enumerate(sets)]
     nearest = sorted(range(len(sets)), key=lambda k: (scores[k], len(matched[k])), reverse=True)[:3]
@@ -365,8 +366,9 @@ def all_substitutes() -> Mapping[str, Substitute]:
     }
 
 
-def _match_result(name: str, landmarks: Mapping[str, str]) -> MarkerSetMatch:
-    remarks = tuple(substitute.remark for substitute in substitutes_for(landmarks))
+def match_of_landmarks(name: str, landmarks: Mapping[str, str], remarks: tuple[Remark, ...] = ()) -> MarkerSetMatch:
+    """The match of a set that names ``landmarks``; ``remarks`` come before those of the substitutes."""
+    remarks = (*remarks, *(substitute.remark for substitute in substitutes_for(landmarks)))
     if absent_landmarks(KNEES, landmarks):
         remarks = (STATIC_TRIAL_NEEDED, *remarks)
     return MarkerSetMatch(name, landmarks, missing=absent_landmarks(_full_body(), landmarks), degraded=remarks)

@@ -213,6 +213,10 @@ class RecordingSummary(Contract):
         default=None, description="values of the session that were used in the computation"
     )
     treadmill: TreadmillBelts | None = Field(default=None, description="null for a walk over ground")
+    proposed_names: dict[str, str] = Field(
+        default_factory=dict,
+        description="label of each landmark where no marker set and no user named the markers; to be checked",
+    )
     quality: Quality | None = Field(default=None, description="null in results of versions without this check")
     warnings: list[Remark]
 

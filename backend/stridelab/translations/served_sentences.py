@@ -81,6 +81,10 @@ REMARKS: Final = (
     "%(number)s points without a name were left out.",
     "Rebuilt from their rigid neighbours: %(names)s.",
     "Short gaps of %(number)s markers were interpolated (%(samples)s samples).",
+    (
+        "The labels belong to no known marker set. They were named from their likeness to known labels and from their "
+        "places on the body: %(names)s. Check them on the body."
+    ),
     "No mass is stated; the plates measure %(mass)s ± %(sd)s kg over %(trials)s trials of the session.",
     (
         "The sex of the subject is not stated: the mean of the female and the male body is used (costs about "
@@ -370,28 +374,12 @@ OBSERVABILITY: Final = (
 )
 """What the force cannot show."""
 CHECKS: Final = (
-    "force tilt",
-    "normalised innovations",
-    "force residual",
-    "acceleration difference",
-    "channel gain",
-    "channel exchange",
-    "horizontal bias",
-    "vertical bias",
-    "largest difference",
-    "mass from motion",
-    "mass from standing",
-    "mass uncertainty",
-    "flight acceleration",
-    "pressure from feet",
-    "pressure off plate",
-    "force clipped",
-    "body axis",
-    "outside body",
-    "leg length change",
-    "body proportions",
+    "force tilt", "normalised innovations", "force residual", "acceleration difference", "channel gain",
+    "channel exchange", "horizontal bias", "vertical bias", "largest difference", "mass from motion",
+    "mass from standing", "mass uncertainty", "flight acceleration", "pressure from feet", "pressure off plate",
+    "force clipped", "body axis", "outside body", "leg length change", "body proportions", "proposed names",
     "model leg mass",
-)
+)  # fmt: skip
 """Checks of the sensors as verdicts list them, in place of ``%(checks)s``."""
 SCRIPTED: Final = (*PROGRESS, *VERDICTS, *NOT_POSSIBLE, *REFUSALS, *OBSERVABILITY, *REMARKS)
 """Those that the scripts of the pages translate as well."""

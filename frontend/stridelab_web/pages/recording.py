@@ -33,6 +33,8 @@ CANDIDATES = 100
 GEOMETRY = "geometry"
 DELETED_SET = "marker-set-deleted"
 """Code of the warning of a recording whose marker set has been deleted."""
+PROPOSED_SET = "proposed"
+"""Marker set of a recording whose markers are named by likeness and place, to be checked."""
 
 
 async def recording_page(request: Request) -> Response:
@@ -74,7 +76,8 @@ async def recording_page(request: Request) -> Response:
         windows_text=intervals.windows_text(recording),
         plate_bars=[intervals.plate_bars(plate, recording.duration_s) for plate in recording.plates],
         ticks=intervals.time_ticks(recording.duration_s),
-        unnamed=recording.marker_set is None or any(item.code == DELETED_SET for item in recording.warnings),
+        unnamed=recording.marker_set in (None, PROPOSED_SET)
+        or any(item.code == DELETED_SET for item in recording.warnings),
         mappable=sorted({*recording.landmarks, *alternatives, *recording.marker_map}),
         methods=METHODS,
         method=_default_method(recording),

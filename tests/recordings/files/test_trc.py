@@ -326,3 +326,40 @@ def test_a_file_too_large_to_read_is_refused_before(monkeypatch: pytest.MonkeyPa
         read_recording(written(tmp_path, trc()))
     assert refusal.value.code == "trc-too-large"
     assert "walk.trc" in refusal.value.message
+
+
+def blank_separated(names: tuple[str, ...], gap: str, row_gap: str, before: str = "") -> str:
+    """A TRC file whose header has blanks in place of tabs, and whose rows are separated by ``row_gap``."""
+    lines = trc().splitlines()
+    head = [" ".join(line.split()) + "  " for line in lines[:3]]
+    rows = [before + row_gap.join(line.split("\t")) + " " for line in lines[6:]]
+    return "\n".join([*head, gap.join(["Frame#", "Time", *names]), "   X1   Y1   Z1", "", *rows])
+
+
+@pytest.mark.parametrize(
+    ("row_gap", "before"), [("\t", ""), ("\t", "\t"), ("   ", "  ")], ids=["tabs", "indented", "blanks"]
+)
+@pytest.mark.parametrize("names", [LABELS, tuple(label.replace(".", " ") for label in LABELS)], ids=["words", "spaced"])
+def test_blanks_separate_a_header_without_tabs(
+    names: tuple[str, ...], row_gap: str, before: str, tmp_path: Path
+) -> None:
+    recording = read_recording(written(tmp_path, blank_separated(names, "     ", row_gap, before)))
+    assert list(recording.markers_m) == list(names)
+    for label, track in read_recording(written(tmp_path, trc())).markers_m.items():
+        np.testing.assert_array_equal(recording.markers_m[names[LABELS.index(label)]], track)
+
+
+def test_single_blanks_separate_names_without_any(tmp_path: Path) -> None:
+    assert list(read_recording(written(tmp_path, blank_separated(LABELS, " ", " "))).markers_m) == list(LABELS)
+
+
+def test_ambiguous_blanks_are_refused(tmp_path: Path) -> None:
+    """Names with blanks between single blanks, and a row in which a value is absent: no place can be told."""
+    spaced = tuple(label.replace(".", " ") for label in LABELS)
+    with pytest.raises(UnreadableFile, match=r"line 4 holds no tabs, .* nor 5 names between blanks"):
+        read_recording(written(tmp_path, blank_separated(spaced, " ", "\t")))
+    lines = blank_separated(LABELS, "  ", " ").splitlines()
+    for absent in (1, 3):
+        lines[8] = " ".join(lines[8].split()[:-absent])
+        with pytest.raises(UnreadableFile, match=r"line 9 has 1\d of 17 values"):
+            read_recording(written(tmp_path, "\n".join(lines)))

@@ -103,14 +103,17 @@ def evaluate_checks(
         ending = "agree" if row.value <= limit.passes else "agree poorly"
         if row.value > limit.contradicts:
             ending = "contradict each other"
-        message = f"{row.finding}: {row.sensors} {ending}."
+        message = f"{row.finding}: {row.sensors} {ending}." if row.sensors else f"{row.finding}."
         checks.append(Check(row.name, row.value, limit.unit, limit.passes, limit.contradicts, message))
     return Quality(tuple(checks), not_checked)
 
 
 @dataclass(frozen=True)
 class _CheckRow:
-    """Value of one check with its message parts: finding, compared sensors, and the reason for a missing value."""
+    """Value of one check with its message parts: finding, compared sensors, and the reason for a missing value.
+
+    Without sensors the finding is the whole message.
+    """
 
     name: str
     value: float
@@ -287,6 +290,15 @@ def _body_rows(measures: Measures, *, with_force: bool) -> Iterator[_CheckRow]:
         "the markers of the pelvis (too high or too low) and those of the knees and the neck",
         "the neck or the legs are not marked",
     )
+    if measures.names_proposed:
+        yield _CheckRow(
+            "proposed_names",
+            1.0,
+            "The labels belong to no known marker set: likeness to known labels and places on the body named the "
+            "markers, and the names are not checked",
+            "",
+            "",
+        )
     share = measures.model_leg_share
     if share is None:
         return

@@ -74,6 +74,8 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         # Logarithm of the ratio; a pelvis that is 10 cm too high changes it by 0.43. Above 0.9 the largest ratio of a
         # person and a pelvis that moves the centre of mass by 50 mm (0.57) do not suffice together.
         "body_proportions": Limit(0.3, 0.9),
+        # 1 where labels and places named the markers, which are not checked. It does not contradict.
+        "proposed_names": Limit(0.0, 1.0),
         # Legs of 54 % of the mass: more than a quarter of a body, 0.4 m higher, is missing, and the centre of mass is
         # 0.1 m too low.
         "model_leg_mass": Limit(0.12, 0.15),

@@ -138,7 +138,7 @@ class Recorded:
     ``with_force`` is False if the wrench is a placeholder without force. ``standing_mass_kg`` is the mass measured by
     the plates in the static trial of the same subject, None without one. ``stated_mass_kg`` is the mass given by the
     user or the file, which may differ from the mass in use; ``mass_sd_kg`` is the standard deviation of the latter if
-    the plates measured it, else None.
+    the plates measured it, else None. ``names_proposed``: no set and no user named the markers.
     """
 
     recording: Recording
@@ -150,6 +150,7 @@ class Recorded:
     standing_mass_kg: float | None = None
     stated_mass_kg: float | None = None
     mass_sd_kg: float | None = None
+    names_proposed: bool = False
 
     @property
     def mass_to_check_kg(self) -> float:
@@ -188,6 +189,7 @@ class Measures:
     leg_length_change: float = NAN
     leg: str = ""
     model_leg_share: float | None = None
+    names_proposed: bool = False
     thigh_over_trunk: float = NAN
     body_angle_deg: float = NAN
     upper_end: str = ""
@@ -214,6 +216,7 @@ def compute_measures(recorded: Recorded, estimate: ComEstimate) -> Measures:
         thigh_over_trunk=thigh_over_trunk(geometric, used),
         body_angle_deg=angle_deg,
         upper_end=upper_end,
+        names_proposed=recorded.names_proposed,
     )
     if not recorded.with_force:
         return common

@@ -1,6 +1,7 @@
 """The TRC text format of marker trajectories: a header of five lines, then a row of numbers per frame.
 
-Cells are separated by tabs; a file whose first line has a comma or semicolon instead was saved by a table program.
+Cells are separated by tabs; a file whose first line has a comma or semicolon instead was saved by a table program. Some
+writers separate the header by blanks, and the frames by blanks or tabs.
 """
 
 import math
@@ -26,6 +27,7 @@ _SEPARATORS: Final = (",", ";")
 _STORAGE_HEAD: Final = 100_000
 _VECTORS: Final = re.compile(r"^\s*datatype\s*=\s*vec3\s*$", re.IGNORECASE)
 _COORDINATE: Final = re.compile(r"X\d+", re.IGNORECASE)
+_WIDE_BLANK: Final = re.compile(r" {2,}")
 
 
 def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, str, tuple[Remark, ...]]:
@@ -124,11 +126,28 @@ def _without_vectors(text: str) -> str:
 
 
 def trc_lines(text: str) -> list[str]:
-    """The lines of a TRC file with their cells separated by tabs."""
+    """The lines of a TRC file with their cells separated by tabs; rows of frames without any by blanks."""
     lines = text.splitlines()
     mark = text.lstrip()[len("PathFileType") :][:1]
     if mark in _SEPARATORS and not any("\t" in line for line in lines[:5]):
         return [line.replace(mark, "\t") for line in lines]
+    if len(lines) > 3 and "\t" not in lines[3].strip():
+        return _with_tabs(lines)
+    return lines
+
+
+def _with_tabs(lines: list[str]) -> list[str]:
+    """Lines whose header is separated by blanks, with tabs in their place; unchanged if the names are ambiguous.
+
+    Names may contain single blanks if two or more separate them. Either way their number must be that of line 3. The
+    rows of frames must be complete, since a blank cell has no place among blanks: a row that lacks values is found
+    too short by ``parse_table``. A tab before the first column is dropped.
+    """
+    stated = header_fields(lines).get("NumMarkers", "")
+    for cells in (_WIDE_BLANK.split(lines[3].strip()), lines[3].split()):
+        if stated == str(len(cells) - 2):
+            names = "\t".join(cells[:2]) + "\t" + "\t\t\t".join(cells[2:])
+            return [*lines[:3], names, *lines[4:5], *(line.strip(" ").removeprefix("\t") for line in lines[5:])]
     return lines
 
 
@@ -153,7 +172,9 @@ def _parse_header(lines: list[str]) -> tuple[list[str], float, float, str]:
     n_markers = _header_number(head, "NumMarkers")
     rate_hz = _header_number(head, "DataRate") if "DataRate" in head else math.nan
     if "\t" not in lines[3].strip():
-        raise BrokenLineError("line 4 holds no tabs, which separate the names of the markers")
+        raise BrokenLineError(
+            f"line 4 holds no tabs, which separate the names of the markers, nor {n_markers:g} names between blanks"
+        )
     cells = lines[3].rstrip("\t\r ").split("\t")[2:]
     labels = [cell.strip() for cell in cells if cell.strip()]
     if not labels:

@@ -28,6 +28,7 @@ NAMES: Final[Mapping[str, str]] = {
     "outside_body": "Centre of mass outside the body",
     "leg_length_change": "Change of a leg's length",
     "body_proportions": "Thigh over trunk, from a person's (logarithm)",
+    "proposed_names": "Marker names that are not checked (1 = yes)",
     "model_leg_mass": "Legs' share of the model's mass, from a person's",
 }
 TITLES: Final[Mapping[str, str]] = {

@@ -352,6 +352,14 @@ def test_what_is_known_to_fail_is_not_offered_and_says_why(fake: FakeService, br
     assert "hidden" not in form[form.index('id="refused"') :].partition(">")[0]
 
 
+def test_proposed_names_are_asked_to_be_checked(fake: FakeService, browse: Browse) -> None:
+    """The form is open and filled with the proposal, as for an unknown set, and estimates are offered."""
+    for marker_set, asked in (("proposed", True), (None, True), ("isb", False)):
+        page = browse(f"/recordings/{fake.add_recording(marker_set=marker_set).id}").text
+        assert ("data-unnamed" in page) == (">Name the markers<" in page) == asked
+    assert buttons(estimate_form(page)) == dict.fromkeys(OFFERED, True)
+
+
 def test_without_plates_markers_only_are_offered(fake: FakeService, browse: Browse) -> None:
     form = estimate_form(browse(f"/recordings/{fake.add_recording(estimates=refusing('geometry')).id}").text)
     assert buttons(form) == dict.fromkeys(OFFERED, True) | {"Compare all methods": False}
