@@ -10,7 +10,7 @@ from stridelab.cli.app import app
 from stridelab.cli.contacts import task_of
 from stridelab.cli.results import EXIT_CODES
 from stridelab.errors import InvalidInput
-from stridelab.pipelines.scenario_files import bundled_names, read_document, read_scenario
+from stridelab.pipelines.scenarios.scenario_files import bundled_names, read_document, read_scenario
 from stridelab.schemas.jobs import JobResult
 from support.robots.scenario_bodies import box, planks, task
 

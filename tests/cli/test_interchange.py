@@ -12,7 +12,7 @@ from stridelab.cli.app import app
 from stridelab.cli.contacts import MAX_DOCUMENT_BYTES
 from stridelab.cli.results import EXIT_CODES
 from stridelab.errors import Conflict, InvalidInput, NotFound, StridelabError, TooLarge, UnreadableFile
-from stridelab.pipelines.scenario_files import bundled_names, read_scenario
+from stridelab.pipelines.scenarios.scenario_files import bundled_names, read_scenario
 
 Document = dict[str, Any]
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from stridelab.errors import InvalidInput, NotFound, StridelabError, TooLarge, UnreadableFile
-from stridelab.pipelines.scenario_files import bundled_names, field_path, read_scenario
+from stridelab.pipelines.scenarios.scenario_files import bundled_names, field_path, read_scenario
 from stridelab.schemas.scenarios import Scenario
 from support.robots.plans import short_walk
 

@@ -8,7 +8,7 @@ from stridelab.errors import NotEstimable
 from stridelab.pipelines import motion_trial
 from stridelab.pipelines.motion_trial import MotionTrial, at_pace, bisect_steps, find_fastest_pace
 from stridelab.pipelines.progress import Stages
-from stridelab.pipelines.scenario_files import read_scenario
+from stridelab.pipelines.scenarios.scenario_files import read_scenario
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
 from stridelab.schemas.scenarios import Scenario
 from support.command_line import quiet

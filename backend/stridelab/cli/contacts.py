@@ -19,7 +19,7 @@ from stridelab.cli.options import Delivery, ScenarioName, with_groups
 from stridelab.cli.results import deliver_result, out, show_files, show_remarks
 from stridelab.errors import Fault, InvalidInput, NotFound, StridelabError
 from stridelab.machine.parallel import map_isolated
-from stridelab.pipelines.scenario_files import read_document, read_json, read_scenario, validate_document
+from stridelab.pipelines.scenarios.scenario_files import read_document, read_json, read_scenario, validate_document
 from stridelab.schemas.base import Remark
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import PlanContactsInput, PlanContactsSummary, PlanContactsTask
@@ -242,7 +242,7 @@ def _parse_place(option: str, typed: str) -> tuple[float, float]:
 
 def _read_here(item: Mapping[str, Any]) -> dict[str, Any]:
     """In a process of its own: the terrain of a file, as JSON."""
-    from stridelab.pipelines.read_terrain import read_terrain as read_file
+    from stridelab.pipelines.scenarios.read_terrain import read_terrain as read_file
     from stridelab.service.processes.child import limit_memory
 
     limit_memory(READ_MB)

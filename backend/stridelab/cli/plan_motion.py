@@ -10,7 +10,7 @@ from rich.markup import escape
 from stridelab.cli.options import ControlOption, Delivery, Densities, NodeRate, ScenarioName, SolverOption
 from stridelab.cli.results import deliver_result, out, run_kind, show_files, show_remarks, show_verdict
 from stridelab.errors import Fault, InvalidInput, StridelabError
-from stridelab.pipelines.scenario_files import known_scenario, read_scenario
+from stridelab.pipelines.scenarios.scenario_files import known_scenario, read_scenario
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import (
     DURATION_RANGE,
@@ -267,7 +267,7 @@ def plan_there(request: PlanRequest, folder: Path, delivery: Delivery) -> tuple[
 def scale_here(scene: str, robot: str) -> Scenario:
     """The bundled ``scene`` for a robot of this machine. Raises as ``scene_for_robot`` and ``load_robot``."""
     from stridelab.pipelines.commissioning.robot_walker import walker_facts
-    from stridelab.pipelines.scaled_scenes import scene_for_robot
+    from stridelab.pipelines.scenarios.scaled_scenes import scene_for_robot
     from stridelab.robots.loader import load_robot
 
     return scene_for_robot(scene, robot, walker_facts(load_robot(robot)))

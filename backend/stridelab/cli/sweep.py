@@ -11,7 +11,7 @@ from rich.markup import escape
 from stridelab.cli.options import ControlOption, Delivery, Densities, NodeRate, SolverOption
 from stridelab.cli.results import deliver_result, out, run_here, show_files, show_remarks
 from stridelab.errors import Fault, InvalidInput
-from stridelab.pipelines.scenario_files import known_scenario
+from stridelab.pipelines.scenarios.scenario_files import known_scenario
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sweeps import SweepInput, SweepSummary, SweepTask

@@ -116,6 +116,6 @@ def push_basin(
 
 
 def _scenario_of(scenario: str | Path | Mapping[str, Any] | Scenario) -> Scenario:
-    from stridelab.pipelines.scenario_files import read_scenario
+    from stridelab.pipelines.scenarios.scenario_files import read_scenario
 
     return read_scenario(str(scenario)) if isinstance(scenario, str | Path) else validate_fields(Scenario, scenario)

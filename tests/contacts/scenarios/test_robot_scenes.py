@@ -11,7 +11,7 @@ from stridelab.contacts.scenarios.hand_scenes import RAIL_HAND_M, TALOS_ARM
 from stridelab.contacts.scenarios.robot_scenes import HAND_SCENES, SCENES, TALOS_LEG_M
 from stridelab.errors import InvalidInput
 from stridelab.pipelines.commissioning.robot_walker import walker_facts
-from stridelab.pipelines.scaled_scenes import scene_for_robot
+from stridelab.pipelines.scenarios.scaled_scenes import scene_for_robot
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.robots import WalkerFacts
 from stridelab.schemas.scenarios import Scenario, SceneName

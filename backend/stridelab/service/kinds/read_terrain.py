@@ -4,7 +4,7 @@ from pathlib import Path
 
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.pipelines.progress import ProgressCallback
-from stridelab.pipelines.read_terrain import read_terrain
+from stridelab.pipelines.scenarios.read_terrain import read_terrain
 from stridelab.schemas.base import Contract
 from stridelab.schemas.scenarios import UpAxis
 from stridelab.service.kinds.base import Outcome

@@ -6,7 +6,7 @@ from fastapi import APIRouter, Body, Header, Query, Response
 from sqlalchemy import delete, func, insert, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.pipelines.scaled_scenes import scene_for_robot
+from stridelab.pipelines.scenarios.scaled_scenes import scene_for_robot
 from stridelab.schemas.base import Page
 from stridelab.schemas.plans import PlanContactsInput
 from stridelab.schemas.scenarios import Course, ScaledScene, Scenario, ScenarioCheck, StoredScenario

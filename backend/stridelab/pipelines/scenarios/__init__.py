@@ -1,0 +1,1 @@
+"""Scenarios from elsewhere: bundled scenes scaled to a robot, files of users, and terrains."""
