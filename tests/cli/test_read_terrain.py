@@ -1,15 +1,18 @@
-"""``stridelab read-terrain``: from the mesh of a terrain to planned contacts; bad files leave nothing behind."""
+"""``stridelab read-terrain``: from the file of a terrain to planned contacts; bad files leave nothing behind."""
 
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 from typer.testing import CliRunner
 
 from stridelab.cli.app import app
 from stridelab.cli.results import EXIT_CODES
 from stridelab.errors import InvalidInput, NotFound, StridelabError, UnreadableFile
+from support.terrain_scans import flight_rectangles, scan_bar, scan_rectangles
 
 
 @pytest.fixture(autouse=True)
@@ -40,6 +43,34 @@ def test_a_mesh_becomes_a_contact_sequence() -> None:
     scenario = json.loads(Path("step.task-contacts/scenario.json").read_text(encoding="utf-8"))
     heights = {round(one["position_m"][2], 3) for phase in scenario["phases"] for one in phase["contacts"]}
     assert heights == {0.0, 0.1}
+
+
+def test_a_noisy_cloud_becomes_a_contact_sequence_on_stairs_with_a_rail() -> None:
+    rng = np.random.default_rng(20)
+    level, risers = flight_rectangles(0.14, 0.3, 3, 1.2, 1.2)
+    rail = scan_bar(rng, ((0.0, -0.5, 0.9), (0.6, -0.5, 1.18)), 0.02, 0.02, 0.003)
+    points_m = np.concatenate([scan_rectangles(rng, [*level, *risers], 0.02, 0.003), rail])
+    np.savetxt("flight.xyz", points_m, fmt="%.4f")
+    code, output = typed("read-terrain", "flight.xyz", "--start=-0.6,0", "--goal=1.3,0")
+    assert code == 0, output
+    output = " ".join(output.split())
+    assert "4 surfaces, 0.00 to 0.42 m high, 1 rail" in output
+    assert "stairs: 3 treads, rise 14.0 cm" in output
+    assert "1 rail" in output.partition("stairs:")[2]
+    assert "mm of noise" in output
+    code, output = typed("plan-contacts", "flight.task.json")
+    assert code == 0, output
+
+
+def test_an_image_needs_its_cell_and_height() -> None:
+    grey = np.zeros((60, 100), dtype=np.uint8)
+    grey[:, 60:] = 10
+    Image.fromarray(grey).save("map.png")
+    code, output = typed("read-terrain", "map.png", "--start=-0.5,0", "--goal=0.7,0")
+    assert code == EXIT_CODES[UnreadableFile], output
+    code, output = typed("read-terrain", "map.png", "--start=-0.5,0", "--goal=0.7,0", "--cell=0.02", "--height=0.01")
+    assert code == 0, output
+    assert "2 surfaces, 0.00 to 0.10 m high" in output
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,12 @@
 
 ``stridelab export-contacts`` and ``import-contacts``: convert contact sequences to and from multicontact-api JSON.
 
-``stridelab read-terrain``: makes the task of crossing a terrain of its mesh.
+``stridelab read-terrain``: makes the task of crossing a terrain of its mesh, scan, height map or scene.
 """
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -184,27 +184,40 @@ def _describe_size(scenario: Scenario, duration_s: float) -> str:
 
 
 READ_S, READ_MB = 60.0, 2048
-"""Limits of the process that reads a mesh."""
+"""Limits of the process that reads a terrain."""
 METRES_PER: Final = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 
 def read_terrain(
-    file: Annotated[Path, typer.Argument(help="The mesh of a terrain: STL, OBJ, PLY or GLB.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="The terrain: a mesh (STL, OBJ, PLY, GLB), a cloud of points (PLY, XYZ, PTS, CSV, PCD), a height map "
+            "(ASC, PNG) or a scene of MuJoCo (XML, ZIP)."
+        ),
+    ],
     start: Annotated[str, typer.Option("--start", help="Where the robot starts, as x,y in metres.")],
     goal: Annotated[str, typer.Option("--goal", help="Where it goes, as x,y in metres; it faces there.")],
     robot: Annotated[str, typer.Option("--robot", help="Name of the robot.")] = "talos",
-    unit: Annotated[Literal["m", "cm", "mm"], typer.Option("--unit", help="Unit of the mesh.")] = "m",
+    unit: Annotated[Literal["m", "cm", "mm"], typer.Option("--unit", help="Unit of the file.")] = "m",
     up: Annotated[
         Literal["+z", "+y"] | None, typer.Option("--up", help="Axis that points up; +z, of GLB +y, if omitted.")
     ] = None,
     friction: Annotated[float, typer.Option("--friction", min=0.05, max=2.0, help="Coefficient of friction.")] = 0.3,
+    cell_m: Annotated[
+        float | None, typer.Option("--cell", min=0.001, max=1.0, help="Edge of the cells of a PNG, in metres.")
+    ] = None,
+    height_m: Annotated[
+        float | None, typer.Option("--height", min=1e-6, max=1.0, help="Height of a step of grey of a PNG, in metres.")
+    ] = None,
     out_file: OutFile = None,
     force: ForceFile = False,
 ) -> None:
-    """Find the surfaces of a mesh on which feet can stand, and write the task of crossing it for plan-contacts.
+    """Find the surfaces of a terrain on which feet can stand, and write the task of crossing it for plan-contacts.
 
-    Raises ``NotFound`` (``file-not-found``, ``robot-not-found``), ``UnreadableFile`` (``terrain-mesh-unreadable``) and
-    ``InvalidInput`` (``terrain-without-surfaces``, ``invalid-request``, and as ``crossing_task``).
+    Raises ``NotFound`` (``file-not-found``, ``robot-not-found``), ``UnreadableFile`` (``terrain-mesh-unreadable``,
+    ``terrain-file-unreadable``, and for scenes as ``read_scene``) and ``InvalidInput`` (``terrain-without-surfaces``,
+    ``invalid-request``, and as ``crossing_task``).
     """
     from stridelab.contacts.effector_geometry import effector_shapes
     from stridelab.contacts.terrain_meshes.crossing import crossing_task
@@ -212,7 +225,7 @@ def read_terrain(
     if not file.is_file():
         raise NotFound("file-not-found", f"There is no file {file}.", [Fault(str(file), "missing")])
     ends = _parse_place("--start", start), _parse_place("--goal", goal)
-    item = {"file": str(file), "metres_per_unit": METRES_PER[unit], "up": up}
+    item = {"file": str(file), "metres_per_unit": METRES_PER[unit], "up": up, "cell_m": cell_m, "height_m": height_m}
     ((_, read),) = map_isolated(_read_here, [item], preload=["numpy"], timeout_s=READ_S, spans_nodes=False)
     if isinstance(read, StridelabError):
         raise read
@@ -223,10 +236,26 @@ def read_terrain(
     )
     target = out_file or Path(f"{file.stem}.task.json")
     write_file(target, request.model_dump_json(indent=2, exclude_none=True) + "\n", force=force, option=OUT_FILE_OPTION)
-    heights = [surface["center_m"][2] + 0.5 * surface["size_m"][2] for surface in surfaces]
-    found = f"{len(surfaces)} surface{'s' * (len(surfaces) != 1)}, {min(heights):.2f} to {max(heights):.2f} m high"
-    out.print(f"[green]written[/] {escape(str(target))}: {found}")
+    out.print(f"[green]written[/] {escape(str(target))}: {_describe_terrain(surfaces)}")
+    for flight in read["stairs"]:
+        rails = f", {len(flight['rails'])} rail{'s' * (len(flight['rails']) != 1)}" if flight["rails"] else ""
+        out.print(
+            f"stairs: {len(flight['treads'])} treads, rise {100.0 * flight['rise_m']:.1f} cm, "
+            f"run {100.0 * flight['run_m']:.1f} cm, {flight['width_m']:.2f} m wide{rails}"
+        )
+    show_remarks([Remark(code="terrain-read", message=remark) for remark in read["remarks"]])
     out.print(f"To plan the contacts: stridelab plan-contacts {escape(str(target))}")
+
+
+def _describe_terrain(surfaces: Sequence[Mapping[str, Any]]) -> str:
+    """How many surfaces, rails and obstacles there are, and how high the surfaces."""
+    boxes = [one for one in surfaces if one["name"].startswith("surface")]
+    heights = [round(one["center_m"][2] + 0.5 * one["size_m"][2], 2) + 0.0 for one in boxes]
+    text = f"{len(boxes)} surface{'s' * (len(boxes) != 1)}, {min(heights):.2f} to {max(heights):.2f} m high"
+    for kind in ("rail", "obstacle"):
+        count = sum(one["name"].startswith(kind) for one in surfaces)
+        text += f", {count} {kind}{'s' * (count != 1)}" if count else ""
+    return text
 
 
 def _parse_place(option: str, typed: str) -> tuple[float, float]:
@@ -246,5 +275,6 @@ def _read_here(item: Mapping[str, Any]) -> dict[str, Any]:
     from stridelab.service.processes.child import limit_memory
 
     limit_memory(READ_MB)
-    read = read_file(Path(item["file"]), metres_per_unit=item["metres_per_unit"], up=item["up"])
+    options = {key: value for key, value in item.items() if key != "file"}
+    read = read_file(Path(item["file"]), **options)
     return read.model_dump(mode="json", exclude_none=True)

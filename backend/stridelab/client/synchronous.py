@@ -38,9 +38,8 @@ from stridelab.client.streams import (
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent
 from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, SubjectFields
-from stridelab.schemas.scenarios import TerrainUnit, UpAxis
+from stridelab.schemas.scenarios import ReadTerrain, TerrainUnit, UpAxis
 from stridelab.schemas.streams import MarkerStreamConfiguration, StreamConfiguration
-from stridelab.schemas.terrains import ReadTerrain
 
 T = TypeVar("T")
 

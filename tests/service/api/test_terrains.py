@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from stridelab.client import Client, ProblemError
-from stridelab.schemas.terrains import ReadTerrain
+from stridelab.schemas.scenarios import ReadTerrain
 from stridelab.service.api.terrains import endpoints
 from stridelab.service.auth.callers import needed_scope
 from support.service.terrain_files import CODES, HOSTILE, PACKED, RISE_M, STAIRS, stairs

@@ -8,8 +8,7 @@ from starlette.responses import JSONResponse
 from starlette.routing import Route
 
 from stridelab.schemas.plans import PlanContactsInput
-from stridelab.schemas.scenarios import TerrainCrossing
-from stridelab.schemas.terrains import ReadTerrain
+from stridelab.schemas.scenarios import ReadTerrain, TerrainCrossing
 from support.fakes.robots import scenario
 
 RISE_M, RUN_M, TREADS = 0.17, 0.28, 8

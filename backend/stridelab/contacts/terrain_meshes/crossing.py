@@ -8,7 +8,9 @@ import numpy as np
 from stridelab.contacts.effector_geometry import EffectorShape
 from stridelab.contacts.scenarios.course import StandingRobot
 from stridelab.contacts.scenarios.parts import contact
-from stridelab.conventions import Rotation, Vector3
+from stridelab.contacts.terrain_meshes.planes import SHORTEST_EDGE_M, STEEPEST_RAD
+from stridelab.contacts.terrain_meshes.surfaces import UpperFace, upper_faces
+from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import Fault, InvalidInput
 
@@ -31,7 +33,7 @@ def crossing_task(
         raise InvalidInput("crossing-too-short", text[0].upper() + text[1:] + ".", [Fault("goal", text)])
     ahead = np.append(way / np.linalg.norm(way), 0.0)
     foot_y_m = StandingRobot.of_effectors(effectors, ()).foot_y_m
-    boxes = [_upper_face(box) for box in terrain]
+    boxes = [face for face in upper_faces([one for one in terrain if one["kind"] == "box"]) if _holds_foot(face)]
     ends = {}
     for end, (x, y) in (("start", start_m), ("goal", goal_m)):
         feet = []
@@ -44,23 +46,20 @@ def crossing_task(
     return {"terrain": list(terrain), **ends}
 
 
-def _upper_face(box: Mapping[str, Any]) -> tuple[Rotation, Vector3, Vector3]:
-    """Rotation, middle of the upper face, and half its edges."""
-    R = Placement.from_wxyz(box["center_m"], box["orientation_wxyz"]).rotation
-    size_m = np.array(box["size_m"])
-    return R, np.array(box["center_m"]) + 0.5 * size_m[2] * R[:, 2], 0.5 * size_m
+def _holds_foot(face: UpperFace) -> bool:
+    """Whether an upper face is as large and as level as a standing surface; those of obstacles may be neither."""
+    R, _, half_m = face
+    return bool(2.0 * half_m.min() >= SHORTEST_EDGE_M and R[2, 2] > np.cos(STEEPEST_RAD))
 
 
-def _place_sole(
-    boxes: Sequence[tuple[Rotation, Vector3, Vector3]], at_m: Vector3, ahead: Vector3, foot: str
-) -> Placement:
+def _place_sole(boxes: Sequence[UpperFace], at_m: Vector3, ahead: Vector3, foot: str) -> Placement:
     """Placement of a sole on the highest upper face at a place."""
     highest: tuple[float, Vector3] | None = None
     for R, top_m, half_m in boxes:
         n = R[:, 2]
         z = top_m[2] - float((at_m - top_m)[:2] @ n[:2]) / n[2]
         local = R.T @ (np.array([at_m[0], at_m[1], z]) - top_m)
-        if (np.abs(local[:2]) <= half_m[:2]).all() and (highest is None or z > highest[0]):
+        if (np.abs(local[:2]) <= half_m).all() and (highest is None or z > highest[0]):
             highest = z, n
     if highest is None:
         text = f"there is no surface at ({at_m[0]:.2f}, {at_m[1]:.2f}) m"

@@ -19,6 +19,8 @@ MAX_BYTES: Final = 64_000_000
 MAX_TRIANGLES: Final = 500_000
 EXTENT_M: Final = (0.2, 100.0)
 """Smallest and largest horizontal extent of a terrain: beyond it, the unit is wrong."""
+LIKELY_M: Final = (0.5, 60.0)
+"""Widths of most terrains: units that lead to one are offered."""
 UP_AXES: Final[dict[UpAxis, Rotation]] = {
     "+z": np.eye(3),
     "+y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
@@ -55,7 +57,7 @@ def read_terrain_mesh(path: Path, *, metres_per_unit: float = 1.0, up: UpAxis | 
     except Exception as error:  # of the parsers, which raise whatever the bytes lead to
         raise _refuse_mesh(path, "It is damaged, or its content does not match its name.") from error
     if len(triangles) == 0:
-        raise _refuse_mesh(path, "It has no triangles; a cloud of points must be meshed before.")
+        raise _refuse_mesh(path, "It has no triangles.")
     if len(triangles) > MAX_TRIANGLES:
         raise _refuse_mesh(path, f"It has {len(triangles)} triangles; at most {MAX_TRIANGLES} are read.")
     if not np.isfinite(vertices).all() or triangles.min() < 0 or triangles.max() >= len(vertices):
@@ -64,10 +66,19 @@ def read_terrain_mesh(path: Path, *, metres_per_unit: float = 1.0, up: UpAxis | 
     vertices_m = np.asarray(vertices * metres_per_unit @ R.T)
     extent_m = float(np.ptp(vertices_m[triangles.ravel(), :2], axis=0).max())
     if not EXTENT_M[0] <= extent_m <= EXTENT_M[1]:
-        raise _refuse_mesh(
-            path, f"It is {extent_m:.3g} m wide; a terrain has {EXTENT_M[0]} to {EXTENT_M[1]:g} m. State its unit."
-        )
+        raise _refuse_mesh(path, describe_extent(extent_m, metres_per_unit))
     return TerrainMesh(vertices_m, _facing_outwards(vertices_m, triangles))
+
+
+def describe_extent(extent_m: float, metres_per_unit: float) -> str:
+    """Why an extent is none of a terrain, and the units with which it would be one of 0.5 to 60 m."""
+    fitting = [
+        f"in {name} it would be {extent_m / metres_per_unit * metres:.3g} m wide"
+        for name, metres in (("metres", 1.0), ("centimetres", 0.01), ("millimetres", 0.001))
+        if LIKELY_M[0] <= extent_m / metres_per_unit * metres <= LIKELY_M[1]
+    ]
+    text = f"It is {extent_m:.3g} m wide; a terrain has {EXTENT_M[0]} to {EXTENT_M[1]:g} m. State its unit"
+    return text + (f": {', '.join(fitting)}." if fitting else ".")
 
 
 def _facing_outwards(vertices_m: Points, triangles: Triangles) -> Triangles:

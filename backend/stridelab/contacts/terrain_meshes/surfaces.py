@@ -1,191 +1,228 @@
-"""Rectangles on which feet can stand, found in the mesh of a terrain.
+"""Rectangles on which feet can stand, found in the mesh or the scan of a terrain.
 
-Triangles that face up within ``STEEPEST_RAD`` are grouped by planes. In each plane, on a grid, cells are free that a
-triangle of the group covers and that no other standable triangle covers within ``HEADROOM_M`` above. The largest free
-rectangles become boxes with that upper face. Edges of rectangles snap to vertices less than a cell away, so that faces
-of stairs and ramps keep their size. Level surfaces are solid down to the lowest point of the mesh, tilted ones are
-slabs.
+Planes are exact, from the triangles of clean meshes, or fitted to the points of scans. In each plane, on a grid, cells
+are free that it covers and that no other standable plane covers within ``HEADROOM_M`` above. The largest free
+rectangles become boxes with that upper face. Edges of exact rectangles snap to vertices less than a cell away, so that
+faces of stairs and ramps keep their size; those of scanned ones are where their outermost points are. Level surfaces
+are solid down to the lowest point of the terrain, or a slab where one can walk below; tilted ones are slabs.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 
 from stridelab.contacts.scenarios.parts import round_values
+from stridelab.contacts.terrain_meshes.growing import LEVEL_RAD, Region, grow_regions, scanned_planes
+from stridelab.contacts.terrain_meshes.planes import (
+    HEADROOM_M,
+    Plane,
+    block_below,
+    exact_planes,
+)
+from stridelab.contacts.terrain_meshes.planes import SHORTEST_EDGE_M as SHORTEST_EDGE_M
 from stridelab.contacts.terrain_meshes.reading import TerrainMesh
-from stridelab.conventions import Points, Rotation
+from stridelab.contacts.terrain_meshes.rectangles import Cells, best_turn_rad, has_square, largest_rectangle, size_of
+from stridelab.contacts.terrain_meshes.samples import Samples, prepare_samples, sample_triangles
+from stridelab.conventions import Points, Rotation, Vector3
 from stridelab.dynamics.spatial import Placement
 
-STEEPEST_RAD: Final = float(np.deg2rad(35.0))
-SAME_PLANE_RAD: Final = float(np.deg2rad(2.0))
-SAME_PLANE_M: Final = 5e-3
-HEADROOM_M: Final = 1.8
-SHORTEST_EDGE_M: Final = 0.1
-"""Half the length of a sole: smaller faces hold no foot."""
-CELL_M: Final = 0.02
-MAX_CELLS: Final = 400
-"""Along an edge of a group; larger groups have larger cells."""
 MAX_SURFACES: Final = 199
 """Of a terrain, which may have a rail beside them."""
 SLAB_M: Final = 0.05
-LEVEL_RAD: Final = float(np.deg2rad(0.5))
-Cells = Bool[np.ndarray, "nx ny"]
+FURTHER_SHARE: Final = 0.4
+"""Least share of a plane's first rectangle of a further one; of none beside the holes of scans."""
+SOLE_M: Final = (0.12, 0.2)
+"""Least width and length of a further rectangle: smaller ones are splinters beside the first."""
+DEEP_M: Final = 0.21
+"""Edges of rectangles of scans that are preferred: TALOS' sole is 21 cm long."""
+DEEP_SHARE: Final = 0.4
+"""Least share of the largest rectangle of a preferred one."""
+TURNED_GAIN: Final = 1.15
+"""Least growth of the largest rectangle for which a plane's axes are turned."""
+TURNED_FILL: Final = 0.9
+"""Share of its bounds below which a plane is no rectangle, and other directions are tried."""
+TURNED_M2: Final = 4.0
+STRIP_SPACINGS: Final = 2.0
+LEAST_SAMPLED: Final = -0.1
+"""Vertical part of the normals of triangles from which on they are sampled: undersides hold no foot."""
+Place2 = Float[np.ndarray, "2"]
+UpperFace = tuple[Rotation, Vector3, Place2]
+"""Rotation of a box, middle of its upper face, and half the edges of that face."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Plane:
-    """Triangles of a plane: corners ``(m, 3, 2)`` in its axes, of which the third is its normal."""
+class Scan:
+    """Points of a scan, and the flat regions among them."""
 
-    R: Rotation
-    offset_m: float
-    corners_m: Float[np.ndarray, "m 3 2"]
-    low_m: Float[np.ndarray, "2"]
-    cell_m: float
-    covered: Cells
+    samples: Samples
+    regions: list[Region]
 
-    def place_in_world(self, places_m: Float[np.ndarray, "n 2"]) -> Points:
-        """Points of the plane in the world."""
-        return np.asarray(np.column_stack([places_m, np.full(len(places_m), self.offset_m)]) @ self.R.T)
 
-    def covers_points(self, points_m: Points) -> Bool[np.ndarray, "n"]:
-        """Which points of the world lie below a covered cell, within the headroom."""
-        normal = self.R[:, 2]
-        above_m = (self.offset_m - points_m @ normal) / normal[2]
-        on_plane = points_m + np.column_stack([np.zeros((len(points_m), 2)), above_m])
-        cells = np.floor((on_plane @ self.R[:, :2] - self.low_m) / self.cell_m).astype(int)
-        inside = ((cells >= 0) & (cells < self.covered.shape)).all(axis=1)
-        covered = np.zeros(len(points_m), dtype=bool)
-        covered[inside] = self.covered[tuple(cells[inside].T)]
-        return np.asarray(covered & (above_m > 2.0 * SAME_PLANE_M) & (above_m < HEADROOM_M))
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """Boxes of a scenario's terrain, how many more were left out, and the scans of the mesh and of the cloud."""
+
+    boxes: list[dict[str, Any]]
+    dropped: int
+    scans: list[Scan]
 
 
 def standing_surfaces(mesh: TerrainMesh) -> list[dict[str, Any]]:
     """Boxes of a scenario's terrain (``BoxSurface``), from the largest on, at most ``MAX_SURFACES``."""
-    planes = list(_group_planes(mesh))
-    boxes: list[tuple[float, dict[str, Any]]] = []
-    floor_m = float(mesh.vertices_m[mesh.triangles.ravel(), 2].min())
+    return find_standing(mesh, np.zeros((0, 3))).boxes
+
+
+def find_standing(mesh: TerrainMesh, cloud_m: Points) -> Standing:
+    """The surfaces of a mesh and of a cloud of points, either of which may be empty."""
+    planes, free = exact_planes(mesh)
+    up = _upward_part(mesh)
+    scanned = free & (up > LEAST_SAMPLED)
+    scans = []
+    for points_m, from_mesh in ((sample_triangles(mesh, scanned), True), (cloud_m, False)):
+        samples = prepare_samples(points_m, from_mesh=from_mesh)
+        if samples is not None:
+            scans.append(Scan(samples, grow_regions(samples)))
+            planes += scanned_planes(samples, scans[-1].regions)
+    floor_m = min(
+        float(mesh.vertices_m[mesh.triangles.ravel(), 2].min(initial=np.inf)),
+        float(np.quantile(cloud_m[:, 2], 0.001)) if len(cloud_m) else np.inf,
+    )
+    boxes = list(_boxes_of(planes, floor_m))
+    boxes.sort(key=lambda one: -one[0])
+    named = [{"name": f"surface {k + 1}"} | box for k, (_, box) in enumerate(boxes[:MAX_SURFACES])]
+    return Standing(named, max(len(boxes) - MAX_SURFACES, 0), scans)
+
+
+def _upward_part(mesh: TerrainMesh) -> Float[np.ndarray, "m"]:
+    """Vertical part of the normals of triangles, -1 for those without area."""
+    corners_m = mesh.vertices_m[mesh.triangles]
+    normals = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    return np.asarray(np.where(lengths > 1e-12, normals[:, 2] / np.maximum(lengths, 1e-12), -1.0))
+
+
+def _boxes_of(planes: Sequence[Plane], floor_m: float) -> Iterator[tuple[float, dict[str, Any]]]:
+    """Areas and boxes of the free rectangles of all planes."""
     for plane in planes:
         free = plane.covered.copy()
-        at = np.argwhere(free)
-        centres_m = plane.place_in_world(plane.low_m + (at + 0.5) * plane.cell_m)
-        for other in planes:
-            if other is not plane:
-                free[tuple(at[other.covers_points(centres_m)].T)] = False
-        for low_m, high_m in _free_rectangles(plane, free):
+        block_below(free, plane, planes)
+        turned = _turn_to_free(plane, free)
+        if turned is not plane:
+            free = turned.covered.copy()
+            block_below(free, turned, [one for one in planes if one is not plane])
+        first_m2, share = 0.0, 0.0 if plane.spacing_m and turned is plane else FURTHER_SHARE
+        for low_m, high_m in _free_rectangles(turned, free):
             edges_m = high_m - low_m
-            if edges_m.min() >= SHORTEST_EDGE_M:
-                boxes.append((float(edges_m.prod()), _box_below(plane, low_m, high_m, floor_m)))
-    boxes.sort(key=lambda one: -one[0])
-    return [{"name": f"surface {k + 1}"} | box for k, (_, box) in enumerate(boxes[:MAX_SURFACES])]
+            area_m2 = float(edges_m.prod())
+            is_sole = edges_m.min() >= SOLE_M[0] and edges_m.max() >= SOLE_M[1]
+            is_splinter = first_m2 > 0.0 and not (is_sole and area_m2 > share * first_m2)
+            if edges_m.min() >= SHORTEST_EDGE_M and not is_splinter:
+                first_m2 = max(first_m2, area_m2)
+                yield area_m2, _box_below(turned, low_m, high_m, floor_m, planes)
 
 
-def _group_planes(mesh: TerrainMesh) -> Iterator[_Plane]:
-    """Groups of triangles of one plane that face up; the largest triangle of the others begins a group."""
-    corners_m = mesh.vertices_m[mesh.triangles]
-    areas = 0.5 * np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
-    size_m2 = np.linalg.norm(areas, axis=1)
-    up = areas[:, 2] > np.cos(STEEPEST_RAD) * np.maximum(size_m2, 1e-10)
-    corners_m, size_m2 = corners_m[up], size_m2[up]
-    normals = areas[up] / size_m2[:, None]
-    left = np.ones(len(size_m2), dtype=bool)
-    for _ in range(4 * MAX_SURFACES):
-        if not left.any():
-            return
-        seed = int(np.argmax(np.where(left, size_m2, -1.0)))
-        n = normals[seed]
-        away_m = np.abs((corners_m - corners_m[seed, 0]) @ n).max(axis=1)
-        group = left & (normals @ n > np.cos(SAME_PLANE_RAD)) & (away_m < SAME_PLANE_M)
-        left &= ~group
-        if size_m2[group].sum() >= SHORTEST_EDGE_M**2:
-            yield _plane_of(corners_m[group], n)
+def _turn_to_free(plane: Plane, free: Cells) -> Plane:
+    """The plane, with its axes along its largest rectangle if it is small and none itself."""
+    at = np.argwhere(free)
+    if len(at) * plane.cell_m**2 > TURNED_M2 or len(at) < 4:
+        return plane
+    bounds = np.prod(np.ptp(at, axis=0) + 1)
+    if len(at) > TURNED_FILL * bounds:
+        return plane
+    turn_rad = best_turn_rad(free, TURNED_GAIN)
+    return plane.turn_axes(turn_rad) if turn_rad else plane
 
 
-def _plane_of(corners_m: Float[np.ndarray, "m 3 3"], normal: Float[np.ndarray, "3"]) -> _Plane:
-    """The plane of a group, with axes along its longest edges, and the cells that its triangles cover."""
-    edges = (np.roll(corners_m, -1, axis=1) - corners_m).reshape(-1, 3)
-    lengths = np.linalg.norm(edges, axis=1)
-    longest = edges[_longest_side(edges, lengths)]
-    along = longest / np.linalg.norm(longest)
-    across = np.cross(normal, along)
-    x = max((along, across, -along, -across), key=lambda one: float(one[0]))
-    R = np.column_stack([x, np.cross(normal, x), normal])
-    flat = corners_m @ R
-    low_m, high_m = flat[..., :2].min(axis=(0, 1)), flat[..., :2].max(axis=(0, 1))
-    cell_m = max(CELL_M, float((high_m - low_m).max()) / MAX_CELLS)
-    covered = np.zeros(np.maximum(np.ceil((high_m - low_m) / cell_m - 1e-9).astype(int), 1), dtype=bool)
-    for triangle in flat[..., :2]:
-        _mark_covered(covered, (triangle - low_m) / cell_m)
-    return _Plane(R, float(flat[..., 2].mean()), flat[..., :2], low_m, cell_m, covered)
-
-
-def _longest_side(edges: Points, lengths: Float[np.ndarray, "n"]) -> int:
-    """The longest edge of the direction, or of the one across it, in which the edges are longest in all."""
-    bins = np.round(np.rad2deg(np.arctan2(edges[:, 1], edges[:, 0]))).astype(int) % 90
-    favoured = int(np.argmax(np.bincount(bins, weights=lengths, minlength=90)))
-    return int(np.argmax(np.where(bins == favoured, lengths, -1.0)))
-
-
-def _mark_covered(covered: Cells, triangle: Float[np.ndarray, "3 2"]) -> None:
-    """Mark the cells whose centre lies in a triangle, given in cells."""
-    low = np.clip(np.floor(triangle.min(axis=0)).astype(int), 0, covered.shape)
-    high = np.clip(np.ceil(triangle.max(axis=0)).astype(int), 0, covered.shape)
-    x, y = np.meshgrid(np.arange(low[0], high[0]) + 0.5, np.arange(low[1], high[1]) + 0.5, indexing="ij")
-    sides = [
-        (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])
-        for a, b in zip(triangle, np.roll(triangle, -1, axis=0), strict=True)
-    ]
-    inside = np.all([side >= -1e-9 for side in sides], axis=0) | np.all([side <= 1e-9 for side in sides], axis=0)
-    covered[low[0] : high[0], low[1] : high[1]] |= inside
-
-
-def _free_rectangles(plane: _Plane, free: Cells) -> Iterator[tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]]:
+def _free_rectangles(plane: Plane, free: Cells) -> Iterator[tuple[Place2, Place2]]:
     """Lower and upper corners of the largest free rectangle, of the largest in what it leaves, and so on."""
-    places_m = plane.corners_m.reshape(-1, 2)
+    least = int((SHORTEST_EDGE_M - plane.cell_m) / plane.cell_m)
     for _ in range(MAX_SURFACES):
-        (i, j), (k, m) = _largest_rectangle(free)
+        if not has_square(free, least):
+            return
+        span = largest_rectangle(free)
+        if plane.spacing_m:  # beside a hole of a scan, a shorter and deeper rectangle holds a sole
+            deep = largest_rectangle(free, int(DEEP_M / plane.cell_m))
+            span = deep if size_of(deep) > DEEP_SHARE * size_of(span) else span
+        (i, j), (k, m) = span
         if min(k - i, m - j) * plane.cell_m < SHORTEST_EDGE_M - plane.cell_m:
             return
         free[i:k, j:m] = False
         ends_m = plane.low_m + plane.cell_m * np.array([(i, j), (k, m)])
-        for end, inwards_m in ((0, 0.5 * plane.cell_m), (1, -0.5 * plane.cell_m)):
-            for axis in range(2):
-                apart_m = np.abs(places_m[:, axis] - ends_m[end, axis])
-                nearest = int(np.argmin(apart_m))
-                snaps = apart_m[nearest] < plane.cell_m
-                ends_m[end, axis] = places_m[nearest, axis] if snaps else ends_m[end, axis] + inwards_m
-        yield ends_m[0], ends_m[1]
+        yield _outermost_edges(plane, ends_m) if plane.spacing_m else _snapped_edges(plane, ends_m)
 
 
-def _largest_rectangle(free: Cells) -> tuple[tuple[int, int], tuple[int, int]]:
-    """First cell of the largest rectangle of free cells, and the one after its last; by the heights of columns."""
-    best, found = 0, ((0, 0), (0, 0))
-    heights: Int[np.ndarray, "ny"] = np.zeros(free.shape[1], dtype=int)
-    for row in range(free.shape[0]):
-        heights = np.where(free[row], heights + 1, 0)
-        stack: list[tuple[int, int]] = []
-        for column, height in enumerate([*heights.tolist(), 0]):
-            start = column
-            while stack and stack[-1][1] >= height:
-                start, top = stack.pop()
-                if top * (column - start) > best:
-                    best, found = top * (column - start), ((row - top + 1, start), (row + 1, column))
-            stack.append((start, height))
-    return found
+def _snapped_edges(plane: Plane, ends_m: Float[np.ndarray, "2 2"]) -> tuple[Place2, Place2]:
+    """Edges at vertices less than a cell away, else half a cell inwards."""
+    for end, inwards_m in ((0, 0.5 * plane.cell_m), (1, -0.5 * plane.cell_m)):
+        for axis in range(2):
+            apart_m = np.abs(plane.places_m[:, axis] - ends_m[end, axis])
+            nearest = int(np.argmin(apart_m))
+            snaps = apart_m[nearest] < plane.cell_m
+            ends_m[end, axis] = plane.places_m[nearest, axis] if snaps else ends_m[end, axis] + inwards_m
+    return ends_m[0], ends_m[1]
 
 
-def _box_below(
-    plane: _Plane, low: Float[np.ndarray, "2"], high: Float[np.ndarray, "2"], floor_m: float
-) -> dict[str, Any]:
+def _outermost_edges(plane: Plane, ends_m: Float[np.ndarray, "2 2"]) -> tuple[Place2, Place2]:
+    """Edges half a spacing beyond the outermost points: their median over strips across the edge.
+
+    An edge beyond which the plane goes on, below another one, stays.
+    """
+    low_m, high_m = ends_m[0].copy(), ends_m[1].copy()
+    window_m = 2.0 * plane.spacing_m + 1.5 * plane.cell_m
+    for axis in range(2):
+        other = 1 - axis
+        within = (plane.places_m[:, other] > low_m[other]) & (plane.places_m[:, other] < high_m[other])
+        along_m, out_m = plane.places_m[within][:, other], plane.places_m[within][:, axis]
+        strips = np.floor((along_m - low_m[other]) / (STRIP_SPACINGS * plane.spacing_m)).astype(int)
+        for end, sign in ((0, -1.0), (1, 1.0)):
+            edge_m = sign * float((low_m, high_m)[end][axis])
+            beyond = sign * out_m
+            near = (beyond > edge_m - window_m) & (beyond < edge_m + window_m)
+            count = max(int(strips.max(initial=0)) + 1, 1)
+            outermost = np.full(count, -np.inf)
+            np.maximum.at(outermost, strips[near], beyond[near])
+            outermost = outermost[np.isfinite(outermost)]
+            goes_on = (beyond > edge_m + window_m).sum() > 0.3 * count
+            if len(outermost) and not goes_on:
+                ends_m[end, axis] = sign * (float(np.median(outermost)) + 0.5 * plane.spacing_m)
+    return ends_m[0], ends_m[1]
+
+
+def _box_below(plane: Plane, low: Place2, high: Place2, floor_m: float, planes: Sequence[Plane]) -> dict[str, Any]:
     """A box whose upper face is a rectangle of a plane."""
     top_m = plane.place_in_world((0.5 * (low + high))[None])[0]
-    is_level = plane.R[2, 2] > np.cos(LEVEL_RAD)
-    depth_m = max(float(top_m[2]) - floor_m, SLAB_M) if is_level else SLAB_M
+    depth_m = SLAB_M
+    if plane.R[2, 2] > np.cos(LEVEL_RAD) and not _has_way_below(plane, low, high, planes):
+        depth_m = max(float(top_m[2]) - floor_m, SLAB_M)
     return {
         "kind": "box",
         "center_m": round_values((top_m - 0.5 * depth_m * plane.R[:, 2]).tolist()),
         "size_m": round_values((*(high - low).tolist(), depth_m)),
         "orientation_wxyz": round_values(Placement(top_m, plane.R).wxyz.tolist()),
     }
+
+
+def _has_way_below(plane: Plane, low: Place2, high: Place2, planes: Sequence[Plane]) -> bool:
+    """Whether another plane lies below a rectangle with headroom between them."""
+    steps = [np.linspace(a, b, 7)[1:-1] for a, b in zip(low, high, strict=True)]
+    places = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 2)
+    points_m = plane.place_in_world(places)
+    for other in planes:
+        if other is not plane and other.is_near(plane):
+            above_m, covered = other.heights_above(points_m)
+            if (covered & (above_m > HEADROOM_M)).any():
+                return True
+    return False
+
+
+def upper_faces(boxes: Sequence[Mapping[str, Any]]) -> list[UpperFace]:
+    """Rotation, middle of the upper face and half its edges, of every box."""
+    faces = []
+    for box in boxes:
+        R = Placement.from_wxyz(box["center_m"], box["orientation_wxyz"]).rotation
+        size_m = np.array(box["size_m"])
+        faces.append((R, np.array(box["center_m"]) + 0.5 * size_m[2] * R[:, 2], 0.5 * size_m[:2]))
+    return faces

@@ -71,10 +71,13 @@ def _longest_matches(
     return best
 
 
-def unpack_robot(path: Path, filename: str, folder: Path, description: str = "") -> UnpackedRobot:
+def unpack_robot(
+    path: Path, filename: str, folder: Path, description: str = "", assets: Sequence[str] = MESHES
+) -> UnpackedRobot:
     """Unpack the upload ``path`` into ``folder``; one that is not a zip is the description itself.
 
     ``description`` is the path in the zip of the one to be read, or its end; it is needed where there are several.
+    Unpacked are descriptions and files with the endings ``assets``.
 
     Raises ``UnreadableFile`` (``zip-damaged``, ``zip-bomb``, ``zip-too-many-files``, ``zip-path``,
     ``zip-name-twice``, ``robot-description-missing``, ``robot-several-descriptions``).
@@ -85,14 +88,16 @@ def unpack_robot(path: Path, filename: str, folder: Path, description: str = "")
         return UnpackedRobot(path, PurePosixPath("robot.urdf"), {})
     try:
         with zipfile.ZipFile(path) as archive:
-            return _unpack_archive(archive, filename, folder, description)
+            return _unpack_archive(archive, filename, folder, description, assets)
     except _ZIP_ERRORS as error:
         raise _refused(
             "zip-damaged", "The zip file is damaged, encrypted or truncated.", filename, str(error)
         ) from error
 
 
-def _unpack_archive(archive: zipfile.ZipFile, filename: str, folder: Path, description: str) -> UnpackedRobot:
+def _unpack_archive(
+    archive: zipfile.ZipFile, filename: str, folder: Path, description: str, assets: Sequence[str]
+) -> UnpackedRobot:
     members = [member for member in archive.infolist() if not member.is_dir()]
     if len(members) > MAX_ENTRIES:
         message = f"The zip holds {len(members)} files; at most {MAX_ENTRIES} are accepted."
@@ -105,7 +110,7 @@ def _unpack_archive(archive: zipfile.ZipFile, filename: str, folder: Path, descr
         names[name] = member
     shown = {name: m for name, m in names.items() if not any(p.startswith(".") or p == "__MACOSX" for p in name.parts)}
     described = [name for name in sorted(shown) if name.suffix.lower() in DESCRIPTIONS and name.name != MANIFEST]
-    wanted = [*described[:MAX_DESCRIPTIONS], *(name for name in sorted(shown) if name.suffix.lower() in MESHES)]
+    wanted = [*described[:MAX_DESCRIPTIONS], *(name for name in sorted(shown) if name.suffix.lower() in assets)]
     left, unpacked = MAX_TOTAL_BYTES, {}
     for index, name in enumerate(wanted):
         target = folder / f"member-{index:04d}{name.suffix.lower()}"

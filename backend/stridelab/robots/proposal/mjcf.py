@@ -54,7 +54,7 @@ def urdf_of_mjcf(
     (``robot-description-invalid``) for meshes that are missing, ball joints but those of rods in closed
     loops, and more than three joints of one body.
     """
-    _insert_included(root, upload)
+    insert_included(root, upload)
     if faults := [Fault(f"<{tag}>", why) for tag, why in REFUSED.items() if next(root.iter(tag), None) is not None]:
         raise invalid(faults)
     model = _compile(root, upload)
@@ -80,8 +80,12 @@ def urdf_of_mjcf(
     return urdf, replace(upload, meshes=converter.meshes), changed | converter.changed
 
 
-def _insert_included(root: ET.Element, upload: UnpackedRobot) -> None:
-    """Replace every ``include`` by the elements of its file, which must be in the upload and is included once."""
+def insert_included(root: ET.Element, upload: UnpackedRobot, left_out: list[str] | None = None) -> None:
+    """Replace every ``include`` by the elements of its file, which must be in the upload and is included once.
+
+    With ``left_out``, files that are missing are left out and their names added to it. Raises ``UnreadableFile``
+    (``robot-data-unreadable``, ``robot-description-too-large``).
+    """
     included: set[Path] = {upload.description}
     left_bytes = MAX_BYTES - upload.description.stat().st_size
     while (parent := next((one for one in root.iter() if one.find("include") is not None), None)) is not None:
@@ -90,6 +94,10 @@ def _insert_included(root: ET.Element, upload: UnpackedRobot) -> None:
             raise AssertionError("the parent of an include has one")
         stated = include.get("file", "")
         path = upload.find_part(stated)
+        if path is None and left_out is not None:
+            left_out.append(stated)
+            parent.remove(include)
+            continue
         if path is None or path in included or len(included) > _MAX_INCLUDED:
             reason = "which is not in the zip" if path is None else "a second time, or too many files"
             raise _unreadable_error(f"The MJCF file includes {stated[:120]!r}, {reason}.", str(upload.inside))

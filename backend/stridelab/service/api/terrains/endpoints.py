@@ -10,8 +10,7 @@ from fastapi import APIRouter, Body, Request
 
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.plans import PlanContactsInput
-from stridelab.schemas.scenarios import TerrainCrossing, UpAxis
-from stridelab.schemas.terrains import ReadTerrain
+from stridelab.schemas.scenarios import ReadTerrain, TerrainCrossing, UpAxis
 from stridelab.service.api.dependencies import AppParts
 from stridelab.service.api.openapi import failure_responses, form_body
 from stridelab.service.api.recordings.multipart import Limits, ReceivedForm, receive_form
