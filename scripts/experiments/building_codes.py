@@ -29,15 +29,15 @@ def house_stairs() -> Scenario:
     rails = {"right_hand": HOUSE_RAIL, "left_hand": replace(HOUSE_RAIL, y_m=-HOUSE_RAIL.y_m)}
     timing = Timing(1.9, 1.4, 0.3)
 
-    def holds(x_m: float) -> dict[str, dict[str, object]]:
+    def hand_contacts(x_m: float) -> dict[str, dict[str, object]]:
         return {hand: rail.hand_contact(x_m, slope) | {"effector": hand} for hand, rail in rails.items()}
 
     footholds = [HOUSE.foothold(stair) for stair in range(HOUSE.number + 1)]
-    standing = both_feet(TALOS, *footholds[0]) | holds(footholds[0][0])
+    standing = both_feet(TALOS, *footholds[0]) | hand_contacts(footholds[0][0])
     phases = [phase(timing.ends_s, standing)]
     for x_m, z_m in footholds[1:]:
         feet = both_feet(TALOS, x_m, z_m)
-        for target in (*holds(x_m).values(), feet["right_foot"], feet["left_foot"]):
+        for target in (*hand_contacts(x_m).values(), feet["right_foot"], feet["left_foot"]):
             phases += move_effector(standing, target, timing)
     phases[-1]["duration_s"] = timing.ends_s
     surfaces = [

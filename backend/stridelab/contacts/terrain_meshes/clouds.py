@@ -105,10 +105,10 @@ def _read_ply(path: Path, file: IO[bytes]) -> Points:
         text = (line.decode("latin-1") for line in islice(file, count))
         return _columns_of(text, columns, None)
     order = {"binary_little_endian": "<", "binary_big_endian": ">"}[kind]
-    return _records(path, file, np.dtype([(name, order + form) for name, form in fields]), count)
+    return _read_records(path, file, np.dtype([(name, order + form) for name, form in fields]), count)
 
 
-def _records(path: Path, file: IO[bytes], record: np.dtype[np.void], count: int) -> Points:
+def _read_records(path: Path, file: IO[bytes], record: np.dtype[np.void], count: int) -> Points:
     """Coordinates of binary records."""
     content = file.read(count * record.itemsize)
     if len(content) < count * record.itemsize:
@@ -139,7 +139,7 @@ def _read_pcd(path: Path, file: IO[bytes]) -> Points:
         (name if name in "xyz" else f"other{k}", f"<{letters[form]}{int(size)}", (n,) if n > 1 else ())
         for k, (name, form, size, n) in enumerate(zip(names, forms, sizes, repeats, strict=True))
     ]
-    return _records(path, file, np.dtype(fields), count)
+    return _read_records(path, file, np.dtype(fields), count)
 
 
 def _limit_count(path: Path, count: int) -> None:

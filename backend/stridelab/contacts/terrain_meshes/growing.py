@@ -1,4 +1,4 @@
-"""Planes of scanned terrains: regions grown from flat places, fitted, and told apart where they meet.
+"""Planes of scanned terrains: regions grown from flat places, fitted, and separated where they meet.
 
 A region begins where a local plane is thin. Points within three times the noise of its plane that are connected to it
 join it, and the plane is fitted again, until it grows no further. Regions that are curved more than a sole follows, or
@@ -110,7 +110,7 @@ def _grow_region(samples: Samples, seed: int, local: Numbers, left: Mask, local_
         members = candidates[_connected_part(samples, region, candidates, samples.points_m[seed])]
         if len(members) < 12:
             return None
-        middle, n = fit_plane(samples.points_m[_inner(samples, members, region.normal)])
+        middle, n = fit_plane(samples.points_m[_inner_members(samples, members, region.normal)])
         chosen = np.zeros(len(left), dtype=bool)
         chosen[members] = True
         region = Region(middle, n, chosen)
@@ -124,7 +124,7 @@ def _connected_part(
     samples: Samples, region: Region, at: Numbers, seed_m: Float[np.ndarray, "3"]
 ) -> Bool[np.ndarray, "k"]:
     """Which points are connected to a seed on a grid in the plane."""
-    R = axes_along(np.cross(region.normal, _aside(region.normal)), region.normal)
+    R = axes_along(np.cross(region.normal, _axis_aside(region.normal)), region.normal)
     flat = samples.points_m[at] @ R[:, :2]
     cell_m = max(CELL_M, 2.0 * samples.spacing_m)
     cells = np.floor((flat - flat.min(axis=0, initial=np.inf)) / cell_m).astype(int)
@@ -137,11 +137,11 @@ def _connected_part(
     return np.asarray(here == here[int(np.argmin(np.linalg.norm(flat - seed_m @ R[:, :2], axis=1)))])
 
 
-def _aside(normal: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+def _axis_aside(normal: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
     return np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
 
 
-def _inner(samples: Samples, members: Numbers, normal: Float[np.ndarray, "3"]) -> Int[np.ndarray, "k_inner"]:
+def _inner_members(samples: Samples, members: Numbers, normal: Float[np.ndarray, "3"]) -> Int[np.ndarray, "k_inner"]:
     """Members whose local planes have about the normal of the region, if most have; others are at risers and edges."""
     along = np.abs(samples.normals[members] @ normal) > np.cos(INNER_RAD)
     return members[along] if along.sum() > 0.5 * len(members) else members
@@ -152,8 +152,8 @@ def _is_flat(samples: Samples, region: Region) -> bool:
     members = np.flatnonzero(region.members)
     if len(members) * samples.spacing_m**2 < SHORTEST_EDGE_M**2:
         return False
-    points_m = samples.points_m[_inner(samples, members, region.normal)]
-    R = axes_along(np.cross(region.normal, _aside(region.normal)), region.normal)
+    points_m = samples.points_m[_inner_members(samples, members, region.normal)]
+    R = axes_along(np.cross(region.normal, _axis_aside(region.normal)), region.normal)
     local = (points_m - region.middle_m) @ R
     u, v, z = local.T
     if float(np.sqrt(np.mean(z * z))) > 1.5 * samples.noise_m + 1e-3:
@@ -185,13 +185,15 @@ def _assign_nearest(samples: Samples, regions: Sequence[Region], thickness_m: fl
     for k, region in enumerate(regions):
         members = owner == k
         if members.sum() * samples.spacing_m**2 >= 0.5 * SHORTEST_EDGE_M**2 and members.sum() >= 12:
-            inner = _inner(samples, np.flatnonzero(members), region.normal)
+            inner = _inner_members(samples, np.flatnonzero(members), region.normal)
             middle, n = fit_plane(samples.points_m[inner])
-            fitted.append(replace(region, middle_m=middle, normal=_level(samples, middle, n, members), members=members))
+            fitted.append(
+                replace(region, middle_m=middle, normal=_level_normal(samples, middle, n, members), members=members)
+            )
     return fitted
 
 
-def _level(
+def _level_normal(
     samples: Samples, middle: Float[np.ndarray, "3"], n: Float[np.ndarray, "3"], members: Mask
 ) -> Float[np.ndarray, "3"]:
     """The normal, upright if the plane is level within the error of its fit."""
@@ -207,7 +209,7 @@ def scanned_planes(samples: Samples, regions: Sequence[Region]) -> list[Plane]:
     standing = [one for one in regions if one.normal[2] > np.cos(STEEPEST_RAD)]
     measured = []
     for region in standing:
-        R = axes_along(np.cross(region.normal, _aside(region.normal)), region.normal)
+        R = axes_along(np.cross(region.normal, _axis_aside(region.normal)), region.normal)
         flat = samples.points_m[region.members] @ R[:, :2]
         turn_rad, area_m2 = _smallest_bounds(flat)
         turn_rad += _turn_of_edges(flat, turn_rad, samples.spacing_m)

@@ -100,7 +100,7 @@ def fit_rails(samples: Samples, left: Mask, boxes: Sequence[dict[str, Any]]) -> 
         bar = None if line is None else _bar_of_line(candidates, line, points_m, samples)
         if line is not None and bar is not None and is_rail(bar, boxes):
             rails.append(bar)
-            free &= _distances(candidates, line.middle_m, line.direction)[1] > 2.0 * REACH_M
+            free &= _line_distances(candidates, line.middle_m, line.direction)[1] > 2.0 * REACH_M
     return rails
 
 
@@ -124,7 +124,7 @@ def _linear_seeds(points_m: Points) -> Iterator[tuple[int, Float[np.ndarray, "3"
     yield from ((seed, d) for _, seed, d in seeds[:MAX_TRIES])
 
 
-def _distances(
+def _line_distances(
     points_m: Points, middle: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"]
 ) -> tuple[Series, Series]:
     """Positions along a line, and distances from it."""
@@ -139,7 +139,7 @@ def _grow_line(
     middle, reach_m = points_m[seed], REACH_M + 2.0 * samples.noise_m
     gap_m = max(GAP_M, 4.0 * samples.spacing_m)
     for window_m in (0.2, 0.4, 0.8, 1.6, np.inf, np.inf, np.inf):
-        along_m, away_m = _distances(points_m, middle, direction)
+        along_m, away_m = _line_distances(points_m, middle, direction)
         near = np.flatnonzero(free & (away_m < reach_m) & (np.abs(along_m) < window_m))
         if len(near) < 8:
             return None
@@ -160,7 +160,7 @@ def _grow_line(
 def _bar_of_line(points_m: Points, line: _Line, others_m: Float[np.ndarray, "k 3"], samples: Samples) -> Bar | None:
     """The bar of a line's points: a circle across it. None if they leave gaps, or are the edge of something wider."""
     d = line.direction
-    along_m, _ = _distances(points_m[line.members], line.middle_m, d)
+    along_m, _ = _line_distances(points_m[line.members], line.middle_m, d)
     low, high = float(along_m.min()), float(along_m.max())
     bins = np.floor((along_m - low) / max(2.0 * samples.spacing_m, 0.05)).astype(int)
     if high - low < SHORTEST_M or len(np.unique(bins)) < FILLED * (bins.max() + 1):
@@ -177,7 +177,7 @@ def _bar_of_line(points_m: Points, line: _Line, others_m: Float[np.ndarray, "k 3
     )
     middle = line.middle_m + fit.x[0] * u + fit.x[1] * np.cross(u, d)
     radius_m = float(fit.x[2])
-    other_along, other_away = _distances(others_m, middle, d)
+    other_along, other_away = _line_distances(others_m, middle, d)
     inside = (other_along > low) & (other_along < high)
     ring = inside & (other_away > radius_m + 0.02 + 2.0 * samples.noise_m) & (other_away < LONELY_RING_M)
     if ring.sum() > 0.6 * line.members.sum():

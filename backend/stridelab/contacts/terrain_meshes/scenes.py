@@ -56,7 +56,7 @@ def read_scene(path: Path) -> TerrainShapes:
         model = _compile_scene(path, root, upload, remarks)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    return _Collector(path, model, data, remarks).collect()
+    return _Collector(path, model, data, remarks).collect_shapes()
 
 
 def _unpack_scene(path: Path, folder: Path) -> UnpackedRobot:
@@ -96,7 +96,7 @@ def _prune_scene(path: Path, root: ET.Element) -> list[str]:
         root.remove(section)
     moving: list[str] = []
 
-    def prune(parent: ET.Element, times: int) -> None:
+    def prune_children(parent: ET.Element, times: int) -> None:
         for child in list(parent):
             if child.tag in ("composite", "flexcomp", "attach"):
                 raise refuse_terrain(path, f"It has <{child.tag}>; write its bodies out.")
@@ -104,18 +104,18 @@ def _prune_scene(path: Path, root: ET.Element) -> list[str]:
                 count = int(child.get("count", "1")) if child.get("count", "1").isdigit() else MAX_REPLICATED + 1
                 if times * count > MAX_REPLICATED:
                     raise refuse_terrain(path, f"It replicates shapes more than {MAX_REPLICATED} times.")
-                prune(child, times * count)
+                prune_children(child, times * count)
             elif child.tag in ("body", "frame"):
                 if child.tag == "body" and (child.get("mocap") == "true" or _has_joint(child)):
                     moving.append(child.get("name", "without a name")[:60])
                     parent.remove(child)
                 else:
-                    prune(child, times)
+                    prune_children(child, times)
             elif child.tag != "geom":
                 parent.remove(child)
 
     for world in root.findall("worldbody"):
-        prune(world, 1)
+        prune_children(world, 1)
     return moving
 
 
@@ -176,7 +176,7 @@ class _Collector:
         self._solids: list[Solid] = []
         self._count = 0
 
-    def collect(self) -> TerrainShapes:
+    def collect_shapes(self) -> TerrainShapes:
         """All shapes. Raises ``UnreadableFile`` for a scene without any."""
         model = self._model
         touching = [g for g in range(model.ngeom) if model.geom_contype[g] or model.geom_conaffinity[g]]
@@ -202,28 +202,28 @@ class _Collector:
             raise refuse_terrain(self._path, f"Its height fields have {len(cloud_m)} points; at most {MAX_POINTS}.")
         return TerrainShapes(mesh, cloud_m, self._bars, self._solids, self._scene_remarks)
 
-    def _place(self, geom: int) -> tuple[Rotation, Vector3]:
+    def _geom_place(self, geom: int) -> tuple[Rotation, Vector3]:
         return np.array(self._data.geom_xmat[geom]).reshape(3, 3), np.array(self._data.geom_xpos[geom])
 
-    def _add(self, vertices_m: Points, triangles: np.ndarray) -> None:
+    def _add_mesh(self, vertices_m: Points, triangles: np.ndarray) -> None:
         self._triangles.append(np.asarray(triangles, dtype=np.int64) + self._count)
         self._vertices.append(np.asarray(vertices_m, dtype=float))
         self._count += len(vertices_m)
 
     def _add_geom(self, geom: int, kinds: set[str]) -> None:
-        R, p = self._place(geom)
+        R, p = self._geom_place(geom)
         size, kind = np.array(self._model.geom_size[geom]), mujoco.mjtGeom(int(self._model.geom_type[geom]))
         if kind == mujoco.mjtGeom.mjGEOM_BOX:
             solid = Solid(Placement(p, R), 2.0 * size)
             self._solids.append(solid)
-            self._add(*solid_mesh(solid))
+            self._add_mesh(*solid_mesh(solid))
         elif kind in (mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_CAPSULE):
             bar = Bar(p - size[1] * R[:, 2], p + size[1] * R[:, 2], float(size[0]))
             self._bars.append(bar)
-            self._add(*cylinder_mesh(bar, SECTORS))
+            self._add_mesh(*cylinder_mesh(bar, SECTORS))
         elif kind == mujoco.mjtGeom.mjGEOM_MESH:
             vertices_m, faces = self._mesh_of(int(self._model.geom_dataid[geom]))
-            self._add(vertices_m @ R.T + p, faces)
+            self._add_mesh(vertices_m @ R.T + p, faces)
         elif kind == mujoco.mjtGeom.mjGEOM_HFIELD:
             self._clouds.append(self._field_of(int(self._model.geom_dataid[geom])) @ R.T + p)
         else:
@@ -248,7 +248,7 @@ class _Collector:
 
     def _add_plane(self, geom: int) -> None:
         """A rectangle; an endless one reaches a metre beyond all other shapes."""
-        R, p = self._place(geom)
+        R, p = self._geom_place(geom)
         size = np.array(self._model.geom_size[geom])
         others_m = np.concatenate([*self._vertices, *self._clouds]) if self._count or self._clouds else p[None]
         local = (others_m - p) @ R
@@ -257,4 +257,4 @@ class _Collector:
             if 0.0 < size[axis] <= LONGEST_REACH_M:
                 low[axis], high[axis] = -size[axis], size[axis]
         corners = np.array([(low[0], low[1], 0), (high[0], low[1], 0), (high[0], high[1], 0), (low[0], high[1], 0)])
-        self._add(corners @ R.T + p, np.array([(0, 1, 2), (0, 2, 3)]))
+        self._add_mesh(corners @ R.T + p, np.array([(0, 1, 2), (0, 2, 3)]))

@@ -60,7 +60,7 @@ def find_stairs(
     faces = upper_faces(boxes)
     level = [k for k, (R, _, _) in enumerate(faces) if R[2, 2] > LEVEL_COSINE]
     flights: list[tuple[float, list[_Tread]]] = []
-    for heading_rad in _headings([faces[k] for k in level]):
+    for heading_rad in _edge_headings([faces[k] for k in level]):
         ahead = np.array([np.cos(heading_rad), np.sin(heading_rad)])
         aligned = [k for k in level if _turned_from(faces[k][0], heading_rad) < ALIGNED_RAD]
         treads = [_seen_along(str(boxes[k]["name"]), faces[k], ahead) for k in aligned]
@@ -82,7 +82,7 @@ def _turned_from(R: Rotation, heading_rad: float) -> float:
     return abs((yaw_rad - heading_rad + 0.25 * np.pi) % (0.5 * np.pi) - 0.25 * np.pi)
 
 
-def _headings(faces: Sequence[UpperFace]) -> list[float]:
+def _edge_headings(faces: Sequence[UpperFace]) -> list[float]:
     """Directions of the edges of level surfaces, both ways, a degree apart."""
     turns = {round(float(np.rad2deg(np.arctan2(R[1, 0], R[0, 0]))) % 90.0) % 90 for R, _, _ in faces}
     headings = []
@@ -115,7 +115,7 @@ def _flights_along(treads: Sequence[_Tread], tolerances: Tolerances) -> list[lis
         if _continues_floor(first, order):
             continue
         for second in order:
-            if not _follows(first, second):
+            if not _is_next_tread(first, second):
                 continue
             flight = [first, second]
             while (after := _next_tread(flight, order, tolerances)) is not None:
@@ -143,7 +143,7 @@ def _continues_floor(tread: _Tread, treads: Sequence[_Tread]) -> bool:
     )
 
 
-def _follows(lower: _Tread, upper: _Tread) -> bool:
+def _is_next_tread(lower: _Tread, upper: _Tread) -> bool:
     """Whether a tread is the next one up: by rise, run, and place beside it."""
     rise_m, run_m = upper.height_m - lower.height_m, upper.front_m - lower.front_m
     low = max(lower.sides_m[0], upper.sides_m[0])
@@ -163,7 +163,7 @@ def _next_tread(flight: Sequence[_Tread], treads: Sequence[_Tread], tolerances: 
     fitting = [
         (abs(one.front_m - flight[-1].front_m - run_m) + abs(one.height_m - flight[-1].height_m - rise_m), one)
         for one in treads
-        if _follows(flight[-1], one)
+        if _is_next_tread(flight[-1], one)
         and abs(one.front_m - flight[-1].front_m - run_m) < tolerances.run_m
         and abs(one.height_m - flight[-1].height_m - rise_m) < tolerances.rise_m
     ]

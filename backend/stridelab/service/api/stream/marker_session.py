@@ -251,8 +251,8 @@ def _is_as_large_as_a_person(points_m: Points) -> bool:
 def _stands_along_z(joints_m: Mapping[str, Vector3]) -> bool:
     """Whether z is the axis, of six, that is nearest to the body's, from the ankles to the neck (else to the hips).
 
-    False where these are hidden. A person who lies or sits on the floor is not told from a wrong axis; so only a stream
-    whose body has never stood along its axis has no estimate.
+    False where these are hidden. A person who lies or sits on the floor cannot be distinguished from a wrong axis, so
+    that only a stream whose body has never stood along its axis has no estimate.
     """
     upper = ["cervical"] if "cervical" in joints_m else ["l_hip", "r_hip"]
     if not joints_m.keys() >= {"l_ankle", "r_ankle", *upper}:

@@ -29,24 +29,26 @@ export function drawTerrain(svg, { terrain, stairs }) {
   );
   svg.setAttribute("viewBox", `0 0 ${layout.width} ${layout.height}`);
   const shapes = faces.map(({ name, outline, top, walkable }) => {
-    const shape = polygon(outline, layout, walkable ? "floor" : "wall");
+    const shape = drawPolygon(outline, layout, walkable ? "floor" : "wall");
     if (walkable) shape.style.fill = heightColour(heightShare(top[2], range));
     const z = top[2].toFixed(2);
-    shape.append(element("title", {}, walkable ? translate("%(name)s, %(height)s m high", { name, height: z }) : name));
+    shape.append(
+      svgElement("title", {}, walkable ? translate("%(name)s, %(height)s m high", { name, height: z }) : name),
+    );
     return shape;
   });
   const rails = bars.map(({ name, outline }) => {
-    const shape = polygon(outline, layout, "rail");
-    shape.append(element("title", {}, name));
+    const shape = drawPolygon(outline, layout, "rail");
+    shape.append(svgElement("title", {}, name));
     return shape;
   });
   svg.replaceChildren(
-    ...axes(layout),
+    ...drawAxes(layout),
     ...shapes,
     ...rails,
-    ...stairs.flatMap((flight, k) => ascent(flight, k + 1, layout)),
-    ...bars.map(({ name, outline }) => label(middle(outline), name, layout)),
-    element("g", { "data-places": "" }),
+    ...stairs.flatMap((flight, k) => drawAscent(flight, k + 1, layout)),
+    ...bars.map(({ name, outline }) => drawLabel(middle(outline), name, layout)),
+    svgElement("g", { "data-places": "" }),
   );
   return layout;
 }
@@ -57,7 +59,7 @@ export function drawPlaces(svg, layout, { start, goal }) {
   const drawn = [];
   if (start && goal) {
     const [[x1, y1], [x2, y2]] = [start, goal].map(([x, y]) => layout.toPx(x, y));
-    drawn.push(element("line", { class: "way", x1, y1, x2, y2 }));
+    drawn.push(svgElement("line", { class: "way", x1, y1, x2, y2 }));
   }
   for (const [place, css, text] of /** @type {[number[] | null, string, string][]} */ ([
     [start, "start", translate("Start point")],
@@ -65,15 +67,15 @@ export function drawPlaces(svg, layout, { start, goal }) {
   ])) {
     if (!place) continue;
     const [cx, cy] = layout.toPx(place[0], place[1]);
-    drawn.push(element("circle", { class: css, cx, cy, r: PLACE_PX }));
-    drawn.push(element("text", { class: "place", x: cx, y: cy - PLACE_PX - 5 }, text));
+    drawn.push(svgElement("circle", { class: css, cx, cy, r: PLACE_PX }));
+    drawn.push(svgElement("text", { class: "place", x: cx, y: cy - PLACE_PX - 5 }, text));
   }
   svg.querySelector("[data-places]").replaceChildren(...drawn);
 }
 
 // An arrow up the stairs, with their number.
 /** @param {import("./terrain_plan.js").Stairs} stairs @param {number} number @param {Layout} layout */
-function ascent({ start_m, heading_rad, run_m, treads }, number, layout) {
+function drawAscent({ start_m, heading_rad, run_m, treads }, number, layout) {
   const [x, y] = start_m,
     length = run_m * treads.length;
   const end = [x + length * Math.cos(heading_rad), y + length * Math.sin(heading_rad)];
@@ -83,29 +85,29 @@ function ascent({ start_m, heading_rad, run_m, treads }, number, layout) {
     return `${x2 + ARROW_PX * Math.cos(angle)},${y2 + ARROW_PX * Math.sin(angle)}`;
   });
   return [
-    element("line", { class: "ascent", x1, y1, x2, y2 }),
-    element("polyline", { class: "ascent", points: `${tip[0]} ${x2},${y2} ${tip[1]}` }),
-    label([(x + end[0]) / 2, (y + end[1]) / 2], translate("Stairs %(number)s", { number }), layout),
+    svgElement("line", { class: "ascent", x1, y1, x2, y2 }),
+    svgElement("polyline", { class: "ascent", points: `${tip[0]} ${x2},${y2} ${tip[1]}` }),
+    drawLabel([(x + end[0]) / 2, (y + end[1]) / 2], translate("Stairs %(number)s", { number }), layout),
   ];
 }
 
 /** @param {Layout} layout */
-function axes({ low, high, scale, toPx }) {
+function drawAxes({ low, high, scale, toPx }) {
   const [left, bottom] = toPx(low[0], low[1]),
     [right, top] = toPx(high[0], high[1]);
-  const nodes = [element("rect", { class: "frame", x: left, y: top, width: right - left, height: bottom - top })];
+  const nodes = [svgElement("rect", { class: "frame", x: left, y: top, width: right - left, height: bottom - top })];
   for (const x of ticksOf(low[0], high[0], scale)) {
     const [u] = toPx(x, low[1]);
-    nodes.push(element("line", { class: "grid", x1: u, x2: u, y1: top, y2: bottom + TICK_PX }));
-    nodes.push(element("text", { class: "tick", x: u, y: bottom + TICK_PX + 13 }, `${x}`));
+    nodes.push(svgElement("line", { class: "grid", x1: u, x2: u, y1: top, y2: bottom + TICK_PX }));
+    nodes.push(svgElement("text", { class: "tick", x: u, y: bottom + TICK_PX + 13 }, `${x}`));
   }
   for (const y of ticksOf(low[1], high[1], scale)) {
     const [, v] = toPx(low[0], y);
-    nodes.push(element("line", { class: "grid", x1: left - TICK_PX, x2: right, y1: v, y2: v }));
-    nodes.push(element("text", { class: "tick y", x: left - TICK_PX - 3, y: v + 4 }, `${y}`));
+    nodes.push(svgElement("line", { class: "grid", x1: left - TICK_PX, x2: right, y1: v, y2: v }));
+    nodes.push(svgElement("text", { class: "tick y", x: left - TICK_PX - 3, y: v + 4 }, `${y}`));
   }
-  nodes.push(element("text", { class: "tick unit", x: right, y: bottom + TICK_PX + 27 }, "x (m)"));
-  nodes.push(element("text", { class: "tick unit", x: left - TICK_PX - 3, y: top - 2 }, "y (m)"));
+  nodes.push(svgElement("text", { class: "tick unit", x: right, y: bottom + TICK_PX + 27 }, "x (m)"));
+  nodes.push(svgElement("text", { class: "tick unit", x: left - TICK_PX - 3, y: top - 2 }, "y (m)"));
   return nodes;
 }
 
@@ -113,19 +115,19 @@ function axes({ low, high, scale, toPx }) {
 const middle = (outline) => [0, 1].map((k) => outline.reduce((sum, point) => sum + point[k], 0) / outline.length);
 
 /** @param {number[]} place @param {string} text @param {Layout} layout */
-function label([x, y], text, layout) {
+function drawLabel([x, y], text, layout) {
   const [u, v] = layout.toPx(x, y);
-  return element("text", { class: "named", x: u, y: v - ABOVE_PX }, text);
+  return svgElement("text", { class: "named", x: u, y: v - ABOVE_PX }, text);
 }
 
 /** @param {number[][]} outline @param {Layout} layout @param {string} css */
-function polygon(outline, layout, css) {
+function drawPolygon(outline, layout, css) {
   const points = outline.map(([x, y]) => layout.toPx(x, y).map((value) => value.toFixed(1)));
-  return element("polygon", { class: css, points: points.map((point) => point.join(",")).join(" ") });
+  return svgElement("polygon", { class: css, points: points.map((point) => point.join(",")).join(" ") });
 }
 
 /** @param {string} name @param {Record<string, string | number>} attributes @param {string} [text] @returns {any} */
-function element(name, attributes, text) {
+function svgElement(name, attributes, text) {
   const made = document.createElementNS(SVG, name);
   for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, String(value));
   if (text !== undefined) made.textContent = text;

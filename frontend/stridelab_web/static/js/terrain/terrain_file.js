@@ -51,13 +51,13 @@ zone.addEventListener("drop", (/** @type {DragEvent} */ event) => {
   event.preventDefault();
   zone.classList.remove("over");
   const dropped = event.dataTransfer?.files[0];
-  if (dropped) choose(dropped);
+  if (dropped) chooseFile(dropped);
 });
 for (const name of ["unit", "up"]) form.elements[name].addEventListener("change", () => readFile());
 svg.addEventListener("click", placeEnd);
 for (const end of ENDS)
   for (const axis of ["x", "y"]) form.elements[`${end}_${axis}`].addEventListener("input", showPlaces);
-new ResizeObserver(() => draw()).observe(svg);
+new ResizeObserver(() => drawPlan()).observe(svg);
 
 bindTaskButton(form, "plan", task, async (stored) => {
   const job = await startPlan(stored.id);
@@ -68,12 +68,12 @@ bindTaskButton(form, "place", task, (stored) => location.assign(`/view/?scenario
 takePicked(); // a file may be chosen before this script has come
 
 function takePicked() {
-  if (picker.files[0]) choose(picker.files[0]);
+  if (picker.files[0]) chooseFile(picker.files[0]);
   picker.value = "";
 }
 
 /** @param {File} chosen */
-function choose(chosen) {
+function chooseFile(chosen) {
   file = chosen;
   form.elements.name.value = chosen.name.replace(/\.[^.]*$/, "").slice(0, NAME_LENGTH);
   for (const end of ENDS) setPlace(end, null);
@@ -99,7 +99,7 @@ async function readFile() {
     const answer = await call("POST", "/terrains", body);
     if (own === turn) show(answer, name);
   } catch (error) {
-    if (own === turn) refuse(error, name, unit);
+    if (own === turn) showRefusal(error, name, unit);
   }
 }
 
@@ -123,7 +123,7 @@ function show(answer, name) {
   part("wall-key").hidden = faces.every(({ walkable }) => walkable);
   part("rail-key").hidden = !rails.length;
   found.hidden = false;
-  draw();
+  drawPlan();
 }
 
 // A remark of the service; in English if it has no translation.
@@ -135,7 +135,7 @@ function remarkItem(remark) {
 
 // Says why the file was refused, and offers what may help.
 /** @param {any} error @param {string} name @param {string} unit */
-function refuse(error, name, unit) {
+function showRefusal(error, name, unit) {
   const code = error.problem?.code ?? "";
   status.className = "wrong";
   const { detail } = error.problem ?? {};
@@ -146,17 +146,17 @@ function refuse(error, name, unit) {
   const buttons = units.map(({ unit: other, width_m }) => {
     const [option] = [...form.elements.unit.options].filter(({ value }) => value === other);
     const text = translate("Read it in %(unit)s: %(width)s m wide", { unit: option.text, width: width_m.toFixed(1) });
-    return offer(text, "unit", other);
+    return offerChoice(text, "unit", other);
   });
   if (code === "terrain-without-surfaces") {
     const up = otherUpAxis(name, form.elements.up.value);
-    buttons.push(offer(translate("Read it with %(axis)s up", { axis: up.slice(1) }), "up", up));
+    buttons.push(offerChoice(translate("Read it with %(axis)s up", { axis: up.slice(1) }), "up", up));
   }
   offers.replaceChildren(...buttons);
 }
 
 /** @param {string} text @param {string} field @param {string} value */
-function offer(text, field, value) {
+function offerChoice(text, field, value) {
   const button = smallButton(text);
   button.addEventListener("click", () => {
     form.elements[field].value = value;
@@ -166,7 +166,7 @@ function offer(text, field, value) {
   return button;
 }
 
-function draw() {
+function drawPlan() {
   if (!read || found.hidden) return;
   layout = drawTerrain(svg, read);
   showPlaces();

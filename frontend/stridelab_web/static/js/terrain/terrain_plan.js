@@ -19,7 +19,7 @@ const TICKS_APART_PX = 70;
 /** @param {Box} box @returns {Face} */
 export function upperFace(box) {
   const yaw = (box.yaw_rad ?? 0) / 2;
-  const wxyz = unit(box.orientation_wxyz ?? [Math.cos(yaw), 0, 0, Math.sin(yaw)]);
+  const wxyz = unitQuaternion(box.orientation_wxyz ?? [Math.cos(yaw), 0, 0, Math.sin(yaw)]);
   const axes = [0, 1, 2].map((k) => rotate(wxyz, /** @type {number[]} */ ([0, 1, 2].map((j) => Number(j === k)))));
   const half = box.size_m.map((edge) => edge / 2);
   const at = (/** @type {number[]} */ signs) =>
@@ -129,7 +129,7 @@ export const stairsText = ({ treads, rise_m, run_m, width_m }, number) =>
   });
 
 /** @param {number[]} quaternion */
-function unit(quaternion) {
+function unitQuaternion(quaternion) {
   const norm = Math.hypot(...quaternion) || 1;
   return quaternion.map((value) => value / norm);
 }
