@@ -26,6 +26,8 @@ from stridelab.service.api.scenarios.validation import _cached_check, validate_s
 from stridelab.service.samples.scenarios import bundled_scenarios
 
 ROBOTS: Final = ("talos", "hrp2")
+LATER_SCENES: Final = frozenset({"house-stairs", "outdoor-stairs"})
+"""Not drawn: a seed is the drag that it was when the measurements of the docs were made, without these scenes."""
 MAX_DRAG_M: Final = 0.9
 SAME_PLACE_M: Final = 1e-6
 REQUEST_S: Final = 0.03
@@ -74,8 +76,9 @@ def draw_drag(robot: str, seed: int) -> Drag:
     """The first accepted drag of ``robot`` with this seed."""
     rng = np.random.default_rng([seed, ROBOTS.index(robot)])
     scenes = {name: body for name, body in bundled_scenarios().items() if body["robot"] == robot}
+    drawn = sorted(scenes.keys() - LATER_SCENES)
     while True:
-        scene = str(rng.choice(sorted(scenes)))
+        scene = str(rng.choice(drawn))
         scenario = copy.deepcopy(scenes[scene])
         k = int(rng.integers(len(scenario["phases"])))
         chosen = scenario["phases"][k]["contacts"][int(rng.integers(len(scenario["phases"][k]["contacts"])))]

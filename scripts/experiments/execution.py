@@ -59,7 +59,7 @@ def _hrp2_scenarios() -> dict[str, Builder]:
 
 
 CASES: Final[Mapping[str, Mapping[str, Builder]]] = {
-    "talos": {name: BUNDLED[name] for name in _hrp2_scenarios()},
+    "talos": {name: BUNDLED[name] for name in (*_hrp2_scenarios(), "house-stairs", "outdoor-stairs")},
     "hrp2": _hrp2_scenarios(),
     "g1": {
         "long-stride": lambda: long_stride(step_m=0.25, walker=G1),

@@ -121,6 +121,19 @@ def test_fisher_intervals_cover_the_truth_at_n_11(rho: float, k: int) -> None:
     assert 0.935 <= inside / trials <= 0.965
 
 
+def test_the_bootstrap_interval_does_not_depend_on_the_order_of_the_subjects() -> None:
+    """Samples that are permutations of all subjects have their coefficient, but for rounding, which order changes."""
+    draws = bootstrap_indices(8, seed=1)
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        x = rng.normal(size=8)
+        y, order = 0.5 * x + rng.normal(size=8), rng.permutation(8)
+        given, other = pearson(x, y, draws=draws), pearson(x[order], y[order], draws=np.argsort(order)[draws])
+        assert given is not None
+        assert other is not None
+        assert given.bootstrap_ci95 == pytest.approx(other.bootstrap_ci95, abs=1e-9)
+
+
 def test_bootstrap_intervals_cover_the_truth_but_for_few_people_less_often_than_they_say() -> None:
     rng = np.random.default_rng(12)
     cover = {}

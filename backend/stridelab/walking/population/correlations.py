@@ -21,6 +21,8 @@ RESAMPLES: Final = 2000
 NO_SPREAD: Final = 1e-12
 """Spread (relative to the values) below which a variable is constant and has no correlation."""
 PERFECT: Final = 1.0 - 1e-12
+SAME: Final = 1e-12
+"""Coefficients that differ by less are equal: samples that are permutations of one another differ by rounding alone."""
 _95: Final = float(ndtri(0.975))
 
 Interval = tuple[float, float]
@@ -130,7 +132,7 @@ def _bca_interval(x: Series, y: Series, kind: Kind, r: float, draws: Int[np.ndar
     without = _row_coefficients(x[others], y[others], kind)
     if not np.isfinite(without).all():
         return None
-    below = float((drawn < r).mean() + (drawn <= r).mean()) / 2
+    below = float((drawn < r - SAME).mean() + (drawn <= r + SAME).mean()) / 2
     if not 0.0 < below < 1.0:  # nearly all samples have the same coefficient
         return (float(drawn.min()), float(drawn.max()))
     off = without.mean() - without
