@@ -55,7 +55,7 @@ def house_stairs() -> Scenario:
 
 def outdoor_stairs() -> Scenario:
     """Up six stairs of 14 x 37 cm, one foot on each, without a handrail."""
-    return climb(OUTDOOR, Timing(1.9, 0.9, 0.3), "alternate", TALOS) | {
+    return climb(OUTDOOR, Timing(1.9, 1.4, 0.4), "alternate", TALOS) | {
         "name": "Outdoor stairs",
         "description": "Up six stairs 14 cm high and 37 cm deep, one foot on each, without a handrail.",
     }
