@@ -92,6 +92,13 @@ def test_only_phases_beside_a_change_are_followed_again(talos_check: MotionCheck
     assert len(spans) == 2, "both are cached"
 
 
+def test_a_failure_holds_for_its_plan_alone(talos_check: MotionCheck) -> None:
+    """A far second foothold bends the plan of the first stance, whose contacts are those of the walk as it was."""
+    far = results_of(talos_check, walk(right_foot=((0.25, -0.09, 0.0), (1.05, -0.09, 0.0))))
+    assert not far[0].passed
+    assert all(one.passed for one in results_of(talos_check, walk()).values())
+
+
 def test_a_paused_check_ends_with_the_same_results(talos_check: MotionCheck) -> None:
     fresh = MotionCheck(TALOS, load_densities(TALOS, DEFAULT_MEASURE))
     scenario = walk(left_foot=(FIRST_LEFT, (0.473, 0.526, 0.0)))

@@ -78,14 +78,15 @@ Results = Mapping[int, MotionResult]
 
 
 class MotionCheck:
-    """Motion check of one robot with a cache of results by phase. Not thread-safe."""
+    """Motion check of one robot, with caches of phases that passed and of plans that failed. Not thread-safe."""
 
     def __init__(self, robot: Robot, proxies: Mapping[str, Proxy]) -> None:
         self.robot = robot
         self._proxies = proxies
         self._limits = JointLimits.of_model(robot.model)
         self._collision = SelfCollision(robot, all_shapes=True)
-        self._cache: OrderedDict[bytes, MotionResult] = OrderedDict()
+        self._passed: OrderedDict[bytes, None] = OrderedDict()
+        self._failed: OrderedDict[bytes, Results] = OrderedDict()
         self._paused: OrderedDict[bytes, Generator[None, None, None]] = OrderedDict()
         self._avoidances: OrderedDict[str, CollisionAvoidance] = OrderedDict()
         self._hand_bounds_n: dict[bytes, float] = {}
@@ -103,7 +104,8 @@ class MotionCheck:
             self._latest = sequence, _phase_keys(sequence)
         keys = self._latest[1]
         whole = b"".join(keys)
-        if not self._is_done(keys):
+        failing = self._known_failure(sequence, keys)
+        if not failing and not all(key in self._passed for key in keys):
             search = self._paused.pop(whole, None) or self._check_phases(scenario, sequence, keys)
             for _ in search:
                 if is_over():
@@ -111,22 +113,42 @@ class MotionCheck:
                     if len(self._paused) > MAX_PAUSED:
                         self._paused.popitem(last=False)
                     return None
-        for key in keys:
-            if key in self._cache:
-                self._cache.move_to_end(key)
-        while len(self._cache) > max(CACHE_SIZE, len(keys)):
-            self._cache.popitem(last=False)
-        return {k: self._cache[key] for k, key in enumerate(keys) if key in self._cache}
+            failing = self._known_failure(sequence, keys)
+        passed = [k for k, key in enumerate(keys) if key in self._passed]
+        for k in passed:
+            self._passed.move_to_end(keys[k])
+        while len(self._passed) > max(CACHE_SIZE, len(keys)):
+            self._passed.popitem(last=False)
+        return dict.fromkeys(passed, PASSED) | dict(failing)
 
-    def _is_done(self, keys: list[bytes]) -> bool:
-        results = [self._cache.get(key) for key in keys]
-        return all(results) or any(one is not None and not one.passed for one in results)
+    def _known_failure(self, sequence: ContactSequence, keys: list[bytes]) -> Results:
+        """The results of a plan of which it is known that it fails: its last phase; empty if none is known."""
+        for first, last in self._open_spans(keys):
+            begin, end = _planned_span(sequence, first, last)
+            failed = self._failed.get(b"".join(keys[begin:end]))
+            if failed is not None:
+                return {begin + k: result for k, result in failed.items()}
+        return {}
+
+    def _record_failure(self, planned: list[bytes], starts: int, phase: int, result: MotionResult) -> None:
+        """Store that the plan of the phases ``planned``, followed from ``starts`` on, fails in ``phase``.
+
+        The key has all of them, since with other neighbours the same phase may pass.
+        """
+        self._failed[b"".join(planned)] = dict.fromkeys(range(starts, phase), PASSED) | {phase: result}
+        if len(self._failed) > CACHE_SIZE:
+            self._failed.popitem(last=False)
+
+    def _open_spans(self, keys: list[bytes]) -> list[tuple[int, int]]:
+        """First and last phase of every run of phases that have not passed."""
+        edges = np.flatnonzero(np.diff([False, *(key not in self._passed for key in keys), False]))
+        return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
 
     def _check_phases(
         self, scenario: Scenario, sequence: ContactSequence, keys: list[bytes]
     ) -> Generator[None, None, None]:
         """Plan and follow each run of phases without a result; pauses after every part."""
-        for first, last in _open_spans([key not in self._cache for key in keys]):
+        for first, last in self._open_spans(keys):
             begin, end = _planned_span(sequence, first, last)
             part = replace(
                 sequence,
@@ -139,18 +161,17 @@ class MotionCheck:
                 yield
             if not isinstance(plan, CentroidalPlan):
                 reason = f"there is no plan for the centre of mass: {plan}"
-                self._cache[keys[first]] = MotionResult(False, reason)
+                self._record_failure(keys[begin:end], first - begin, first - begin, MotionResult(False, reason))
                 return
             failed = None
             starts = 0 if first - begin <= 1 and begin == 0 else first - begin
             for found in self._follow_steps(plan, starts, last - begin):
                 failed = found
                 yield
-            for k in range(begin + starts, begin + failed[0] if failed else last + 1):
-                self._cache[keys[k]] = PASSED
             if failed:
-                self._cache[keys[begin + failed[0]]] = failed[1]
+                self._record_failure(keys[begin:end], starts, *failed)
                 return
+            self._passed.update(dict.fromkeys(keys[begin + starts : last + 1]))
 
     def _plan_steps(
         self, scenario: Scenario, sequence: ContactSequence
@@ -271,12 +292,6 @@ def _sentence_of(check: Check) -> str:
     return (
         f"in motion the {parts[0]} is {1e3 * check.value:.1f} mm from the terrain, {1e3 * check.limit:g} are required"
     )
-
-
-def _open_spans(is_open: list[bool]) -> list[tuple[int, int]]:
-    """First and last index of every run of True."""
-    edges = np.flatnonzero(np.diff([False, *is_open, False]))
-    return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
 
 
 def _planned_span(sequence: ContactSequence, first: int, last: int) -> tuple[int, int]:
