@@ -86,7 +86,7 @@ def attempts(task: dict[str, Any], folder: Path, _progress: Any) -> dict[str, st
         "limit another process": lambda: resource.prlimit(parent, resource.RLIMIT_CORE),
         "leave its group": lambda: _in_a_fork(os.setsid),
         "make a namespace": lambda: _libc("unshare", 0x10000000),
-        "mount": lambda: _libc("mount", b"none", bytes(folder), b"tmpfs", 0, None),
+        "mount": lambda: _mount_for_a_moment(folder),
         "open an io_uring": lambda: _libc("syscall", 425, 1, None),
     }
     return {name: outcome(act) for name, act in tries.items()}
@@ -207,6 +207,12 @@ def _libc(name: str, *arguments: Any) -> None:
     function.restype = ctypes.c_long
     if function(*arguments) < 0:
         raise OSError(ctypes.get_errno(), name)
+
+
+def _mount_for_a_moment(folder: Path) -> None:
+    """Mount a file system and take it away: where root may do so, it would keep the folder from being removed."""
+    _libc("mount", b"none", bytes(folder), b"tmpfs", 0, None)
+    _libc("umount2", bytes(folder), 0)
 
 
 def _status(field: str) -> str:
