@@ -24,7 +24,7 @@ def tab(open_tab: Callable[..., Tab]) -> Iterator[Tab]:
     made.missteps = [m for m in made.missteps if "Failed to load resource" not in m]
 
 
-def choose(page: Page, name: str) -> Locator:
+def choose_terrain_file(page: Page, name: str) -> Locator:
     """Choose a file of this name; returns the plan."""
     file: FilePayload = {"name": name, "mimeType": "application/octet-stream", "buffer": b"solid"}
     page.locator("input[type=file]").set_input_files(file)
@@ -34,7 +34,7 @@ def choose(page: Page, name: str) -> Locator:
 def test_every_state_fits_and_is_accessible(tab: Tab) -> None:
     page = tab.go(ADDRESS)
     wrong = faults_at_every_size(page, "terrain-empty")
-    plan = choose(page, "stairs.stl")
+    plan = choose_terrain_file(page, "stairs.stl")
     expect(plan.locator("polygon.floor")).to_have_count(TREADS + 3)
     wrong |= faults_at_every_size(page, "terrain-found")
     click_at_place(page, 0.0, 0.0)
@@ -45,10 +45,10 @@ def test_every_state_fits_and_is_accessible(tab: Tab) -> None:
     page.get_by_role("button", name="Place the feet only").click()
     expect(page.locator("[data-place-said]")).to_contain_text("move the goal")
     wrong |= faults_at_every_size(page, "terrain-not-crossed")
-    choose(page, "a-wide-terrain-with-quite-a-long-name-of-its-file.stl")
+    choose_terrain_file(page, "a-wide-terrain-with-quite-a-long-name-of-its-file.stl")
     expect(page.locator("[data-offers] button")).to_have_count(2)
     wrong |= faults_at_every_size(page, "terrain-wrong-unit")
-    choose(page, "wall.obj")
+    choose_terrain_file(page, "wall.obj")
     expect(page.locator("[data-file-said]")).to_contain_text("another unit")
     wrong |= faults_at_every_size(page, "terrain-refused")
     assert wrong == {}
@@ -58,7 +58,7 @@ def test_every_state_fits_and_is_accessible(tab: Tab) -> None:
 def test_translations_fit_on_a_phone(open_tab: Callable[..., Tab], language: str) -> None:
     page = open_tab(390, 844).go(f"{ADDRESS}?language={language}")
     assert page.locator("html").get_attribute("lang") == language
-    choose(page, "stairs.stl")
+    choose_terrain_file(page, "stairs.stl")
     expect(page.locator("[data-named] li")).to_have_count(2)
     assert "Stairs" not in page.locator("main").inner_text()
     assert page.evaluate("document.documentElement.scrollWidth") == 390
@@ -66,7 +66,7 @@ def test_translations_fit_on_a_phone(open_tab: Callable[..., Tab], language: str
 
 def test_surfaces_stairs_and_rails_are_named_and_coloured_by_height(tab: Tab) -> None:
     page = tab.go(ADDRESS)
-    plan = choose(page, "stairs.stl")
+    plan = choose_terrain_file(page, "stairs.stl")
     expect(page.locator("[data-summary]")).to_have_text(f"14 surfaces, 0.00 to {TOP_M} m high.")
     expect(page.locator("[data-named] li").first).to_have_text(
         "Stairs 1: 8 treads, rise 17.0 cm, run 28.0 cm, 1.20 m wide"
@@ -84,7 +84,7 @@ def test_surfaces_stairs_and_rails_are_named_and_coloured_by_height(tab: Tab) ->
 
 def test_clicks_and_numbers_set_the_same_places(tab: Tab) -> None:
     page = tab.go(ADDRESS)
-    choose(page, "stairs.stl")
+    choose_terrain_file(page, "stairs.stl")
     click_at_place(page, -0.5, 0.2)
     expect(page.get_by_label("the goal", exact=True)).to_be_checked()
     assert float(page.get_by_label("Start, x").input_value()) == pytest.approx(-0.5, abs=0.02)
@@ -110,7 +110,7 @@ def test_what_is_missing_is_named_before_anything_is_sent(tab: Tab) -> None:
     plan = page.get_by_role("button", name="Plan the motion")
     plan.click()
     expect(problem).to_have_text("Choose a file with a terrain first.")
-    choose(page, "stairs.stl")
+    choose_terrain_file(page, "stairs.stl")
     expect(page.locator("[data-found]")).to_be_visible()
     plan.click()
     expect(problem).to_have_text("Choose the start first.")
@@ -128,7 +128,7 @@ def test_what_is_missing_is_named_before_anything_is_sent(tab: Tab) -> None:
 
 def test_the_unit_that_fits_is_offered_and_used(tab: Tab) -> None:
     page = tab.go(ADDRESS)
-    choose(page, "wide.stl")
+    choose_terrain_file(page, "wide.stl")
     expect(page.locator("[data-file-said]")).to_have_text("wide.stl: The size of this terrain does not fit its unit.")
     page.get_by_role("button", name="Read it in millimetres: 4.0 m wide").click()
     expect(page.locator("[data-found]")).to_be_visible()
@@ -138,7 +138,7 @@ def test_the_unit_that_fits_is_offered_and_used(tab: Tab) -> None:
 
 def test_the_other_axis_is_offered_where_nothing_can_be_stood_on(tab: Tab) -> None:
     page = tab.go(ADDRESS)
-    choose(page, "wall.obj")
+    choose_terrain_file(page, "wall.obj")
     with page.expect_request("**/api/v1/terrains"):
         page.get_by_role("button", name="Read it with y up").click()
     expect(page.get_by_label("Axis that points up")).to_have_value("+y")
@@ -149,7 +149,7 @@ def test_a_file_that_is_chosen_before_the_script_has_come_is_read(tab: Tab) -> N
     waiting: list[Route] = []
     tab.page.route("**/terrain/terrain_file.js", lambda route: waiting.append(route))
     tab.page.goto(f"{tab.url}{ADDRESS}", wait_until="commit")
-    plan = choose(tab.page, "stairs.stl")
+    plan = choose_terrain_file(tab.page, "stairs.stl")
     waiting[0].continue_()
     expect(plan.locator("polygon.floor")).to_have_count(TREADS + 3)
 

@@ -25,7 +25,7 @@ def session(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def earlier(tmp_path: Path) -> Path:
+def earlier_trial(tmp_path: Path) -> Path:
     """The same walk as another file: unlike the first by bytes behind its end."""
     path = tmp_path / "earlier.c3d"
     path.write_bytes(TRIAL.read_bytes() + bytes(512))
@@ -71,9 +71,9 @@ def test_the_lab_is_named_by_settings(run: Run, tmp_path: Path, monkeypatch: pyt
     assert "logo-not-used" in {one["code"] for one in json.loads(ran.out)["summary"]["warnings"]}
 
 
-def test_a_person_is_compared_with_the_people_of_a_folder(run: Run, session: Path, earlier: Path) -> None:
+def test_a_person_is_compared_with_the_people_of_a_folder(run: Run, session: Path, earlier_trial: Path) -> None:
     (session / "walk.c3d").write_bytes(TRIAL.read_bytes() + bytes(1024))
-    ran = run("report", TRIAL, "--reference", session, "--before", earlier, "--json")
+    ran = run("report", TRIAL, "--reference", session, "--before", earlier_trial, "--json")
     assert ran.code == 0, ran.err
     summary = json.loads(ran.out)["summary"]
     assert summary["reference_people"] == 1
@@ -128,8 +128,8 @@ def test_one_file_is_not_compared_with_itself(run: Run, session: Path, tmp_path:
     assert [Path(fault.where).name for fault in refused.value.faults] == ["walk.c3d"]
 
 
-def test_the_library_writes_the_same_report(session: Path, earlier: Path, tmp_path: Path) -> None:
-    report = sl.gait_report(session, title="Walk 7", before=[earlier])
+def test_the_library_writes_the_same_report(session: Path, earlier_trial: Path, tmp_path: Path) -> None:
+    report = sl.gait_report(session, title="Walk 7", before=[earlier_trial])
     assert report.save(tmp_path / "walk.pdf").read_bytes() == report.pdf
     assert report.save(tmp_path / "walk.html").read_text(encoding="utf-8") == report.html
     assert [one.filename for one in report.summary.left_out] == ["broken.c3d"]

@@ -25,7 +25,7 @@ from support.command_line import quiet
 
 
 @pytest.fixture(scope="module")
-def known() -> Recording:
+def known_labels() -> Recording:
     """A walk over two plates with labels of a shipped set, of which only the landmarks of ``WORDS`` are marked."""
     made = record(HumanWalker(mass_kg=72.0, duration_s=3.0, seed=4).walk(), MeasurementNoise(), 4, lab="two_plates")
     landmarks = identify(tuple(made.recording.markers_m)).landmarks
@@ -34,16 +34,16 @@ def known() -> Recording:
 
 
 @pytest.fixture(scope="module")
-def strange(known: Recording) -> Recording:
+def unknown_labels(known_labels: Recording) -> Recording:
     """The same walk with labels that no set knows."""
     words = {"l": "_Left", "r": "_Right", "": ""}
-    marks = {label: mark for mark, label in identify(tuple(known.markers_m)).landmarks.items()}
+    marks = {label: mark for mark, label in identify(tuple(known_labels.markers_m)).landmarks.items()}
     names = {label: WORDS[side_and_name(mark)[1]] + words[side_and_name(mark)[0]] for label, mark in marks.items()}
     assert identify(tuple(names.values())).name is None
-    return replace(known, markers_m={names[label]: track for label, track in known.markers_m.items()})
+    return replace(known_labels, markers_m={names[label]: track for label, track in known_labels.markers_m.items()})
 
 
-def estimated(folder: Path, recording: Recording, **source: object) -> ComResult:
+def estimate_recording(folder: Path, recording: Recording, **source: object) -> ComResult:
     folder.mkdir()
     write_c3d(folder / "trial", recording)
     stated = RecordingSource.model_validate({"file": "trial", "filename": "walk.c3d", **source})
@@ -51,9 +51,12 @@ def estimated(folder: Path, recording: Recording, **source: object) -> ComResult
 
 
 def test_the_result_is_that_of_the_known_labels_and_is_doubted(
-    known: Recording, strange: Recording, tmp_path: Path
+    known_labels: Recording, unknown_labels: Recording, tmp_path: Path
 ) -> None:
-    named, proposed = estimated(tmp_path / "known", known), estimated(tmp_path / "strange", strange)
+    named, proposed = (
+        estimate_recording(tmp_path / "known", known_labels),
+        estimate_recording(tmp_path / "strange", unknown_labels),
+    )
     assert np.nanmax(np.linalg.norm(named.estimate.com_m - proposed.estimate.com_m, axis=1)) < 0.005
     assert named.summary.quality is not None
     assert proposed.summary.quality is not None
@@ -67,35 +70,37 @@ def test_the_result_is_that_of_the_known_labels_and_is_doubted(
     assert "marker-set-proposed" not in {remark.code for remark in named.summary.warnings}
 
 
-def test_names_that_a_user_confirms_are_not_doubted(strange: Recording, tmp_path: Path) -> None:
-    names = estimated(tmp_path / "proposed", strange).summary.proposed_names
-    summary = estimated(tmp_path / "confirmed", strange, marker_map=names).summary
+def test_names_that_a_user_confirms_are_not_doubted(unknown_labels: Recording, tmp_path: Path) -> None:
+    names = estimate_recording(tmp_path / "proposed", unknown_labels).summary.proposed_names
+    summary = estimate_recording(tmp_path / "confirmed", unknown_labels, marker_map=names).summary
     assert summary.quality is not None
     assert summary.quality.verdict == "good"
     assert summary.proposed_names == {}
 
 
-def test_a_user_who_names_markers_is_not_overruled(strange: Recording, tmp_path: Path) -> None:
+def test_a_user_who_names_markers_is_not_overruled(unknown_labels: Recording, tmp_path: Path) -> None:
     """Neither beside a map, even an incomplete one, nor where a user's set alone is to be used."""
     with pytest.raises(NotEstimable) as refused:
-        estimated(tmp_path / "map", strange, marker_map={"c7": "NeckC7"})
+        estimate_recording(tmp_path / "map", unknown_labels, marker_map={"c7": "NeckC7"})
     assert refused.value.code == "unknown-marker-set"
     own = SourceMarkerSet(name="lab", landmarks={"l_asis": "A", "r_asis": "B"}, required=["l_asis"])
     with pytest.raises(NotEstimable) as refused:
-        estimated(tmp_path / "set", strange, marker_sets=[own], shipped_sets=False)
+        estimate_recording(tmp_path / "set", unknown_labels, marker_sets=[own], shipped_sets=False)
     assert refused.value.code == "unknown-marker-set"
 
 
-def test_a_static_trial_is_not_named_by_a_proposal(strange: Recording, tmp_path: Path) -> None:
-    write_c3d(tmp_path / "trial", strange)
+def test_a_static_trial_is_not_named_by_a_proposal(unknown_labels: Recording, tmp_path: Path) -> None:
+    write_c3d(tmp_path / "trial", unknown_labels)
     source = RecordingSource(file="trial", filename="walk.c3d")
     assert examine_trial(source, tmp_path).match.name == PROPOSED
     assert examine_trial(source, tmp_path, propose=False).match.name is None
 
 
-def test_other_trials_take_nothing_from_proposed_names(known: Recording, strange: Recording, tmp_path: Path) -> None:
+def test_other_trials_take_nothing_from_proposed_names(
+    known_labels: Recording, unknown_labels: Recording, tmp_path: Path
+) -> None:
     facts = []
-    for name, recording in (("known", known), ("other", known), ("strange", strange)):
+    for name, recording in (("known", known_labels), ("other", known_labels), ("strange", unknown_labels)):
         write_c3d(tmp_path / name, recording)
         read = recording_facts(examine_trial(RecordingSource(file=name, filename=name), tmp_path))
         facts.append(TrialFacts(recording_id=name, filename=name, sha256=name, facts=read))

@@ -44,7 +44,7 @@ def labels_of(recording: Recording) -> dict[str, str]:
     return labels
 
 
-def only(recording: Recording, names: tuple[str, ...]) -> Recording:
+def keep_landmarks(recording: Recording, names: tuple[str, ...]) -> Recording:
     kept = {mark: track for mark, track in recording.markers_m.items() if side_and_name(mark)[1] in names}
     return replace(recording, markers_m=kept)
 
@@ -88,11 +88,11 @@ def test_one_knee_without_a_name_names_nothing() -> None:
 
 def test_a_marked_trunk_without_names_is_not_taken_for_an_unmarked_one() -> None:
     """Legs alone are named; with unnamed markers on the trunk an upright one must not stand in for it."""
-    legs = only(walk("adult"), LEGS)
+    legs = keep_landmarks(walk("adult"), LEGS)
     named = propose_marker_set(relabelled(legs, labels_of(legs)))
     assert named is not None
     assert "trunk-missing" in {remark.code for remark in named.degraded}
-    both = only(walk("adult"), LEGS + TRUNK)
+    both = keep_landmarks(walk("adult"), LEGS + TRUNK)
     labels = labels_of(both)
     unnamed = {mark: f"QX{k}" for k, mark in enumerate(labels) if side_and_name(mark)[1] in TRUNK}
     assert propose_marker_set(relabelled(both, labels | unnamed)) is None
@@ -101,7 +101,7 @@ def test_a_marked_trunk_without_names_is_not_taken_for_an_unmarked_one() -> None
 def test_few_markers_and_hidden_ones_name_nothing() -> None:
     recording = walk("adult")
     labels = labels_of(recording)
-    few = only(recording, ("asis", "psis"))
+    few = keep_landmarks(recording, ("asis", "psis"))
     assert propose_marker_set(relabelled(few, labels_of(few))) is None
     hidden = dict(relabelled(recording, labels).markers_m)
     hidden[labels["l_knee_lateral"]] = np.full_like(hidden[labels["l_knee_lateral"]], np.nan)

@@ -25,7 +25,7 @@ async def new_scenario_page(request: Request) -> Response:
 
 
 async def terrain_page(request: Request) -> Response:
-    """``GET /scenarios/new/file``; the page's script sends the file and draws what is found in it."""
+    """``GET /scenarios/new/file``; the page's script sends the file and draws its terrain."""
     robots = await client_of(request).robots()
     return render_page(request, "pages/scenario_from_file.html", section="Scenarios", way="file", robots=robots.items)
 

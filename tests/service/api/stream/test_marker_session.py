@@ -96,11 +96,11 @@ def test_a_body_that_never_stands_along_the_stated_axis_has_no_estimate(axis: st
 def test_a_person_who_lay_before_standing_or_lies_down_later_is_estimated() -> None:
     """The sample turned by 90 degrees about x is a person who lies; the floor is where it was."""
 
-    def lying(k: int) -> dict[str, Any]:
+    def lying_frame(k: int) -> dict[str, Any]:
         return frame(k, markers=[None if m is None else [m[0], m[2], 0.2 - m[1]] for m in frame(k)["markers"]])
 
     running = session()
-    reasons = [replies_to(running, one)[0]["reason"] for one in (lying(0), frame(1), lying(2))]
+    reasons = [replies_to(running, one)[0]["reason"] for one in (lying_frame(0), frame(1), lying_frame(2))]
     assert reasons == ["axis-implausible", None, None]
 
 

@@ -80,12 +80,12 @@ async def compose_crossing_task(
     """
     shapes = await robots.own_shapes(request.robot)
 
-    def compose() -> PlanContactsInput:
+    def compose_task() -> PlanContactsInput:
         from stridelab.pipelines.plan_contacts import compose_crossing
 
         return compose_crossing(request, _robot_effectors(request.robot, shapes))
 
-    return await anyio.to_thread.run_sync(compose, limiter=limiter)
+    return await anyio.to_thread.run_sync(compose_task, limiter=limiter)
 
 
 def validate_sync(scenario: Scenario, own_shapes: Mapping[str, Any] | None = None) -> ScenarioCheck:

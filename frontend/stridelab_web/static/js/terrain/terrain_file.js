@@ -80,7 +80,7 @@ function chooseFile(chosen) {
   readFile();
 }
 
-// Sends the file and shows what is found in it; an answer that a later one has overtaken is dropped.
+// Sends the file and shows its terrain; an answer that a later one has overtaken is dropped.
 async function readFile() {
   if (!file) return;
   const own = ++turn,
