@@ -23,9 +23,14 @@ VIDEO = """async (data) => {
         video.onerror = () => fail(video.error.message);
     });
     const canvas = new OffscreenCanvas(video.videoWidth, video.videoHeight), context = canvas.getContext("2d");
-    const at = async (t_s) => {
+    const times_s = [];
+    const at = async (t_s) => { // "seeked" alone may come before the picture at this time is presented
+        const presented = new Promise((done) => {
+            video.requestVideoFrameCallback((_, { mediaTime }) => done(mediaTime));
+        });
         video.currentTime = t_s;
         await new Promise((done) => { video.onseeked = done; });
+        times_s.push(await presented);
         context.drawImage(video, 0, 0);
         return context.getImageData(0, 0, canvas.width, canvas.height).data;
     };
@@ -33,7 +38,7 @@ VIDEO = """async (data) => {
     const mean = first.reduce((sum, value) => sum + value, 0) / first.length;
     const spread = Math.sqrt(first.reduce((sum, value) => sum + (value - mean) ** 2, 0) / first.length);
     const change = first.reduce((most, value, k) => Math.max(most, Math.abs(value - later[k])), 0);
-    return { duration_s: video.duration, width: video.videoWidth, height: video.videoHeight, spread, change };
+    return { duration_s: video.duration, width: video.videoWidth, height: video.videoHeight, spread, change, times_s };
 }"""
 """Two pictures of a film, compared where they are: as text, their numbers would take seconds to reach the test."""
 CAMERA = """() => {
@@ -88,7 +93,8 @@ def test_a_film_is_two_clicks_and_plays_in_its_own_time(tab: Tab, lab: Lab, chro
     assert abs(seen["width"] - width) <= 1
     assert abs(seen["height"] - height) <= 1
     assert seen["spread"] > 5, "the pictures are not empty"
-    assert seen["change"] > 50, "and the robot moves"
+    assert seen["times_s"] == pytest.approx([0.04, 0.72], abs=0.05), "the pictures that were compared"
+    assert seen["change"] > 50, f"and the robot moves: {seen}"
 
 
 @pytest.mark.timeout(240)

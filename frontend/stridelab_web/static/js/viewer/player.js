@@ -103,6 +103,12 @@ async function start() {
   }, STALE_CHECK_MS);
 }
 
+// Draws the present frame of a film once more; in full where viser has made its nodes anew.
+function redrawFilmed() {
+  if (scene.nodes.isStale()) scene.show(position);
+  else scene.nodes.redraw();
+}
+
 /** @param {number} target */
 function seek(target, inUrl = true) {
   position = Math.min(Math.max(target, 0), time_s.length - 1);
@@ -287,8 +293,8 @@ const filmSource = {
     scene.show(position);
     camera.onFrame(position);
   },
-  redraw: () => scene.nodes.redraw(),
-  settled: () => scene.nodes.isPlaced(),
+  redraw: redrawFilmed,
+  settled: () => scene.nodes.isPlaced() && !scene.nodes.isStale(),
   restore: () => {
     filming = false;
     seek(Math.round(position));

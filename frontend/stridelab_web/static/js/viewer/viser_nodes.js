@@ -154,9 +154,9 @@ export class ViserNodes {
     );
   }
 
-  // Whether viser has placed everything that was moved.
+  // Whether viser has placed everything that was moved. A node without an object, as after a lost connection, is not.
   isPlaced() {
-    return this.names.every((name) => this.viser.nodePoseData[name]?.poseUpdateState !== "needsUpdate");
+    return this.names.every((name) => this.viser.nodePoseData[name]?.poseUpdateState === "updated");
   }
 
   /** @param {string} name */
