@@ -184,6 +184,38 @@ def test_an_obstacle_is_walked_around(x_m: float, y_m: float, size_m: tuple[floa
             assert max(apart) > -1e-6
 
 
+def door(width_m: float) -> dict[str, Any]:
+    """A wall across the way, with a door in its middle."""
+    side_m = 3.0 - width_m / 2
+    request = way_with(block(1.5, width_m / 2 + side_m / 2, (0.1, side_m, 2.0)))
+    other = block(1.5, -width_m / 2 - side_m / 2, (0.1, side_m, 2.0)) | {"name": "other wall"}
+    longer = task([box("ground", (-1.0, 4.0), 0.0)], 3.0, 0.0)
+    return longer | {"terrain": [*longer["terrain"], request["terrain"][-1], other]}
+
+
+def test_a_door_narrower_than_the_arms_is_passed_sideways() -> None:
+    """0.8 m: TALOS is wider with its arms. In the door both soles are turned by a quarter turn, at the ends by none."""
+    plan = PLANNER.plan(door(0.8))
+    report = validate_scenario(plan.scenario, SHAPES)
+    assert (report.faults, report.remarks) == ((), ())
+    contacts = [contact for phase in plan.scenario["phases"] for contact in phase["contacts"]]
+    turned = {}
+    for contact in contacts:
+        w, _, _, z = contact["orientation_wxyz"]
+        turned[tuple(contact["position_m"])] = abs(np.rad2deg(2.0 * np.arctan2(z, w)))
+    in_door = [angle for (x, _, _), angle in turned.items() if abs(x - 1.5) < 0.3]
+    assert len(in_door) >= 2
+    assert min(in_door) > 89.0
+    assert [turned[tuple(c["position_m"])] for c in (contacts[0], contacts[-1])] == pytest.approx([0.0, 0.0])
+
+
+def test_a_slit_is_impassable_sideways_too() -> None:
+    with pytest.raises(NotEstimable) as refusal:
+        PLANNER.plan(door(0.4))
+    assert refusal.value.code == "contacts-unreachable"
+    assert {fault.where for fault in refusal.value.faults} <= {"terrain[wall]", "terrain[other wall]"}
+
+
 def test_a_low_bar_is_stepped_over() -> None:
     plan = PLANNER.plan(way_with(block(1.0, 0.0, (0.1, 6.0, 0.15))))
     assert plan.steps == PLANNER.plan(task([box("ground", (-1.0, 3.0), 0.0)], 2.0, 0.0)).steps

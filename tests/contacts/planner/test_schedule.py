@@ -145,3 +145,13 @@ def test_moves_are_counted_with_both_feet_on_each_high_stair(heights_m: tuple[fl
     planks = [plank(str(k), 0.5 * k - 0.25, 0.5 * k + 0.25, z) for k, z in enumerate(heights_m)]
     ends = straight(0.5 * (len(heights_m) - 1), heights_m[-1])
     assert fewest_moves(ends, LIMITS, lambda _effector, _yaw: tuple(planks)) == moves
+
+
+@pytest.mark.parametrize("aside_rad", [np.pi / 2, -np.pi / 2, 0.0])
+def test_the_heading_turns_aside_and_back_in_steps_of_twelve_degrees(aside_rad: float) -> None:
+    ends = replace(straight(3.0), turn_rad=0.5, aside_rad=aside_rad)
+    headings = [ends.yaw_after(k, 24) for k in range(25)]
+    assert headings[0] == pytest.approx(ends.yaw_rad)
+    assert headings[-1] == pytest.approx(ends.yaw_rad + 0.5)
+    assert headings[12] == pytest.approx(ends.yaw_rad + 0.25 + aside_rad) == pytest.approx(ends.middle_yaw_rad)
+    assert np.abs(np.diff(headings) - 0.5 / 24).max() <= np.deg2rad(12.0) + 1e-12

@@ -81,6 +81,19 @@ def test_directions_cover_a_ball() -> None:
     assert (rows[:, 2] > 0.0).all()
 
 
+def test_feet_that_are_turned_against_each_other_are_farther_apart() -> None:
+    """The corners of soles of 0.1 m half length, turned by 12 degrees, do not overlap at the least distance."""
+    turn_rad = np.deg2rad(12.0)
+    still, moving = (np.array(LIMITS.effectors[name].half_size_m) for name in ("right_foot", "left_foot"))
+    near_m = LIMITS.offset_box_m("left_foot", turn_rad)[0][1]
+    corners = np.array([(i, j) for i in (-1, 1) for j in (-1, 1)]) * still
+    side_m = (corners @ [np.sin(turn_rad), np.cos(turn_rad)]).max()
+    gap_m = LIMITS.offset_box_m("left_foot")[0][1] - still[1] - moving[1]
+    assert near_m - moving[1] - side_m >= gap_m - 1e-12
+    assert near_m - moving[1] - side_m < gap_m + 0.01
+    assert LIMITS.offset_box_m("right_foot", -turn_rad)[1][1] == pytest.approx(-near_m)
+
+
 def test_a_step_keeps_the_feet_apart_and_the_com_within_reach_of_both() -> None:
     """The box of a step is what two boxes about one CoM leave, within the largest step, width and stair."""
     d = 0.7 * BALL_COVER

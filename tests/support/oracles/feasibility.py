@@ -214,7 +214,7 @@ def _solved(plan: Schedule, ends: StartAndGoal, limits: RobotLimits, chosen: Ass
                 at_most(DIRECTIONS @ (com(k) - place(i)), np.full(26, BALL_COVER * reach.com_distance_max_m))
         if both and k == len(plan.feet) - 1:
             continue
-        low, high = limits.offset_box_m(now.effector)
+        low, high = limits.offset_box_m(now.effector, now.yaw_rad - before.yaw_rad)
         step = place(k) - place(k - 1)
         at_most(step, high)
         at_most(-step, -low)

@@ -295,7 +295,7 @@ class StepProgram:
         W = heading_frame(nodes[moving].yaw_rad)
         move = self._slack_terms(self.plan.moves.index(moving))
         apart = [(self.columns[moving].p, 1.0), (self.columns[standing].p, -1.0)]
-        low, high = self.limits.offset_box_m(nodes[moving].effector)
+        low, high = self.limits.offset_box_m(nodes[moving].effector, nodes[moving].yaw_rad - nodes[standing].yaw_rad)
         rows = [*zip(W.T, high, strict=True), *zip(-W.T, -low, strict=True)]
         reach = self.limits.feet_distance_max_m * BALL_COVER
         rows += [(n, reach) for n in DIRECTIONS]
@@ -306,12 +306,15 @@ class StepProgram:
             self.program.add_row([t for p, sign in apart for t in zip(p, sign * n, strict=True)] + move, high=offset)
 
     def _constrain_swing(self, before: int, after: int) -> None:
-        """Limit the height by which a foot rises or descends in one swing."""
-        rise = self.limits.defaults.rise_max_m
-        apart = [(self.columns[after].p[2], 1.0), (self.columns[before].p[2], -1.0)]
+        """Limit the height by which a foot rises or descends in one swing, and sideways its way in the plane."""
+        ways = [(2, self.limits.defaults.rise_max_m)]
+        if self.ends.aside_rad:
+            ways += [(axis, 2.0 * self.limits.defaults.step_m) for axis in (0, 1)]
         move = self._slack_terms(self.plan.moves.index(after))
-        self.program.add_row([*apart, *move], high=rise)
-        self.program.add_row([*apart, *[(column, -value) for column, value in move]], low=-rise)
+        for axis, most_m in ways:
+            apart = [(self.columns[after].p[axis], 1.0), (self.columns[before].p[axis], -1.0)]
+            self.program.add_row([*apart, *move], high=most_m)
+            self.program.add_row([*apart, *[(column, -value) for column, value in move]], low=-most_m)
 
     def _keep_clear(self, before: int, after: int) -> None:
         """Exclude pairs of places of two feet with an obstacle between them."""

@@ -1,9 +1,10 @@
 """The contact planner: plans a valid scenario from a start stance to a goal stance over a terrain.
 
 The number of steps starts at the minimum for the robot's own step length and increases by one until the program of that
-many steps (``milp.StepProgram``) has a solution. If none has, the error names the gap that is too wide, or the step
-that misses its limits and by how much. This does not prove infeasibility: regions are slightly smaller than the
-validation allows (``foothold_regions``), and at most ``extra_steps`` steps above the minimum are tried.
+many steps (``milp.StepProgram``) has a solution. Where obstacles leave no way ahead, the robot turns aside and passes
+sideways. If none has a solution, the error names the gap that is too wide, or the step that misses its limits and by
+how much. This does not prove infeasibility: regions are slightly smaller than the validation allows
+(``foothold_regions``), and at most ``extra_steps`` steps above the minimum are tried.
 """
 
 import math
@@ -21,13 +22,14 @@ from stridelab.contacts.planner.obstacles import Obstacle, obstacles_met
 from stridelab.contacts.planner.pruning import fewest_moves, first_gap, prune_schedule
 from stridelab.contacts.planner.schedule import (
     SAME_M,
+    TURN_MAX_RAD,
     RegionLookup,
     Schedule,
     StartAndGoal,
     Transition,
     build_schedule,
 )
-from stridelab.contacts.planner.start_goal import TaskEnds, scenario_without_phases, task_ends
+from stridelab.contacts.planner.start_goal import scenario_without_phases, task_ends
 from stridelab.contacts.planner.step_limits import RobotLimits, heading_frame
 from stridelab.contacts.swing import LEVEL_M
 from stridelab.contacts.validation.parse import DURATION_S, Draft
@@ -39,8 +41,8 @@ from stridelab.errors import Fault, NotEstimable
 
 STEPS_MAX: Final = 60
 """Longest plan, in steps."""
-TURN_MAX_RAD: Final = math.radians(12.0)
-"""Largest heading change of a step."""
+ASIDE_RAD: Final = (0.0, math.pi / 2, -math.pi / 2)
+"""Turns of the heading in the middle of the walk that are tried, in this order: ahead, then sideways past obstacles."""
 MISS_S: Final = 1.0
 """Least processor time for the search of the step that misses its limits."""
 LEVEL_MOVE_SHARE: Final = 0.7
@@ -83,27 +85,34 @@ class ContactPlanner:
         """
         began = time.process_time()
         budget = PlanningBudget(self.seconds)
-        task_stances, cuts = task_ends(task, self.effectors), tuple(forbidden)
-        obstacles: tuple[Obstacle, ...] = ()
-        while True:
-            plan, met = self._plan_around(task, task_stances, (obstacles, cuts), budget, report_progress)
-            if not met:
-                return replace(plan, solve_time_s=time.process_time() - began)
-            obstacles += met
+        stances = task_ends(task, self.effectors)
+        ends = StartAndGoal.from_stances(stances.start, stances.goal, self.limits.feet)
+        ends = replace(ends, forbidden=tuple(forbidden))
+        errors: list[NotEstimable] = []
+        for aside_rad in ASIDE_RAD:
+            ends = replace(ends, aside_rad=aside_rad)
+            try:
+                while True:
+                    plan, met = self._plan_around(task, stances.draft, ends, budget, report_progress)
+                    if not met:
+                        return replace(plan, solve_time_s=time.process_time() - began)
+                    ends = replace(ends, obstacles=ends.obstacles + met)
+            except NotEstimable as error:
+                errors.append(error)
+                if error.code != "contacts-unreachable" or not ends.obstacles:
+                    break
+        raise errors[0]
 
     def _plan_around(
         self,
         task: Mapping[str, Any],
-        task_stances: TaskEnds,
-        avoided: tuple[tuple[Obstacle, ...], tuple[Transition, ...]],
+        draft: Draft,
+        ends: StartAndGoal,
         budget: PlanningBudget,
         report_progress: Progress,
     ) -> tuple[ContactPlan, tuple[Obstacle, ...]]:
         """Plan around obstacles and transitions; return the plan and the further obstacles that it meets."""
-        obstacles, forbidden = avoided
-        ends, rooms, least = self._prepare_ends(task_stances, obstacles)
-        ends = replace(ends, forbidden=forbidden)
-        draft = task_stances.draft
+        rooms, least = self._prepare_rooms(draft, ends)
         if least > STEPS_MAX:
             message = f"The goal is at least {least} steps away; a plan has at most {STEPS_MAX} steps."
             raise NotEstimable("contacts-too-far", message, [Fault("goal", f"{least} steps away")])
@@ -117,7 +126,7 @@ class ContactPlanner:
             answer = program.solve(budget)
             if answer.x is not None:
                 placed = program.placements_of(answer)
-                if met := self._further_obstacles(draft, plan, placed, obstacles):
+                if met := self._further_obstacles(draft, plan, placed, ends.obstacles):
                     return ContactPlan({}, len(plan.feet) - 1, k + 1, answer.objective, 0.0), met
                 scenario = self._validated_scenario(task, draft, plan, placed)
                 return ContactPlan(scenario, len(plan.feet) - 1, k + 1, answer.objective, 0.0), ()
@@ -128,15 +137,14 @@ class ContactPlanner:
 
     def prepare_task(self, task: Mapping[str, Any]) -> tuple[StartAndGoal, RegionLookup, int]:
         """Return ends, foothold regions and the minimum number of steps. Raises ``InvalidInput`` as ``plan``."""
-        return self._prepare_ends(task_ends(task, self.effectors))
+        stances = task_ends(task, self.effectors)
+        ends = StartAndGoal.from_stances(stances.start, stances.goal, self.limits.feet)
+        return ends, *self._prepare_rooms(stances.draft, ends)
 
-    def _prepare_ends(
-        self, task_stances: TaskEnds, obstacles: tuple[Obstacle, ...] = ()
-    ) -> tuple[StartAndGoal, RegionLookup, int]:
-        ends = StartAndGoal.from_stances(task_stances.start, task_stances.goal, self.limits.feet)
-        rooms = self._region_lookup(task_stances.draft, obstacles)
+    def _prepare_rooms(self, draft: Draft, ends: StartAndGoal) -> tuple[RegionLookup, int]:
+        rooms = self._region_lookup(draft, ends.obstacles)
         least = _least_steps(ends, self.limits)
-        return replace(ends, obstacles=obstacles), rooms, least and max(least, fewest_moves(ends, self.limits, rooms))
+        return rooms, least and max(least, fewest_moves(ends, self.limits, rooms))
 
     def _further_obstacles(
         self, draft: Draft, plan: Schedule, placed: PlacedSchedule, known: tuple[Obstacle, ...]
@@ -246,7 +254,7 @@ def _least_steps(ends: StartAndGoal, limits: RobotLimits) -> int:
     local = heading_frame(ends.yaw_rad).T @ np.mean(ways, axis=0)
     length = max(float(np.hypot(local[0], local[1])), abs(float(local[2])))
     walk = math.ceil(length / limits.defaults.step_m - 1e-6) + (count == 2)
-    return max(count, walk, math.ceil(abs(ends.turn_rad) / TURN_MAX_RAD))
+    return max(count, walk, math.ceil(abs(ends.turn_rad) / TURN_MAX_RAD), 3 * ends.aside_steps)
 
 
 def _scenario_phases(plan: Schedule, placed: PlacedSchedule, limits: RobotLimits) -> list[dict[str, Any]]:

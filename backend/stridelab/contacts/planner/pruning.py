@@ -61,7 +61,7 @@ def fewest_moves(ends: StartAndGoal, limits: RobotLimits, regions_at: RegionLook
     Breadth-first search over the pair of regions in which the feet stand. A move must satisfy the box of a step and the
     height of a swing somewhere in the regions; positions inside the regions do not restrict the next move.
     """
-    frame, yaw = heading_frame(ends.yaw_rad), ends.yaw_rad + ends.turn_rad / 2
+    frame, yaw = heading_frame(ends.yaw_rad), ends.middle_yaw_rad
     boxes, goals, reach = {}, {}, {}
     for foot in limits.feet:
         nodes = [Node(foot, 0, yaw, None, regions_at(foot, yaw))]
@@ -121,7 +121,7 @@ def first_gap(
     ``names`` are the surfaces of start and goal by foot.
     """
     frame = heading_frame(ends.yaw_rad)
-    yaw = ends.yaw_rad + ends.turn_rad / 2
+    yaw = ends.middle_yaw_rad
     places: list[tuple[str, str, Boxes, OutsideEdges]] = []
     for foot in limits.feet:
         node = Node(foot, 0, yaw, None, regions_at(foot, yaw))
@@ -159,7 +159,7 @@ def first_gap(
 def _end_place(
     ends: StartAndGoal, foot: str, surface: str, at: Placement, limits: RobotLimits, frame: Float[np.ndarray, "3 3"]
 ) -> tuple[str, str, Boxes, OutsideEdges]:
-    node = ends.fixed_node(foot, 0, ends.yaw_rad + ends.turn_rad / 2, at, limits)
+    node = ends.fixed_node(foot, 0, ends.middle_yaw_rad, at, limits)
     return foot, surface, _node_boxes(node, frame), node.outside
 
 

@@ -1,9 +1,11 @@
 """Step schedules: the order in which the effectors move, and the candidate regions of every move.
 
 ``N`` foot moves swing the feet in turn; the last two land on the goal. A hand that start or goal names moves before
-every second foot move and once at the end; in between it may be free. The heading changes evenly from start to goal.
+every second foot move and once at the end; in between it may be free. The heading changes evenly from start to goal, or
+on a detour turns aside first and back at the end, so that the robot passes sideways in between.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -17,6 +19,9 @@ from stridelab.dynamics.spatial import Placement
 
 SAME_M: Final = 1e-4
 """Placements that differ by less are equal (m, and entries of rotations)."""
+
+TURN_MAX_RAD: Final = math.radians(12.0)
+"""Largest heading change of a step."""
 
 CUT_SHARE: Final = 0.75
 """Share of a forbidden transition's distance from a neutral stance up to which steps may go in its direction."""
@@ -84,7 +89,8 @@ class Transition:
 class StartAndGoal:
     """Start and goal with their headings; the robot turns by ``turn_rad`` in between, around the ``obstacles``.
 
-    No step goes as far in its direction as a ``forbidden`` transition of the same foot.
+    In the middle of the walk the heading is ``aside_rad`` further, so that the robot passes sideways. No step goes as
+    far in its direction as a ``forbidden`` transition of the same foot.
     """
 
     start: Stance
@@ -93,6 +99,22 @@ class StartAndGoal:
     turn_rad: float
     obstacles: tuple[Obstacle, ...] = ()
     forbidden: tuple[Transition, ...] = ()
+    aside_rad: float = 0.0
+
+    @property
+    def middle_yaw_rad(self) -> float:
+        """Heading halfway."""
+        return self.yaw_rad + self.turn_rad / 2 + self.aside_rad
+
+    @property
+    def aside_steps(self) -> int:
+        """Steps in which the heading turns aside, and in which it turns back."""
+        return math.ceil(abs(self.aside_rad) / TURN_MAX_RAD)
+
+    def yaw_after(self, step: int, steps: int) -> float:
+        """Heading (rad) of the foot of ``step``, of ``steps`` in all."""
+        turned = min(1.0, step / self.aside_steps, (steps - step) / self.aside_steps) if self.aside_steps else 0.0
+        return self.yaw_rad + self.turn_rad * step / steps + self.aside_rad * turned
 
     @staticmethod
     def from_stances(start: Stance, goal: Stance, feet: tuple[str, str]) -> "StartAndGoal":
@@ -138,7 +160,7 @@ def build_schedule(
         stances.append(dict(standing))
 
     for k in range(1, steps + 1):
-        yaw = ends.yaw_rad + ends.turn_rad * k / steps
+        yaw = ends.yaw_after(k, steps)
         if k % 2:
             for hand in hands:
                 append_move(Node(hand, k - 1, yaw, None, regions_at(hand, yaw), True))

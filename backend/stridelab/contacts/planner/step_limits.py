@@ -74,16 +74,18 @@ class RobotLimits:
         high = float(self.offset_box_m(moving)[1][0])
         return max(0.0, high - HIGH_STEP_SHARE * self.defaults.step_m) / self.defaults.rise_max_m
 
-    def offset_box_m(self, moving: str) -> tuple[Vector3, Vector3]:
-        """Bounds of the position of a landing foot relative to the other one, in the heading frame.
+    def offset_box_m(self, moving: str, turn_rad: float = 0.0) -> tuple[Vector3, Vector3]:
+        """Bounds of the position of a landing foot relative to the other one, in the heading frame of the landing one.
 
-        ``p_m - p_s`` lies in ``box_s - box_m``, since both limits contain the same CoM, and within the defaults.
+        ``p_m - p_s`` lies in ``box_s - box_m``, since both limits contain the same CoM, and within the defaults. Feet
+        turned by ``turn_rad`` against each other are so much farther apart as the toe or heel of one turns aside.
         """
         still = self.feet[1 - self.feet.index(moving)]
         s, m = self.effectors[still].heading, self.effectors[moving].heading
         low, high = np.subtract(s.com_low_m, m.com_high_m), np.subtract(s.com_high_m, m.com_low_m)
         d = self.feet_distance_max_m * BALL_COVER
-        near, far = self.defaults.width_min_m, d
+        near = self.defaults.width_min_m + self.effectors[still].half_size_m[0] * abs(float(np.sin(turn_rad)))
+        far = d
         side = (near, far) if moving == self.feet[0] else (-far, -near)
         rise = self.defaults.rise_max_m
         return np.maximum(low, (-d, side[0], -rise)), np.minimum(high, (d, side[1], rise))
