@@ -75,7 +75,7 @@ export class SceneView {
 
   // What a scene that was loaded needs.
   attach() {
-    new DarkMode(this.nodes);
+    new DarkMode(this.nodes, [...PREVIEW_NODES, ...SUPPORT_NODES]);
     new AdaptiveResolution(this.nodes);
     fitWidth(this.nodes.viser);
     this.listenForPresses();
