@@ -84,6 +84,7 @@ def test_the_scene_follows_the_room_and_its_lines_stay_seen(tab: Tab, addresses:
     page = opened(tab, addresses["view-scenario"])
     assert lightness(page.evaluate(SCENE_BACKGROUND)) < 0.2
     assert lightness(page.evaluate(PATH_COLOUR.replace("/paths/com", "/live/planned"))) > 0.5
+    assert lightness(page.evaluate(PATH_COLOUR.replace("/paths/com", "/support/region"))) < 0.5, "it keeps its colour"
     assert max(map(lightness, page.evaluate(TERRAIN_COLOURS))) < 0.55
 
 
