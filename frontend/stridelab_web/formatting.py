@@ -118,6 +118,11 @@ def code_words(code: str) -> str:
     return code.replace("|", " or ").replace("-", " ").replace("_", " ")
 
 
+def robot_title(name: str) -> str:
+    """Name of a robot as people write it; of one's own robot, the name that it was given."""
+    return _ROBOTS.get(name, name)
+
+
 def landmark_words(code: str) -> str:
     """``l_head_front|head_top`` as ``left head front or head top``: landmarks that can stand for one another."""
     return re.sub(r"\bl ", "left ", re.sub(r"\br ", "right ", code_words(code)))
@@ -197,6 +202,7 @@ METHODS = {
 }
 STATES = ("queued", "running", "succeeded", "failed", "cancelled", "timed out", "cancelling")
 """The states of a job in words."""
+_ROBOTS = {"g1": "G1", "hrp2": "HRP-2", "talos": "TALOS"}
 _ITEMS = {"fig": "Figure", "table": "Table", "numbers": "Numbers of chapter"}
 _TABLES = {
     "errors": "Errors of all methods",
@@ -295,6 +301,7 @@ FILTERS = {
     "capability_limit": capability_limit,
     "trial_reason": trial_reason,
     "plain": plain_number,
+    "robot_title": robot_title,
     "measured": with_unit,
     "moment": utc_text,
     "when": time_element,

@@ -1,9 +1,12 @@
 """Comfortable in a dark room, with less motion, and on screens from 800 to 3840 pixels."""
 
+import itertools
+
 import pytest
 from playwright.sync_api import Page, expect
 
 from support.browser.page import TWO_PICTURES, Tab, opened, until
+from support.fakes.web_app import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 
@@ -80,6 +83,8 @@ def test_the_scene_follows_the_room_and_its_lines_stay_seen(tab: Tab, addresses:
     page.emulate_media(color_scheme="dark")
     page = opened(tab, addresses["view-scenario"])
     assert lightness(page.evaluate(SCENE_BACKGROUND)) < 0.2
+    assert lightness(page.evaluate(PATH_COLOUR.replace("/paths/com", "/live/planned"))) > 0.5
+    assert lightness(page.evaluate(PATH_COLOUR.replace("/paths/com", "/support/region"))) < 0.5, "it keeps its colour"
     assert max(map(lightness, page.evaluate(TERRAIN_COLOURS))) < 0.55
 
 
@@ -117,3 +122,28 @@ def _measures(page: Page) -> tuple[float, float]:
         " parseFloat(getComputedStyle(document.body).fontSize)]"
     )
     return used, letters_px
+
+
+LABELS = """() => [...document.querySelectorAll(".strip .axis text")].map((text) => text.getBoundingClientRect())
+    .filter(({ width }) => width > 0).map(({ left, right }) => [left, right]).sort(([a], [b]) => a - b)"""
+
+
+@pytest.mark.parametrize("width", [390, 800, 1400])
+def test_the_times_below_a_strip_do_not_overlap(tab: Tab, lab: Lab, width: int) -> None:
+    recording = lab.fake.add_recording("usual.c3d", duration_s=1.56)  # a mark every 0.2 s
+    tab.page.set_viewport_size({"width": width, "height": 844})
+    page = tab.go(f"/recordings/{recording.id}")
+    labels = page.evaluate(LABELS)
+    assert len(labels) > 2
+    assert all(right < left for (_, right), (left, _) in itertools.pairwise(labels)), labels
+
+
+def test_the_name_of_a_chosen_file_is_not_cut(tab: Tab, addresses: dict[str, str]) -> None:
+    """Browsers cut it in the middle, in German and Japanese too."""
+    for name, size in (("robots", 1400), ("population-new", 1400), ("robots", 390), ("population-new", 390)):
+        tab.page.set_viewport_size({"width": size, "height": 844})
+        page = tab.go(addresses[name])
+        for field in page.locator("input[type=file]:visible").all():
+            box = field.bounding_box()
+            assert box is not None
+            assert box["width"] >= 280, name

@@ -64,5 +64,5 @@ def test_a_full_queue_is_shown_and_what_is_missing_is_requested_once(page: Page,
     assert drawn == ITEMS_WITH_DRAWS - {"fig-2.6"}, "others would refuse a number of draws"
     assert {given["seeds"] for given in lab.fake.inputs.values()} == {3, None}
     expect(everything).to_be_disabled()
-    expect(message).to_contain_text("when the jobs below are finished")
+    expect(message).to_contain_text("when the jobs above are finished")
     tab.missteps = [m for m in tab.missteps if "status of 429" not in m]

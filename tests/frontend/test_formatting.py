@@ -4,6 +4,7 @@ from datetime import datetime, timedelta, timezone
 
 import pytest
 
+from stridelab.robots.card import robot_card
 from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.robots import Capability
@@ -70,6 +71,15 @@ def test_a_failed_value_says_why_in_the_words_of_a_plan_page() -> None:
 def test_every_estimator_has_a_name_and_a_line_of_its_own() -> None:
     assert set(METHODS) == set(formatting.METHODS)
     assert set(METHODS) <= set(STYLES)
+
+
+@pytest.mark.parametrize("name", ["g1", "hrp2", "talos"])
+def test_a_robot_has_the_title_of_its_card(name: str) -> None:
+    assert formatting.robot_title(name) == robot_card(name).title
+
+
+def test_a_robot_of_ones_own_has_the_name_that_it_was_given() -> None:
+    assert formatting.robot_title("my-robot") == "my-robot"
 
 
 def test_kinds_of_jobs_have_the_titles_of_the_service() -> None:

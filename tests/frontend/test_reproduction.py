@@ -137,7 +137,7 @@ def test_nothing_is_requested_twice_while_jobs_are_under_way(fake: FakeService, 
     fake.add_job("reproduce", "queued")
     page = browse("/reproduction").text
     assert re.search(r"data-missing=[^>]* disabled>", page)
-    assert "when the jobs below are finished" in page
+    assert "when the jobs above are finished" in page
 
 
 def test_items_and_verdicts_have_names() -> None:

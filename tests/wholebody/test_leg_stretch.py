@@ -26,6 +26,7 @@ from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionTask
 from stridelab.schemas.scenarios import Scenario
+from stridelab.wholebody import leg_stretch
 from stridelab.wholebody.leg_stretch import (
     BEND_RAD,
     ENOUGH_M,
@@ -33,6 +34,7 @@ from stridelab.wholebody.leg_stretch import (
     LegModel,
     MissingHeights,
     _raised_for_lean_m,
+    iterate_lower_plans,
     lower_for_legs,
 )
 from stridelab.wholebody.shank_lean import ShankLean
@@ -140,6 +142,26 @@ def test_a_plan_is_lowered_where_a_leg_is_too_short(
     assert (lowered.com_m[1:-1, 2] <= between_m[1:, 1] + 1e-6).all()
     assert (lowered.com_m[1:-1, 2] >= between_m[1:, 0] - 1e-6).all()
     assert np.allclose(lowered.com_m[[0, -1]], plan.com_m[[0, -1]], atol=1e-6)
+
+
+def test_a_plan_is_lowered_in_parts_of_one_solution(
+    talos: Robot, down: tuple[CentroidalProblem, CentroidalPlan], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An editor pauses between them."""
+    monkeypatch.setattr(leg_stretch, "ENOUGH_M", -1.0)
+    problem, plan = down
+    solutions: list[CentroidalPlan] = []
+
+    def record(changed: CentroidalProblem) -> CentroidalPlan:
+        solutions.append(solve(changed))
+        return solutions[-1]
+
+    parts = [(best, len(solutions)) for best in iterate_lower_plans(talos, problem, plan, record)]
+    counts = [number for _, number in parts]
+    assert counts[0] == 0
+    assert counts[-1] > 1
+    assert np.diff(counts).max() == 1
+    assert np.array_equal(parts[-1][0][1].com_m, lower_for_legs(talos, problem, plan, solve)[1].com_m)
 
 
 def test_a_plan_for_short_legs_does_not_lean_a_shank_against_the_next_riser(

@@ -39,7 +39,7 @@ from stridelab.wholebody.certificate.clearance import self_collision, terrain_di
 from stridelab.wholebody.control.collision_avoidance import AvoidanceSettings, CollisionAvoidance
 from stridelab.wholebody.control.controller import ControllerRun, WholeBodyController
 from stridelab.wholebody.control.joint_limits import JointLimits
-from stridelab.wholebody.leg_stretch import lower_for_legs
+from stridelab.wholebody.leg_stretch import iterate_lower_plans
 from stridelab.wholebody.motion import WholeBodyMotion, WholeBodyStopped
 
 RATE_HZ: Final = 50.0
@@ -195,7 +195,8 @@ class MotionCheck:
             return
         yield None
         try:
-            yield lower_for_legs(robot, problem, plan, partial(solve, solver="native"))[1]
+            for _, lower in iterate_lower_plans(robot, problem, plan, partial(solve, solver="native")):
+                yield lower
         except InvalidInput as error:  # a foot that lifts off and lands nowhere, which plan-motion refuses as well
             yield error
 
@@ -234,6 +235,7 @@ class MotionCheck:
         avoidance = self._take_avoidance(sequence.terrain)
         try:
             run = ControllerRun(controller, robot, sequence, plan, span=(first, last), avoidance=avoidance)
+            yield None
             checked = 0
             for i in range(len(run.times)):
                 run.run_sample(i)

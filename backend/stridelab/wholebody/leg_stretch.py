@@ -19,7 +19,7 @@ before a leg is stretched is lifted by the next one. A leg in the air may be sho
 swing, which its detour (``control.swing_detour``) makes up for.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final, NamedTuple
@@ -193,6 +193,14 @@ def lower_for_legs(
     Bounds are tightened in up to ``MAX_PASSES`` solutions, as long as the plans converge; the one that misses least is
     returned.
     """
+    *_, best = iterate_lower_plans(robot, problem, plan, solve)
+    return best
+
+
+def iterate_lower_plans(
+    robot: Robot, problem: CentroidalProblem, plan: CentroidalPlan, solve: Solve
+) -> Generator[tuple[CentroidalProblem, CentroidalPlan], None, None]:
+    """The best of ``lower_for_legs`` so far: that given, then after every further solution; the last is its result."""
     legs = LegModel.of_robot(robot)
     time_s = np.linspace(0.0, plan.sequence.duration_s, max(2, round(plan.sequence.duration_s * RATE_HZ) + 1))
     fixed = replace(problem, sequence=plan.sequence, durations=None, placements=None)
@@ -203,6 +211,7 @@ def lower_for_legs(
     missing = legs.missing_heights_m(plan, time_s, shanks)
     best, latest, least_m = (problem, plan), plan, missing.worst_m
     for _ in range(MAX_PASSES):
+        yield best
         if least_m <= ENOUGH_M:
             break
         com_m = latest.references_at(time_s).com_m[:, 2]
@@ -214,7 +223,7 @@ def lower_for_legs(
         missing = legs.missing_heights_m(latest, time_s, shanks)
         if missing.worst_m < least_m:
             best, least_m = (bounded, latest), missing.worst_m
-    return best
+    yield best
 
 
 def _tighten_bounds(

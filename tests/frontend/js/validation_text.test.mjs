@@ -73,7 +73,25 @@ test("the summary takes errors first, then whole-body postures", () => {
   assert.equal(summarizeValidation(check(), wholeBody("reachable", "not-asked")).kind, "asked");
   const unfinished = { ...wholeBody("reachable"), warnings: [{ code: "body-unfinished", message: "repeat" }] };
   assert.equal(summarizeValidation(check(), unfinished).kind, "asked");
+  const strained = { ...wholeBody("reachable"), warnings: [{ code: "body-strained", message: "the body strains" }] };
+  assert.match(summarizeValidation(check(), strained).text, /move on\. The body strains$/);
   assert.equal(summarizeValidation(check(), wholeBody("reachable", "unreachable")).text, "Phase 1: no posture 1");
+});
+
+test("an unfinished check says how far it is, not what to do", () => {
+  const unfinished = (...bodies) => ({
+    ...wholeBody(...bodies),
+    warnings: [{ code: "body-unfinished", message: "the body was not checked in 1 of 2 phases; repeat the check" }],
+  });
+  const text = (...bodies) => summarizeValidation(check(), unfinished(...bodies)).text;
+  assert.match(
+    text("reachable", "not-asked"),
+    /; the body can take the stances of 1 of 2 phases, the others are being/,
+  );
+  assert.match(
+    text("reachable", "reachable"),
+    /; the body can take every stance, and its motion between them is being/,
+  );
 });
 
 test("an unreachable stance has the error that names its contact", () => {

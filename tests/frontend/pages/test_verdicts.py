@@ -113,7 +113,7 @@ def test_jobs_are_named_by_what_they_are_about(fake: FakeService, browse: Browse
         assert re.search(rf'class="hint">{re.escape(name)}</span>', row), name
         assert (job.id[:8] in row.replace(job.id, "")) == (job is unknown)
     heading = browse(f"/jobs/{jobs['2 recordings'].id}").text
-    assert f'<p class="hint">2 recordings · {jobs["2 recordings"].id}' in heading
+    assert '<p class="hint">2 recordings · <time' in heading, "the id of a job says nothing to a reader"
 
 
 def test_a_result_whose_files_are_gone_shows_its_summary_and_says_what_to_do(fake: FakeService, browse: Browse) -> None:

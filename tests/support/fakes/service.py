@@ -86,7 +86,8 @@ class FakeService:
         """A recording that parsed well."""
         recording = Recording(
             id=uuid.uuid4().hex, sha256=fields.pop("sha256", "0" * 64), filename=filename,
-            bytes=123456, created_at=_NOW, duration_s=DURATION_S, n_frames=300, marker_rate_hz=RATE_HZ,
+            bytes=123456, created_at=_NOW, duration_s=fields.pop("duration_s", DURATION_S), n_frames=300,
+            marker_rate_hz=RATE_HZ,
             force_rate_hz=1000.0, marker_set=fields.pop("marker_set", "plug-in-gait"), n_markers=len(LABELS),
             subject=fields.pop("subject", SubjectFields(height_m=1.71, sex="female")), mass_from_force_kg=60.2,
             plates=[

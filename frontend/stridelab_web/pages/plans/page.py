@@ -15,6 +15,7 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab_web.api_client import JobFiles, client_of, none_if_missing, took_s
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.plans.answer import plan_answer
+from stridelab_web.pages.plans.check_meanings import CHAPTER, check_meaning
 from stridelab_web.pages.plans.comparison import PlanFacts
 from stridelab_web.pages.plans.comparison_page import KIND, compare_plans, curves_of, other_plan
 from stridelab_web.pages.plans.cost_table import NOT_MINIMISED, cost_rows, cost_text
@@ -55,6 +56,8 @@ async def plan_page(request: Request) -> Response:
         summary=summary,
         scenario_name=summary.scenario_name if summary else await _scenario_name(client, job),
         answer=plan_answer(summary) if summary else None,
+        meaning_of=check_meaning,
+        checks_chapter=CHAPTER,
         plots=result is not None,
         plots_url=f"/plans/{job.id}/plots.json{beside}",
         plotly_style_ids=plotly_style_ids() if result else (),

@@ -12,6 +12,7 @@ from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.measures import MEASURE_TITLES
 from stridelab_web.api_client import JobFiles
 from stridelab_web.charts.svg import Chart, range_of
+from stridelab_web.formatting import robot_title
 from stridelab_web.parquet import read_columns
 
 KIND: Final = "imitate"
@@ -79,7 +80,7 @@ async def imitation_of(files: JobFiles, result: JobResult) -> dict[str, Any]:
 def imitation_headline(summary: ImitateSummary) -> str:
     """Steps, pace and speed in one sentence."""
     return (
-        f"{summary.robot.upper()} walks with {summary.step_share:.0%} of the person’s step length and at "
+        f"{robot_title(summary.robot)} walks with {summary.step_share:.0%} of the person’s step length and at "
         f"{summary.pace:.2f} of the person’s pace, both scaled by the height of the hips: certified, and completed in "
         f"physics with the centre of mass at most {1000 * summary.replay.com_error_max_m:.1f} mm off. Its speed is "
         f"{summary.speed_share:.0%} of the person’s, scaled."

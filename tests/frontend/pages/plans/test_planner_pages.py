@@ -38,7 +38,7 @@ def test_list_of_scenarios_and_what_a_name_smuggles_in(fake: FakeService, browse
     assert "<b>stairs" not in page
     assert "&lt;b&gt;stairs" in page
     assert f'href="/view/?scenario={scenario.id}"' in page
-    assert "BOXES" in page
+    assert "boxes · " in page
     assert "9 phases" in texts(page)
 
 
@@ -126,8 +126,8 @@ def test_plan_page_shows_certificate_replay_and_where_to_look(fake: FakeService,
     page = browse(f"/plans/{job.id}").text
     shown = texts(page)
     assert "Not every check passed." in shown
-    assert "CoM error, largest 0.155 mm at most 1 mm passed" in shown
-    assert "Terrain distance, smallest -12.3 mm at least 0 m failed phase 1 left leg 4" in shown
+    assert "CoM error, largest how far the centre of mass is from its plan 0.155 mm at most 1 mm passed" in shown
+    assert "terrain -12.3 mm at least 0 m failed phase 1 left leg 4" in shown
     assert f'href="/view/?plan={job.id}&amp;t=1.250"' in page
     assert "The robot falls at 3.21 s." in shown
     assert "Foot slip, largest 4.2 mm" in shown

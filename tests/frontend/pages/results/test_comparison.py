@@ -48,7 +48,7 @@ def test_tables_say_what_the_summary_says_horizontal_and_vertical_apart(fake: Fa
 
 def test_without_a_truth_methods_are_held_against_physics(fake: FakeService, browse: Browse) -> None:
     page = browse(f"/jobs/{fake.add_comparison(with_truth=False).id}").text
-    assert "The truth of this recording is unknown" in page
+    assert ". The truth of this recording is unknown" in page
     assert "Against the truth" not in page
     shown = [text for text, _ in cells(page, "kalman-thesis")]
     assert shown == ["12.0", "-4.0", "3.0", "–", "–", "–", "0.97", "0.98", "-0.10", "12.0", "-4.0", "3.0"]

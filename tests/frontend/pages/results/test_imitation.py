@@ -29,7 +29,7 @@ def test_quantities_are_in_the_units_of_the_page() -> None:
 
 def test_the_headline_has_steps_pace_error_and_speed() -> None:
     text = imitation_headline(ImitateSummary.model_validate(imitation_result()[0]))
-    for part in ("BOXES", "80%", "0.60", "3.3 mm", "47%"):
+    for part in ("boxes", "80%", "0.60", "3.3 mm", "47%"):
         assert part in text
 
 
@@ -51,7 +51,7 @@ def test_curves_of_both_are_drawn_and_their_distance_is_said() -> None:
 def test_the_page_shows_all_of_it(fake: FakeService, browse: Callable[[str], httpx.Response]) -> None:
     html = browse(every_page(fake)["imitation"]).text
     page = re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", html))
-    assert "BOXES walks with 80% of the person’s step length" in page
+    assert "boxes walks with 80% of the person’s step length" in page
     assert "The last stride is repeated." in page
     assert "certificate: &lt;self&gt; 3" in html
     assert "2 plans tried" in page

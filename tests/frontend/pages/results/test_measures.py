@@ -202,7 +202,7 @@ def test_six_values_are_above_the_table_and_double_support_stands_in_for_energy(
 def test_the_page_shows_the_main_values_then_all_of_them(page: str) -> None:
     main = re.findall(r'<div data-main="(\w+)">(.*?)</div>', page, re.DOTALL)
     assert text_of(dict(main)["margin_of_stability_ml_min"]) == (
-        "Margin of stability, sideways 73 mm 46 to 99 mm (95 %) left 72 · right 74"
+        "Margin of stability, sideways 73 mm 46 to 99 mm (95&nbsp;%) left 72 · right 74"
     )
     rows = dict(re.findall(r'<tr data-measure="(\w+)">(.*?)</tr>', page, re.DOTALL))
     assert len(rows) == 10

@@ -47,7 +47,8 @@ def answer_request(question: Json) -> Json:
 
     ``phases`` are the fields of ``PhaseBody`` without its number, null for a phase not checked; ``shoes`` the faults of
     shoes without room, as ``where`` and ``message``. The motion is checked once all stances of a valid scenario are
-    reachable; a phase that the body cannot move through is ``unreachable``, too.
+    reachable, in a further request if a part of it does not fit after the searches of this one; a phase that the body
+    cannot move through is ``unreachable``, too.
 
     The phase ``posture_of`` is checked first, then its neighbours. A request checks at least one phase that is not
     cached, unless its search takes long: it then goes on in the next request. Raises the errors of ``load_robot``.
@@ -75,7 +76,8 @@ def answer_request(question: Json) -> Json:
     motion = None
     are_reachable = all(one is not None and one["body"] == "reachable" for one in answers)
     if built is not None and sequence is not None and not shoes and are_reachable:
-        motion = _add_motion(built, sequence, answers, until_s)
+        is_late = bool(searched) and time.monotonic() + SEARCH_S > until_s
+        motion = "unfinished" if is_late else _add_motion(built, sequence, answers, until_s)
     return {"phases": answers, "shoes": shoes, "motion": motion}
 
 

@@ -129,7 +129,7 @@ export class LivePreview {
     if (result instanceof Error) {
       if (/** @type {any} */ (result).problem?.code === NO_SOLVER) this.isAvailable = false;
       this.setStatus(result.message);
-      this.pushStatus.textContent = "";
+      showText(this.pushStatus, "");
       return;
     }
     const { motion, recovered } = result;
@@ -137,21 +137,28 @@ export class LivePreview {
       `cost ${(solution.objective ?? NaN).toFixed(2)}, ${counted(solution.iterations, "iteration")}, solved in ${(1e3 * solution.solve_time_s).toFixed(1)} ms`;
     // Validation errors are shown below the scene already.
     if (result.errors.length) this.setStatus("No plan: the contacts are not valid.");
-    else
+    else if (motion.converged)
       this.setStatus(
-        motion.converged ? `${describe(motion)}; answered in ${took_ms.toFixed(0)} ms` : `No motion: ${motion.status}`,
+        "The centre of mass can move along the drawn path.",
+        `${describe(motion)}; answered in ${took_ms.toFixed(0)} ms`,
       );
-    if (!recovered) this.pushStatus.textContent = push && !motion.converged ? "There is no motion to push." : "";
-    else
-      this.pushStatus.textContent = recovered.converged
-        ? `It recovers: ${describe(recovered)}.`
-        : `It does not recover: ${recovered.status}`;
+    else this.setStatus(`The centre of mass has no motion: ${motion.status}`);
+    if (!recovered) showText(this.pushStatus, push && !motion.converged ? "There is no motion to push." : "");
+    else if (recovered.converged) showText(this.pushStatus, "It recovers from the push.", describe(recovered));
+    else showText(this.pushStatus, `It does not recover from the push: ${recovered.status}`);
   }
 
-  /** @param {string} text */
-  setStatus(text) {
-    this.status.textContent = text;
+  /** @param {string} text @param {string} [details] */
+  setStatus(text, details) {
+    showText(this.status, text, details);
   }
+}
+
+// A sentence for readers, and the numbers of the solver as its tooltip.
+/** @param {PageElement} place @param {string} text @param {string} [details] */
+function showText(place, text, details = "") {
+  place.textContent = text;
+  place.title = details;
 }
 
 // The push of the form's fields, as the service takes it.

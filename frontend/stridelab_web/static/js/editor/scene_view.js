@@ -6,7 +6,7 @@ import { AdaptiveResolution } from "../viewer/adaptive_resolution.js";
 import { DarkMode } from "../viewer/dark_mode.js";
 import { fetchChecked } from "../shared/api.js";
 import { contactOf } from "./phase_edits.js";
-import { SUPPORT_NODES } from "./support_overlay.js";
+import { PLUMB_NODE, SUPPORT_NODES } from "./support_overlay.js";
 
 const REVISION_NODE = "/turn"; // the viewer moves it after every drag and every stored change (viewer/scenario_scene.py)
 const MIN_DRAG_M = 1e-4,
@@ -75,7 +75,7 @@ export class SceneView {
 
   // What a scene that was loaded needs.
   attach() {
-    new DarkMode(this.nodes);
+    new DarkMode(this.nodes, [...PREVIEW_NODES, PLUMB_NODE]);
     new AdaptiveResolution(this.nodes);
     fitWidth(this.nodes.viser);
     this.listenForPresses();

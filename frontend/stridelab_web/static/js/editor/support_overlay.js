@@ -2,6 +2,7 @@
 import { HIDDEN } from "../viewer/viser_nodes.js";
 
 const [REGION, EDGE, PLUMB, COM] = ["region", "edge", "plumb", "com"].map((name) => `/support/${name}`);
+export const PLUMB_NODE = PLUMB;
 export const SUPPORT_NODES = [REGION, EDGE, PLUMB, COM, `${COM}/light`]; // viewer/scenario_scene.py makes them
 const CORNERS = 64; // vertices of the region's mesh in the viewer; the mesh of its edge has twice as many
 const CLEARANCE_M = 0.01,

@@ -20,16 +20,27 @@ export function summarizeValidation(check, whole, failure = "") {
   if (!whole) return { errors: [], kind: "asked", text: `${REACHABLE}; the whole body is being checked…` };
   const errors = whole.phases.filter(({ body }) => body === "unreachable").map((one) => unreachableError(whole, one));
   if (errors.length) return { errors, kind: "invalid", text: errorSentence(errors[0]) };
-  const remark = whole.warnings[0]?.message ?? "";
   const isUnfinished = whole.warnings.some(({ code }) => code === BODY_UNFINISHED);
   if (isUnfinished || whole.phases.some(({ body }) => body === "not-asked"))
-    return { errors: [], kind: "asked", text: `${REACHABLE}. ${remark}`.trim() };
+    return { errors: [], kind: "asked", text: `${REACHABLE}; ${progressText(whole)}` };
+  const remark = whole.warnings[0]?.message ?? "";
   return {
     errors: [],
     kind: "valid",
-    text: `Valid: every contact is on its surface, and the body can take the stance of every phase and move on. ${remark}`.trim(),
+    text: `Valid: every contact is on its surface, and the body can take the stance of every phase and move on. ${capitalize(remark)}`.trim(),
   };
 }
+
+// What of an unfinished whole-body check has been done; the page repeats it by itself.
+/** @param {ScenarioCheck} whole */
+function progressText({ phases }) {
+  const checked = phases.filter(({ body }) => body !== "not-asked").length;
+  if (checked === phases.length) return "the body can take every stance, and its motion between them is being checked…";
+  return `the body can take the stances of ${checked} of ${phases.length} phases, the others are being checked…`;
+}
+
+/** @param {string} sentence */
+const capitalize = (sentence) => sentence.charAt(0).toUpperCase() + sentence.slice(1);
 
 // The error that names the contact, or one that names the phase where the service lists no error for it.
 /** @type {(whole: ScenarioCheck, phase: ScenarioCheck["phases"][number]) => PlacedError} */

@@ -1,8 +1,8 @@
-// Switches viser to dark mode with the page, lightens dark lines and points there, and darkens the terrain.
+// Switches viser to dark mode with the page, lightens dark lines and points there, and darkens terrain and force plates.
 import { findContext } from "./viser_nodes.js";
 
 const FLOOR_NODE = "/floor",
-  TERRAIN_NODES = "/terrain/",
+  SURFACE_NODES = ["/terrain/", "/plates/"],
   TERRAIN = { ground: 0.025, lightest: 0.91, contrast: 0.25 }, // linear lightness: the ground is the lightest by day
   DARK_BELOW = 0.42,
   LIGHTNESS = 0.64; // lightness, from 0 to 1
@@ -35,7 +35,7 @@ export class DarkMode {
     const drawn = this.nodes.viser.nodeRefFromName;
     drawn[FLOOR_NODE]?.traverse(({ material }) => this.tintGrid(material));
     for (const name of Object.keys(drawn))
-      if (name.startsWith(TERRAIN_NODES))
+      if (SURFACE_NODES.some((group) => name.startsWith(group)))
         drawn[name]?.traverse(({ material }) => {
           this.tintGrid(material);
           this.tint(material?.color, ({ h, s, l }, color) => color.setHSL(h, s, terrainLightness(l)));
