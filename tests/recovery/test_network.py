@@ -11,6 +11,7 @@ from typing import Protocol
 
 import pytest
 
+from stridelab.service.jobs.queue import attempt_prefix
 from stridelab.service.storage.database import parse_url
 from support.faults.network import HERE, hosts, relay
 from support.service.processes import Jobs, assert_sound, environment, wait_until, worker
@@ -84,7 +85,7 @@ def test_cut_off_worker_loses_its_job_to_another_and_publishes_nothing(
         assert jobs.get(job_id) == record
         assert_sound(database_url, tmp_path / "blobs", [job_id])
         stored = [str(path.relative_to(tmp_path / "blobs")) for path in (tmp_path / "blobs").rglob("*.csv")]
-        assert stored == [f"results/{job_id}/2/numbers.csv"]
+        assert stored == [f"{attempt_prefix(job_id, 2, record.started_at)}/numbers.csv"]
         # and it works again: two long jobs at a time, which the near worker alone cannot
         both = [jobs.submit("long-work", work_s=3.0, diary=str(diary), name=f"k{n}") for n in (1, 2)]
         wait_until(lambda: {jobs.get(one).state for one in both} == {"running"}, 45, "both at work")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import psycopg
 
+from stridelab.service.jobs.queue import attempt_prefix
 from stridelab.service.jobs.store import JobRecord
 from support.service.processes import Jobs, assert_sound, worker
 
@@ -30,7 +31,7 @@ def test_zombie_publishes_nothing_and_a_survivor_takes_over(database_url: str, t
         assert jobs.get(job_id) == record
         assert jobs.states(job_id).count("succeeded") == 1
         stored = [str(p.relative_to(tmp_path / "blobs")) for p in (tmp_path / "blobs").rglob("*") if p.is_file()]
-        assert stored == [f"results/{job_id}/2/numbers.csv"]
+        assert stored == [f"{attempt_prefix(job_id, 2, record.started_at)}/numbers.csv"]
 
         # the awakened worker is sound: it finishes what the other one is killed with
         taken = jobs.submit("long-work", work_s=4.0, diary=str(diary), name="k")

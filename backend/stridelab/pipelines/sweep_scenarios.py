@@ -9,20 +9,15 @@ import itertools
 import math
 import time
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from stridelab.centroidal.boundary_conditions import PathBounds
-from stridelab.centroidal.hand_force_limits import hand_bounds_n
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.centroidal.solver import solve
 from stridelab.contacts.scenarios.variations import UNITS, current_value, vary_scenario
-from stridelab.contacts.sequence import ContactSequence
 from stridelab.errors import InvalidInput, StridelabError
-from stridelab.pipelines.plan_centroidal import solve_centroidal
 from stridelab.pipelines.plan_problem import (
     control_of,
     limits_of,
@@ -33,17 +28,12 @@ from stridelab.pipelines.plan_problem import (
     validate_scenario,
 )
 from stridelab.pipelines.progress import ItemMap, Json, ProgressCallback
-from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
-from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import PlanMotionInput
 from stridelab.schemas.sweeps import SweepAxis, SweepField, SweepInput, SweepOutcome, SweepSummary, SweepTask
-from stridelab.wholebody.certificate.certify import certify
-from stridelab.wholebody.control.controller import WholeBodyController
-from stridelab.wholebody.momentum_consistency import agree
 
 REFERENCES: Final = ("carpentier2017thesis", "andersson2019casadi")
 MAX_CHUNK: Final = 40
@@ -164,6 +154,8 @@ def plan_chunk(item: Json) -> Json:
     requested = solver_of(task.input)
     # no fallback from the C++ solver to another one: all points of a map use one solver
     solver = "native" if requested == "auto" and task.input.formulation != "wrench" else requested
+    if task.input.whole_body:  # with it come half of the libraries
+        from stridelab.pipelines.sweep_whole_body import find_whole_body_failure
     rows = []
     for values in item["points"]:
         try:
@@ -182,7 +174,8 @@ def plan_chunk(item: Json) -> Json:
         stopped = ""
         if plan.converged and task.input.whole_body:
             fields = task.input.model_dump(include={"formulation", "solver", "node_rate_hz", "measure"})
-            stopped = _whole_body_failure(robot, proxies, sequence, PlanMotionInput(scenario=scenario, **fields))
+            request = PlanMotionInput(scenario=scenario, **fields)
+            stopped = find_whole_body_failure(robot, proxies, sequence, request)[:MAX_REASON_LENGTH]
         rows.append(
             SweepRow(
                 "feasible" if plan.converged and not stopped else "infeasible",
@@ -194,24 +187,6 @@ def plan_chunk(item: Json) -> Json:
             )
         )
     return {"rows": [{**vars(row), "objective": None if math.isnan(row.objective) else row.objective} for row in rows]}
-
-
-def _whole_body_failure(
-    robot: Robot, proxies: Mapping[str, Proxy], sequence: ContactSequence, request: PlanMotionInput
-) -> str:
-    """Reason why the whole-body motion of ``plan-motion`` fails; empty if its certificate passes."""
-    control = control_of(request)
-    bounds = PathBounds(None, hand_bounds_n(robot, sequence) if control.has_point_forces else {})
-    posed = from_rest_to_rest(robot, sequence, proxies)
-    problem = replace(posed, control=control, bounds=bounds, node_rate_hz=request.node_rate_hz)
-    try:
-        problem, plan = solve_centroidal(problem, request, lambda _fraction, _message: None)
-        agreed = agree(robot, problem, plan, solve, WholeBodyController().run)
-    except StridelabError as error:
-        return _short_message(error)
-    certificate = certify(robot, sequence, agreed.plan, proxies, agreed.motion)
-    failed = [f"{one.name} {one.value:.3g} {one.unit}" for one in certificate.checks if not one.passed]
-    return f"The certificate fails: {', '.join(failed)}."[:MAX_REASON_LENGTH] if failed else ""
 
 
 def _short_message(error: Exception) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import httpx
+import psycopg
 import pytest
 
 from stridelab.service.samples import scenarios
@@ -114,3 +115,25 @@ def test_jobs_are_searched_by_kind_and_by_the_name_of_their_recording(http: http
     assert [job["recording_id"] for job in every(http, "jobs", search="estimate")] == ["r2", "r1"]
     assert [job["recording_id"] for job in every(http, "jobs", search="100% estimate")] == ["r2"]
     assert list(every(http, "jobs", search="climb")) == []
+
+
+@pytest.mark.parametrize(("path", "table"), [("recordings", "recording"), ("subjects", "subject"), ("jobs", "job")])
+def test_rows_of_one_moment_are_listed_once_each(service: Served, http: httpx.Client, path: str, table: str) -> None:
+    """One row a page: ids decide between rows whose times are equal."""
+    key = "subject_id" if path == "subjects" else "id"
+    ids = [item[key] for item in every(http, path)]
+    assert len(ids) > 1
+    with psycopg.connect(str(service.parts.settings.database_url)) as connection:
+        connection.execute(f"CREATE TEMPORARY TABLE moments AS SELECT id, created_at FROM {table}")
+        try:
+            connection.execute(f"UPDATE {table} SET created_at = '2026-01-01T00:00:00.123456Z'")
+            connection.commit()
+            pages = [[item[key] for item in every(http, path, **query)] for query in ({}, {"limit": 2})]
+        finally:
+            connection.rollback()
+            connection.execute(
+                f"UPDATE {table} SET created_at = moments.created_at FROM moments WHERE moments.id = {table}.id"
+            )
+    for listed in pages:
+        assert listed == sorted(set(listed), reverse=True)
+        assert set(listed) == set(ids)

@@ -221,6 +221,75 @@ def test_a_job_that_a_restored_database_gives_to_a_worker_is_taken_up(
     with_consumers(1, act)
 
 
+def restore_waiting_job(url: str, job_id: str) -> None:
+    """Bring the job back to where it was before its first start, as a backup from yesterday does."""
+    with psycopg.connect(url) as connection:
+        connection.execute(
+            "UPDATE job SET state = 'queued', attempt = 0, worker_id = NULL, started_at = NULL WHERE id = %s", (job_id,)
+        )
+
+
+def test_a_restored_job_is_no_longer_that_of_the_worker_that_runs_it(
+    database_url: str, with_consumers: Callable[[int, Work], None]
+) -> None:
+    """Its next start has the same number and other files; the earlier one can neither publish nor be taken for it."""
+
+    async def act(store: JobStore, attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
+        one, other = consumers
+        job_id = (await store.submit("work", {})).job_id
+        old = await take(one)
+        await asyncio.to_thread(restore_waiting_job, database_url, job_id)
+        new = await take(other)
+        assert old is not None
+        assert new is not None
+        assert (old.job_id, old.number) == (new.job_id, new.number) == (job_id, 1)
+        assert old.blob_prefix != new.blob_prefix
+        assert await attempts.should_stop(old)
+        assert not await attempts.report_progress(old, 0.5, "on")
+        assert not await attempts.hand_back(old)
+        assert not await attempts.end_attempt(old, "cancelled", None, "")
+        assert not await attempts.should_stop(new)
+        assert await attempts.end_attempt(new, "cancelled", None, "")
+        assert not await attempts.end_attempt(old, "cancelled", None, ""), "the same end, but of the other start"
+
+    with_consumers(2, act)
+
+
+def test_a_worker_that_starts_a_restored_job_again_holds_both_starts(
+    database_url: str, with_consumers: Callable[[int, Work], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def act(store: JobStore, _attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
+        (one,) = consumers
+        job_id = (await store.submit("work", {})).job_id
+        old = await take(one)
+        await asyncio.to_thread(restore_waiting_job, database_url, job_id)
+        new = await take(one)
+        assert old is not None
+        assert new is not None
+        one.release_attempt(old)
+        monkeypatch.setattr(queue, "CHECK_S", 0.0)
+        assert await take(one) is None
+
+    with_consumers(1, act)
+
+
+def test_workers_that_a_restored_database_does_not_know_stay_apart(
+    database_url: str, with_consumers: Callable[[int, Work], None]
+) -> None:
+    """None of them gets the id of another one, whose jobs it would take for its own."""
+
+    async def act(_store: JobStore, _attempts: AttemptStore, consumers: list[QueueConsumer]) -> None:
+        before = {one.worker_id for one in consumers}
+        with psycopg.connect(database_url) as connection:
+            connection.execute("TRUNCATE worker RESTART IDENTITY")
+        for one in reversed(consumers):
+            await one.send_heartbeat()
+        assert not before & {one.worker_id for one in consumers}
+        assert len({one.worker_id for one in consumers}) == len(consumers)
+
+    with_consumers(3, act)
+
+
 def test_claim_reads_few_rows_however_many_wait(database_url: str, with_consumers: Callable[[int, Work], None]) -> None:
     """Whatever the statistics say: here they are of an empty table."""
     read = "SELECT seq_tup_read + idx_tup_fetch FROM pg_stat_user_tables WHERE relname = 'job'"

@@ -17,6 +17,7 @@ from stridelab.schemas.previews import PartialMotion, PartialResults
 from stridelab.service.api.jobs.presentation import job_of
 from stridelab.service.jobs.attempts import AttemptStore
 from stridelab.service.jobs.notifications import JobNotifications
+from stridelab.service.jobs.queue import attempt_prefix
 from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.jobs.worker import Worker
 from stridelab.service.settings import Settings
@@ -97,7 +98,7 @@ def test_a_job_succeeds_with_files_and_provenance(in_shop: Open) -> None:
         assert result.summary == {"answer": 42}
         assert result.versions["stridelab"]
         assert [(a.name, a.media_type, a.bytes) for a in result.artifacts] == [("numbers.csv", "text/csv", 11)]
-        assert record.blob_prefix == f"results/{record.id}/1"
+        assert record.blob_prefix == attempt_prefix(record.id, 1, record.started_at)
         assert b"".join([c async for c in shop.blobs.stream(f"{record.blob_prefix}/numbers.csv")]) == b"time_s\n0.0\n"
         events = await shop.store.events_after(record.id)
         assert [event.seq for event in events] == sorted(event.seq for event in events)
@@ -365,7 +366,7 @@ def test_a_stopping_worker_hands_its_job_back(in_shop: Open, database_url: str, 
     async def come_back(shop: Shop) -> None:
         record = await shop.ended(job_ids[0])
         assert (record.state, record.attempt) == ("succeeded", 2)
-        assert await shop.blobs.exists(f"results/{record.id}/2/numbers.csv")
+        assert await shop.blobs.exists(f"{attempt_prefix(record.id, 2, record.started_at)}/numbers.csv")
 
     in_shop(leave)
     in_shop(come_back)

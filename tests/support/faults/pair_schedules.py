@@ -43,6 +43,8 @@ LATER_S: Final = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.3, 1.7, 2.2)
 _ALL: Final = list(product(KINDS, COMMITS, FAULTS, SIGNALS, DELAYS_S, LATER_S))
 random.Random(35).shuffle(_ALL)
 NUMBERS: Final = len(_ALL)
+_LOOK_S: Final = 0.25
+"""Pause between two looks at the jobs, which cost processor time."""
 ENDS: Final = {"work": "succeeded", "long-work": "succeeded", "stop-half-way": "failed"}
 
 
@@ -69,8 +71,9 @@ class PairSchedule:
 
 def run_pair(schedule: PairSchedule, url: str, folder: Path, forks: WorkerForks) -> str:
     """Do it on an empty database; returns what happened. Raises ``AssertionError`` naming all that is wrong."""
-    jobs, blobs = Jobs(url), {"STRIDELAB_BLOB_URL": (folder / "blobs").as_uri(), "STRIDELAB_STALL_S": str(STALL_S)}
-    ids = [jobs.submit(kind) for kind in schedule.kinds]
+    jobs, times = Jobs(url), {"STRIDELAB_STALL_S": str(STALL_S), "STRIDELAB_HEARTBEAT_S": str(STALL_S / 4)}
+    settings = {"STRIDELAB_BLOB_URL": (folder / "blobs").as_uri(), **times}
+    ids = jobs.submit_all(schedule.kinds)
     n_seen = pid = 0
 
     def is_chosen(_text: str) -> bool:
@@ -94,18 +97,18 @@ def run_pair(schedule: PairSchedule, url: str, folder: Path, forks: WorkerForks)
     with contextlib.ExitStack() as stack:
         look = stack.enter_context(psycopg.connect(url, autocommit=True))
         proxy = stack.enter_context(commit_proxy(socket_of(url), plan))
-        first = stack.enter_context(forks.worker(through_proxy(url, proxy), folder / "a", **blobs))
+        first = stack.enter_context(forks.worker(through_proxy(url, proxy), folder / "a", **settings))
         pid = first.pid
         time.sleep(schedule.later_s)
-        stack.enter_context(forks.worker(url, folder / "b", **blobs))
-        wait_until(lambda: proxy.struck.is_set() or have_ended(), 240, "the fault or the end")
+        stack.enter_context(forks.worker(url, folder / "b", **settings))
+        wait_until(lambda: proxy.struck.is_set() or have_ended(), 240, "the fault or the end", _LOOK_S)
         struck = proxy.struck.is_set()
         if struck:
             wait_until(proxy.over.is_set, 60, "the end of the fault")
             if schedule.signal == "SIGSTOP":
                 time.sleep(2 * STALL_S if schedule.fault.startswith("lost") else 0.0)
                 os.kill(pid, signal.SIGCONT)
-        wait_until(have_ended, 240, "the end of both jobs")
+        wait_until(have_ended, 240, "the end of both jobs", _LOOK_S)
         time.sleep(1.0)  # what the first worker has to say, it says now
         ends = column("state")
         assert ends == [ENDS[kind] for kind in schedule.kinds], f"{ends}: {column('error')}"

@@ -81,14 +81,18 @@ class TestDatabases:
             self.admin.execute(f'DROP DATABASE "{name}" WITH (FORCE)')
 
     def empty(self, url: str) -> None:
-        """Remove all rows and end all connections of a database, at less cost than making a new one."""
-        tables = ", ".join(table.name for table in metadata.sorted_tables)
+        """Remove all rows and end all connections of a database, at less cost than making a new one.
+
+        Rows are deleted, since TRUNCATE makes new files for every table and index.
+        """
+        deletions = "; ".join(f"DELETE FROM {table.name}" for table in reversed(metadata.sorted_tables))
         with psycopg.connect(url, autocommit=True) as connection:
             connection.execute(
                 "SELECT pg_terminate_backend(pid, 10000) FROM pg_stat_activity"
                 " WHERE datname = current_database() AND pid <> pg_backend_pid()"
             )
-            connection.execute(f"TRUNCATE {tables} RESTART IDENTITY")
+            connection.execute(deletions)
+            connection.execute("SELECT setval(oid, 1, false) FROM pg_class WHERE relkind = 'S'")
 
     def _url(self, name: str) -> str:
         return parse_url(self.admin_url).set(database=name).render_as_string(hide_password=False)

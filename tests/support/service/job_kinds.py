@@ -9,8 +9,9 @@ import gc
 import json
 import os
 import signal
+import socket
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -20,7 +21,10 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from stridelab.schemas.base import Contract
 from stridelab.service.jobs.worker import run_worker
 from stridelab.service.kinds.base import Blobs, JobKind
+from stridelab.service.kinds.provenance import software_versions
 from stridelab.service.logging import configure_logging
+from stridelab.service.processes import fork_server
+from stridelab.service.processes.fork_server_client import ForkServerClient, child_environment
 from stridelab.service.settings import current_settings
 
 
@@ -80,6 +84,7 @@ def work() -> None:
 def fork_workers() -> None:
     """Fork a worker for every line of the input, ``{"environment", "log"}``, and answer with its process id."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    software_versions()  # what every worker computes once
     gc.freeze()
     for line in sys.stdin:
         request = json.loads(line)
@@ -96,9 +101,54 @@ def _work_in_fork(request: dict[str, Any]) -> NoReturn:
             os.dup2(descriptor, ours)
         os.environ.clear()
         os.environ.update(request["environment"])
+        _fork_first_fork_server()
         work()
     finally:
         os._exit(0)
+
+
+class _ForkedProcess:
+    """What ``ForkServerClient`` needs of a process, for one that was forked."""
+
+    def __init__(self, pid: int) -> None:
+        self.pid = pid
+
+    def kill(self) -> None:
+        os.kill(self.pid, signal.SIGKILL)
+
+    async def wait(self) -> int:
+        return (await asyncio.to_thread(os.waitpid, self.pid, 0))[1]
+
+
+def _fork_first_fork_server() -> None:
+    """Fork the fork server of this worker, which then has all imports; should it end, another one starts as usual."""
+    ours, theirs = socket.socketpair()
+    worker_pid = os.getpid()
+    if (pid := os.fork()) == 0:
+        _serve_forks(worker_pid, theirs)
+    theirs.close()
+    start_another = ForkServerClient.start_server
+
+    async def start_server(preload: Sequence[str]) -> ForkServerClient:
+        ForkServerClient.start_server = staticmethod(start_another)  # type: ignore[method-assign]
+        ours.setblocking(False)
+        return ForkServerClient(_ForkedProcess(pid), ours)  # type: ignore[arg-type]
+
+    ForkServerClient.start_server = staticmethod(start_server)  # type: ignore[method-assign]
+
+
+def _serve_forks(worker_pid: int, control: socket.socket) -> NoReturn:
+    try:
+        os.setsid()
+        os.dup2(control.fileno(), 0)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        os.closerange(3, 256)  # the worker's end of the connection among them
+        variables = child_environment()
+        os.environ.clear()
+        os.environ.update(variables)
+        fork_server.main(worker_pid, [])
+    finally:
+        os._exit(1)
 
 
 if __name__ == "__main__":

@@ -14,18 +14,19 @@ import threading
 import time
 import urllib.request
 from collections import defaultdict
-from collections.abc import Awaitable, Callable, Iterable, Iterator
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import psutil
 import psycopg
 from psycopg.rows import dict_row
 
 from stridelab.schemas.jobs import FINAL_STATES
+from stridelab.service.jobs.queue import attempt_prefix
 from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.samples.recording import SHIPPED_JOBS
 from stridelab.service.storage.blobs import BlobStore
@@ -78,11 +79,11 @@ def is_over(began: float, limit_s: float) -> bool:
     return time.monotonic() - began > limit_s * crowding()
 
 
-def wait_until(true: Callable[[], bool], timeout_s: float, what: str) -> None:
+def wait_until(true: Callable[[], bool], timeout_s: float, what: str, pause_s: float = 0.05) -> None:
     began = time.monotonic()
     while not true():
         assert not is_over(began, timeout_s), f"not within {timeout_s} s on {crowding():.1f} times the load: {what}"
-        time.sleep(0.05)
+        time.sleep(pause_s)
 
 
 @dataclass
@@ -96,6 +97,14 @@ class Jobs:
 
     def submit(self, kind: str, **task: Any) -> str:
         return str(self.ask(lambda store: store.submit(kind, task)).job_id)
+
+    def submit_all(self, kinds: Sequence[str]) -> list[str]:
+        """Submit a job of each kind, without tasks, on one connection."""
+
+        async def submit(store: JobStore) -> list[str]:
+            return [str((await store.submit(kind, {})).job_id) for kind in kinds]
+
+        return cast("list[str]", self.ask(submit))
 
     def get(self, job_id: str) -> JobRecord:
         record = self.ask(lambda store: store.get(job_id))
@@ -323,7 +332,7 @@ def _of_row(row: Row) -> Iterator[str]:
         yield "has ended at no time"
     if row["state"] == "succeeded" and row["result"] is None:
         yield "succeeded without a result"
-    if row["blob_prefix"] not in (None, f"results/{row['id']}/{row['attempt']}"):
+    if row["blob_prefix"] not in (None, attempt_prefix(row["id"], row["attempt"], row["started_at"])):
         yield f"names the files of another attempt, {row['blob_prefix']}"
 
 
@@ -359,7 +368,7 @@ def _of_files(jobs: dict[str, Row], stored: dict[str, int]) -> list[str]:
         row = jobs.get(job_id)
         if job_id in SHIPPED_JOBS:
             continue
-        if row is None or (row["state"] == "succeeded" and int(attempt) >= row["attempt"]):
+        if row is None or (row["state"] == "succeeded" and int(attempt.partition("-")[0]) >= row["attempt"]):
             messages.append(f"{key} is named by no result")
     return messages
 

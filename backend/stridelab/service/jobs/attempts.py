@@ -1,8 +1,9 @@
-"""State changes that workers make to a job. The attempt's number is the fencing token.
+"""State changes that workers make to a job. Number and time of the start are the fencing token.
 
-A claim (``jobs.queue``) increments ``attempt``; every later write has the condition ``attempt = mine AND state =
-'running'``. The writes of a worker that was declared dead and resumes match no row: it may repeat a computation, but
-publishes nothing.
+A claim (``jobs.queue``) increments ``attempt`` and sets ``started_at``; every later write has the condition ``attempt =
+mine AND started_at = mine AND state = 'running'``. The writes of a worker that was declared dead and resumes match no
+row: it may repeat a computation, but publishes nothing. The same holds where the database was restored from an earlier
+state, after which numbers repeat.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,7 +42,8 @@ _FROM_THE_FUTURE = text("UPDATE worker SET last_heartbeat = now() WHERE last_hea
 
 def _fenced_change(assignments: str, condition: str = "", *, ends_attempt: bool = True) -> TextClause:
     """Statement that changes the row of a running attempt, with its event; no row if the attempt is superseded."""
-    own = f"job.id = :job_id AND job.attempt = :attempt AND state = 'running' {condition}"
+    same_start = "job.attempt = :attempt AND job.started_at IS NOT DISTINCT FROM CAST(:started_at AS timestamptz)"
+    own = f"job.id = :job_id AND {same_start} AND state = 'running' {condition}"
     changed = f"UPDATE job SET {assignments} WHERE {own} RETURNING {EVENT_COLUMNS}"  # noqa: S608 (constants only)
     return statement_with_events(changed, ends_attempt=ends_attempt)
 
@@ -62,7 +64,7 @@ _WAIT_AGAIN: Final = _fenced_change(  # a start without started_at is no turn of
     "state = 'queued', worker_id = NULL, started_at = NULL, fraction = 0, returned = job.returned + :returned,"
     " message = :message"
 )
-_OUTCOME: Final = text("SELECT state, attempt, error, blob_prefix FROM job WHERE id = :job_id")
+_OUTCOME: Final = text("SELECT state, attempt, started_at, error, blob_prefix FROM job WHERE id = :job_id")
 
 
 class AttemptStore:
@@ -209,21 +211,28 @@ async def _lock_running_row(connection: AsyncConnection, attempt: Attempt) -> Ma
 
 
 def _fencing_conditions(attempt: Attempt) -> tuple[ColumnElement[bool], ...]:
-    return job.c.id == attempt.job_id, job.c.attempt == attempt.number, job.c.state == "running"
+    return (
+        job.c.id == attempt.job_id,
+        job.c.attempt == attempt.number,
+        job.c.started_at == attempt.started_at,
+        job.c.state == "running",
+    )
 
 
 async def _apply_change(
     connection: AsyncConnection, change: TextClause, attempt: Attempt, values: Mapping[str, Any]
 ) -> bool:
     """Execute a ``_fenced_change``; False if the attempt is superseded."""
-    own = {"job_id": attempt.job_id, "attempt": attempt.number}
+    own = {"job_id": attempt.job_id, "attempt": attempt.number, "started_at": attempt.started_at}
     return (await connection.execute(change, {**own, **values})).first() is not None
 
 
 async def _read_outcome(connection: AsyncConnection, attempt: Attempt) -> tuple[str, Any, str | None] | None:
     """State, error and prefix of the files of the job; None if the attempt is superseded by another."""
     row = (await connection.execute(_OUTCOME, {"job_id": attempt.job_id})).one_or_none()
-    return None if row is None or row.attempt != attempt.number else (row.state, row.error, row.blob_prefix)
+    if row is None or (row.attempt, row.started_at) != (attempt.number, attempt.started_at):
+        return None
+    return row.state, row.error, row.blob_prefix
 
 
 def without_nul_characters(value: Any) -> Any:

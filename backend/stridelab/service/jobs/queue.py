@@ -12,9 +12,11 @@ choice: an owner may be ahead by one job per worker.
 
 import asyncio
 import math
+import secrets
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from typing import Any, Final, Literal
 
 from psycopg import OperationalError as DriverError
@@ -42,8 +44,8 @@ _UNANSWERED = text(
     """
     SELECT * FROM job
      WHERE state = 'running' AND worker_id = :worker AND lane = ANY(:lanes)
-       AND NOT EXISTS (SELECT 1 FROM unnest(CAST(:ids AS text[]), CAST(:attempts AS int[])) AS held (id, attempt)
-                        WHERE held.id = job.id AND held.attempt = job.attempt)
+       AND NOT EXISTS (SELECT 1 FROM unnest(CAST(:ids AS text[]), CAST(:starts AS timestamptz[])) AS held (id, start)
+                        WHERE held.id = job.id AND held.start = job.started_at)
      LIMIT 1
     """
 )
@@ -87,8 +89,15 @@ _CLAIM = text(
     """
 )
 
+_EPOCH: Final = datetime.fromtimestamp(0, UTC)
+_MICROSECOND: Final = timedelta(microseconds=1)
 _PLANNER: Final = "-c enable_bitmapscan=off"
 """Statistics are always late for a queue: believing that few jobs wait, the planner would sort all that do."""
+
+
+def attempt_prefix(job_id: str, number: int, started_at: datetime | None) -> str:
+    """Key prefix of the files of a start of a job."""
+    return f"results/{job_id}/{number}" + ("" if started_at is None else f"-{(started_at - _EPOCH) // _MICROSECOND:x}")
 
 
 @dataclass(frozen=True)
@@ -101,6 +110,15 @@ class Attempt:
     row: Mapping[str, Any]
 
     @property
+    def started_at(self) -> datetime:
+        """Time of the start by the clock of the database; tells it from another start of the same number.
+
+        Numbers repeat when the database is restored from an earlier state while workers run.
+        """
+        started_at: datetime = self.row["started_at"]
+        return started_at
+
+    @property
     def counted_starts(self) -> int:
         """Number of starts of the job including this one, without those that were handed back by a stopping worker."""
         return int(self.number - self.row["returned"])
@@ -108,7 +126,7 @@ class Attempt:
     @property
     def blob_prefix(self) -> str:
         """Key prefix of the files of this attempt."""
-        return f"results/{self.job_id}/{self.number}"
+        return attempt_prefix(self.job_id, self.number, self.started_at)
 
 
 class QueueConsumer:
@@ -121,7 +139,7 @@ class QueueConsumer:
         self._engine = make_engine(url, pool_size=2, planner=_PLANNER, autocommit=True)
         self.worker_id: int | None = None
         """Its row in the database; None before the first heartbeat."""
-        self._held: set[tuple[str, int]] = set()
+        self._held: set[tuple[str, datetime]] = set()
         self._checked_at_s: dict[tuple[Lane, ...], float] = {}
         """When ``_UNANSWERED`` last returned nothing."""
         self._claiming = asyncio.Lock()
@@ -141,7 +159,9 @@ class QueueConsumer:
                 silent_s = (await connection.execute(_BEAT, {"worker": self.worker_id})).scalar_one_or_none()
                 if silent_s is not None:
                     return float(silent_s)
-            self.worker_id = (await connection.execute(insert(worker).returning(worker.c.id))).scalar_one()
+            # a sequence that was restored from an earlier state would give the ids of running workers again
+            registered = insert(worker).values(id=secrets.randbits(62)).returning(worker.c.id)
+            self.worker_id = (await connection.execute(registered)).scalar_one()
             return 0.0
 
     async def claim_attempt(self, lanes: Sequence[Lane]) -> Attempt | None:
@@ -157,8 +177,8 @@ class QueueConsumer:
             try:
                 async with self._engine.connect() as connection:
                     if now_s - self._checked_at_s.get(key, -math.inf) >= CHECK_S:
-                        ids, attempts = [job_id for job_id, _ in self._held], [number for _, number in self._held]
-                        claimed = await connection.execute(_UNANSWERED, {**mine, "ids": ids, "attempts": attempts})
+                        ids, starts = [job_id for job_id, _ in self._held], [start for _, start in self._held]
+                        claimed = await connection.execute(_UNANSWERED, {**mine, "ids": ids, "starts": starts})
                         row = claimed.mappings().one_or_none()
                         if row is None:
                             self._checked_at_s[key] = now_s
@@ -170,12 +190,12 @@ class QueueConsumer:
             if row is None:
                 return None
             attempt = Attempt(row["id"], row["attempt"], row["kind"], dict(row))
-            self._held.add((attempt.job_id, attempt.number))
+            self._held.add((attempt.job_id, attempt.started_at))
         return attempt
 
     def release_attempt(self, attempt: Attempt) -> None:
         """Forget an attempt that has ended."""
-        self._held.discard((attempt.job_id, attempt.number))
+        self._held.discard((attempt.job_id, attempt.started_at))
 
     async def unregister_worker(self) -> None:
         """Unregister this worker; jobs that it still runs become lost."""

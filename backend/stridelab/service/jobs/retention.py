@@ -10,6 +10,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service.auth import audit
 from stridelab.service.jobs.partial_results import delete_stale_chunks
+from stridelab.service.jobs.queue import attempt_prefix
 from stridelab.service.kinds.read_batch import kind as read_batch
 from stridelab.service.samples.recording import SHIPPED_JOBS
 from stridelab.service.settings import Settings
@@ -85,9 +86,10 @@ async def remove_orphans(connection: AsyncConnection, blobs: BlobStore, age: tim
     robots = await _old_prefixes(blobs, ROBOT_FOLDER, 3, age)
     recordings = await _old_prefixes(blobs, "recordings", 3, age)  # full keys: tracks of a recording may be replaced
     # rows are read after the files, so that rows written in between are included
-    rows = (await connection.execute(select(job.c.id, job.c.attempt, job.c.state, job.c.blob_prefix))).all()
+    columns = (job.c.id, job.c.attempt, job.c.started_at, job.c.state, job.c.blob_prefix)
+    rows = (await connection.execute(select(*columns))).all()
     referred = {row.blob_prefix for row in rows}
-    referred |= {f"results/{row.id}/{row.attempt}" for row in rows if row.state == "running"}
+    referred |= {attempt_prefix(row.id, row.attempt, row.started_at) for row in rows if row.state == "running"}
     unread = select(job.c.input).where(job.c.kind == read_batch.READ_BATCH_KIND, job.c.state.not_in(FINAL_STATES))
     referred |= {read_batch.batch_prefix(job_input) for job_input in (await connection.execute(unread)).scalars()}
     files = (await connection.execute(select(recording.c.blob_key, recording.c.tracks_key))).all()

@@ -28,8 +28,9 @@ _log = structlog.get_logger(__name__)
 class Publication:
     """Commit state of the transactions that publish some files.
 
-    ``in_doubt`` is True from the moment a COMMIT is sent until the server has answered it. ``published`` is set by
-    ``record_outcome`` once the caller knows whether the rows exist.
+    ``in_doubt`` is True from the moment a COMMIT is sent, unless the server answers that it was rolled back, until
+    ``record_outcome``: a task can also be cancelled after the answer, while it returns its connection. ``published`` is
+    set by ``record_outcome`` once the caller knows whether the rows exist.
     """
 
     def __init__(self) -> None:
@@ -65,7 +66,6 @@ class Publication:
             if proves_rollback(error.orig):
                 self.in_doubt = before
             raise
-        self.in_doubt = before
 
 
 def proves_rollback(error: BaseException | None) -> bool:

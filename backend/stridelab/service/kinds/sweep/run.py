@@ -18,6 +18,7 @@ from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.result_tables import write_table
 
 PRELOAD_MODULE: Final = "stridelab.pipelines.sweep_scenarios"
+BODY_MODULE: Final = "stridelab.pipelines.sweep_whole_body"
 CHUNK_TIMEOUT_S: Final = 1800.0
 
 
@@ -27,7 +28,8 @@ def run(task: SweepTask, folder: Path, progress: ProgressCallback, processes: in
     Raises as ``stridelab.pipelines.sweep_scenarios.sweep_scenarios`` does.
     """
     at_once = processes or available_processes()
-    map_points = partial(map_isolated, preload=(PRELOAD_MODULE,), timeout_s=CHUNK_TIMEOUT_S, processes=at_once)
+    preload = (BODY_MODULE,) if task.input.whole_body else (PRELOAD_MODULE,)
+    map_points = partial(map_isolated, preload=preload, timeout_s=CHUNK_TIMEOUT_S, processes=at_once)
     result = sweep_scenarios(task, map_points, at_once, progress)
     about = {"scenario": task.scenario.name, "robot": task.scenario.robot, "vary": task.input.model_dump()["vary"]}
     files = write_table(folder, "sweep", _sweep_columns(result.grid, result.rows), about)
