@@ -138,3 +138,10 @@ def test_only_sets_that_share_a_marker_are_named_as_the_nearest() -> None:
     with pytest.raises(NotEstimable, match="nearest: none") as refused:
         require_marker_set(match, labels)
     assert [fault.where for fault in refused.value.faults] == ["labels found"]
+
+
+def test_metatarsals_of_gait2354_mark_the_feet() -> None:
+    match = identify(labels_of("gait2354 with metatarsals"))
+    feet = {name: match.landmarks[name] for name in ("l_mt1", "l_mt5", "r_mt1", "r_mt5")}
+    assert feet == {"l_mt1": "L_MTP1", "l_mt5": "L_MTP5", "r_mt1": "R_MTP1", "r_mt5": "R_MTP5"}
+    assert "foot-simplified" not in {remark.code for remark in match.degraded}

@@ -26,6 +26,16 @@ WORDS = {
     "xiphoid": "XiphoidPt",
 }
 """Words of a laboratory that resemble known labels and are none."""
+KNOWN_LABELS = {
+    "asis": "IAS",
+    "psis": "IPS",
+    "knee_lateral": "FLE",
+    "ankle_lateral": "FAL",
+    "heel": "FCC",
+    "mt2": "FM2",
+    "acromion": "SHO",
+}
+"""Labels of several sets, which together are none of them."""
 LEGS = ("asis", "psis", "knee_lateral", "ankle_lateral", "heel", "mt2")
 TRUNK = ("acromion", "c7", "t10", "jugular_notch", "xiphoid")
 
@@ -80,6 +90,38 @@ def test_labels_that_contradict_the_places_name_nothing(one: str, other: str) ->
     assert propose_marker_set(relabelled(walk("adult"), labels)) is None
 
 
+def on_platform(height_m: float) -> tuple[Recording, dict[str, str]]:
+    """A walk on a platform, whose markers are higher than those of a walk on the floor; and its labels, all known."""
+    recording = keep_landmarks(walk("adult"), tuple(KNOWN_LABELS))
+    raised = {mark: track + np.array([0.0, 0.0, height_m]) for mark, track in recording.markers_m.items()}
+    labels = {mark: f"{mark[0].upper()}_{KNOWN_LABELS[side_and_name(mark)[1]]}" for mark in raised}
+    assert identify(list(labels.values())).name is None
+    return replace(recording, markers_m=raised), labels
+
+
+@pytest.mark.parametrize("height_m", [0.0, 0.3, 0.4])
+def test_labels_that_sets_know_name_markers_at_unusual_places(height_m: float) -> None:
+    recording, labels = on_platform(height_m)
+    match = propose_marker_set(relabelled(recording, labels))
+    assert match is not None
+    assert match.landmarks == {mark: labels[mark] for mark in match.landmarks}
+    assert {f"{side}_{name}" for side in "lr" for name in (*LEGS[:4], "acromion")} <= set(match.landmarks)
+
+
+def test_on_a_platform_labels_that_resemble_known_ones_do_not_suffice() -> None:
+    recording, _ = on_platform(0.3)
+    assert propose_marker_set(relabelled(recording, labels_of(recording))) is None
+
+
+@pytest.mark.parametrize("height_m", [0.0, 0.3])
+def test_known_labels_that_contradict_the_places_name_nothing(height_m: float) -> None:
+    recording, labels = on_platform(height_m)
+    for side in "lr":
+        knee, ankle = f"{side}_knee_lateral", f"{side}_ankle_lateral"
+        labels[knee], labels[ankle] = labels[ankle], labels[knee]
+    assert propose_marker_set(relabelled(recording, labels)) is None
+
+
 def test_one_knee_without_a_name_names_nothing() -> None:
     labels = labels_of(walk("adult"))
     labels["r_knee_lateral"] = "QX17"
@@ -96,6 +138,22 @@ def test_a_marked_trunk_without_names_is_not_taken_for_an_unmarked_one() -> None
     labels = labels_of(both)
     unnamed = {mark: f"QX{k}" for k, mark in enumerate(labels) if side_and_name(mark)[1] in TRUNK}
     assert propose_marker_set(relabelled(both, labels | unnamed)) is None
+
+
+@pytest.mark.parametrize(("share", "is_named"), [(1.0, True), (0.8, True), (0.4, False)])
+@pytest.mark.parametrize("back", ["psis", "sacrum"])
+def test_markers_inside_the_iliac_spines_name_nothing(back: str, share: float, is_named: bool) -> None:
+    """The front of a pelvis is marked narrower than it is: the hips would be placed too far forward."""
+    recording, labels = on_platform(0.0)
+    markers = dict(recording.markers_m)
+    middle = (markers["l_asis"] + markers["r_asis"]) / 2.0
+    for mark in ("l_asis", "r_asis"):
+        markers[mark] = middle + share * (markers[mark] - middle)
+    if back == "sacrum":
+        markers["sacrum"] = (markers.pop("l_psis") + markers.pop("r_psis")) / 2.0
+        labels = {mark: label for mark, label in labels.items() if "psis" not in mark} | {"sacrum": "VSAC"}
+    match = propose_marker_set(relabelled(replace(recording, markers_m=markers), labels))
+    assert (match is not None) is is_named
 
 
 def test_few_markers_and_hidden_ones_name_nothing() -> None:

@@ -77,4 +77,27 @@ FURTHER = {
         L.Midfoot.Lateral R.Shank.Superior R.Thigh.Lateral L.Asis R.Thigh.Inferior R.Patella Sacral R.Asis
         """,
     ),
+    "cortex-five-letters": (
+        "",
+        """
+        THEAD FHEAD RHEAD RSHOU ROFFS RELBO RWRIS LSHOU LELBO LWRIS RASIS LASIS VSACR RTHIG RKNEE RSHAN RANKL RHEEL
+        R.TOE LTHIG LKNEE LSHAN LANKL LHEEL L.TOE
+        """,
+    ),
+    "gait2354 with metatarsals": (
+        "arms-missing",
+        """
+        V_Sacral R_ASIS L_ASIS R_Knee_Lat R_Thigh_Upper R_Thigh_Front R_Thigh_Rear L_Knee_Lat L_Thigh_Upper
+        L_Thigh_Front L_Thigh_Rear R_Ankle_Lat R_Shank_Upper R_Shank_Front R_Shank_Rear L_Ankle_Lat L_Shank_Upper
+        L_Shank_Front L_Shank_Rear R_Heel R_MTP1 R_MTP5 L_Heel L_MTP1 L_MTP5 Clavicle R_Acromium L_Acromium
+        """,
+    ),
+    "lt-rt": (
+        "",
+        """
+        LTAS RTAS LTPS RTPS SACR SPC1 SPC2 SPC3 SPT1 SPT2 SPT3 SPT4 SPT5 SPL1 SPL2 SPL3 SPL4 SPL5 STER LTSH RTSH LTEL
+        RTEL LTRA RTRA LTUL RTUL LTCL RTCL LTSC RTSC LTLH RTLH LTLL RTLL LTFR RTFR LTLE RTLE LTME RTME LTHF RTHF LTTT
+        RTTT LTMT RTMT LTLF RTLF LTLM RTLM LTMM RTMM LTHL RTHL LTLC RTLC LTMC RTMC LTFM RTFM LTTO RTTO LTVM RTVM
+        """,
+    ),
 }
