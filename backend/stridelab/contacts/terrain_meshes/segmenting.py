@@ -78,7 +78,8 @@ def segment_terrain(shapes: TerrainShapes) -> dict[str, Any]:
     walls = [wall for wall in walls if not lie_in_boxes([box_of_solid(wall)], tops_m).any()]
     solids = [one for one in (*shapes.solids, *posts, *walls) if not _is_along(one, bars)]
     solid_boxes = obstacle_boxes(solids, boxes)
-    seen = [*solid_boxes, *obstacle_boxes(_seen_solids(standing, bars, [*boxes, *solid_boxes]), boxes)]
+    known = [*boxes, *solid_boxes, *(box_of_solid(one) for one in shapes.solids)]  # also those on which feet stand
+    seen = [*solid_boxes, *obstacle_boxes(_seen_solids(standing, bars, known), boxes)]
     room = max(MAX_SURFACES + 1 - len(boxes) - len(rails), 0)
     obstacles = [{"name": f"obstacle {k + 1}"} | box for k, box in enumerate(seen[:room])]
     noise_m, spacing_m = _errors_of(standing)
