@@ -201,7 +201,10 @@ def read_terrain(
     robot: Annotated[str, typer.Option("--robot", help="Name of the robot.")] = "talos",
     unit: Annotated[Literal["m", "cm", "mm"], typer.Option("--unit", help="Unit of the file.")] = "m",
     up: Annotated[
-        Literal["+z", "+y"] | None, typer.Option("--up", help="Axis that points up; +z, of GLB +y, if omitted.")
+        Literal["+z", "-z", "+y", "-y", "+x", "-x"] | None,
+        typer.Option(
+            "--up", help="Axis that points up; if omitted, found where the points are clear, else +z, of GLB +y."
+        ),
     ] = None,
     friction: Annotated[float, typer.Option("--friction", min=0.05, max=2.0, help="Coefficient of friction.")] = 0.3,
     cell_m: Annotated[
@@ -209,6 +212,10 @@ def read_terrain(
     ] = None,
     height_m: Annotated[
         float | None, typer.Option("--height", min=1e-6, max=1.0, help="Height of a step of grey of a PNG, in metres.")
+    ] = None,
+    height_range_m: Annotated[
+        float | None,
+        typer.Option("--height-range", min=0.001, max=100.0, help="Height of a PNG from black to white, in metres."),
     ] = None,
     out_file: OutFile = None,
     force: ForceFile = False,
@@ -226,6 +233,7 @@ def read_terrain(
         raise NotFound("file-not-found", f"There is no file {file}.", [Fault(str(file), "missing")])
     ends = _parse_place("--start", start), _parse_place("--goal", goal)
     item = {"file": str(file), "metres_per_unit": METRES_PER[unit], "up": up, "cell_m": cell_m, "height_m": height_m}
+    item["height_range_m"] = height_range_m
     ((_, read),) = map_isolated(_read_here, [item], preload=["numpy"], timeout_s=READ_S, spans_nodes=False)
     if isinstance(read, StridelabError):
         raise read

@@ -91,14 +91,18 @@ class AsyncClient(Endpoints):
         unit: TerrainUnit = "m",
         up: UpAxis | None = None,
         *,
+        cell_m: float | None = None,
+        height_range_m: float | None = None,
         filename: str | None = None,
         progress: uploads.ProgressCallback | None = None,
     ) -> ReadTerrain:
         """Find the surfaces, stairs and rails in the file of a terrain with lengths in ``unit``; nothing is stored.
 
-        ``up`` is the axis that points up: +z, of GLB +y, if omitted.
+        ``up`` is the axis that points up; if omitted, it is found where the points are clear, else +z, of GLB +y. A PNG
+        needs ``cell_m``, the edge of its cells, and ``height_range_m`` from black to white.
         """
-        fields = {"unit": unit} if up is None else {"unit": unit, "up": up}
+        stated = {"unit": unit, "up": up, "cell_m": cell_m, "height_range_m": height_range_m}
+        fields = {name: str(value) for name, value in stated.items() if value is not None}
         form = uploads.form([(filename or path.name, path)], fields, progress)
         with self._translate_errors():
             response = await self._http.post(uploads.TERRAIN_PATH, **form, timeout=uploads.TERRAIN_TIMEOUT_S)

@@ -17,6 +17,8 @@ from stridelab.robots.card import EffectorCard, robot_card
 Triple = tuple[float, float, float]
 FOOT_CLEARANCE_M: Final = 0.06
 """Rise of a level sole in a swing without obstacles, for robots of the size of a person."""
+HAND_RADIUS_M: Final = 0.02
+"""Radius of a hand's contact sphere, whose surface passes through the contact point."""
 CLEARANCE_PER_HEIGHT: Final = 0.11
 """Largest rise over the height of the CoM; it lowers the swings of robots whose CoM is below 0.55 m."""
 

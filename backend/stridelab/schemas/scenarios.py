@@ -351,7 +351,7 @@ class Course(Contract):
 
 
 TerrainUnit = Literal["m", "cm", "mm"]
-UpAxis = Literal["+z", "+y"]
+UpAxis = Literal["+z", "-z", "+y", "-y", "+x", "-x"]
 Place = Annotated[tuple[Metres, Metres], Field(description="x and y in metres; the feet stand on the highest surface")]
 
 

@@ -72,6 +72,10 @@ REFUSALS: Final = (
         "The body mass is neither stated nor in the file, and no force is measured for long enough to weigh the "
         "person. The method geometry needs no mass."
     ),
+    (
+        "The file of the terrain cannot be used. An image needs the edge of its cells and the height from black to "
+        "white, in metres: state %(names)s."
+    ),
 )
 """Why a method is not possible for a recording, or a file cannot be read."""
 REMARKS: Final = (
@@ -94,6 +98,9 @@ REMARKS: Final = (
     "The centre of mass is that of the markers alone: %(reason)s",
     "Not every check of this recording passes. %(reasons)s",
     "The sensors contradict each other; do not use these numbers. %(reasons)s",
+    "It is read with %(axis)s up, since most of it is level then; state another axis if it is wrong.",
+    "It is read with %(axis)s up; another axis may point up, which the points do not tell.",
+    "%(number)s more obstacles were left out; a terrain has at most %(most)s parts.",
 )
 """Usual remarks on a recording or on a result."""
 ON_PAGES: Final = (

@@ -17,8 +17,6 @@ from stridelab.contacts.terrain import Box, Rail
 from stridelab.robots.contact_frames import to_se3
 from stridelab.robots.robot import Effector
 
-HAND_RADIUS_M: Final = 0.02
-"""Radius of a hand's contact sphere, whose surface passes through the contact point."""
 SWING_SHARE: Final = 0.125
 """Share of a swing after lift-off and before touch-down in which an effector is near its own surface."""
 _LEVEL_M: Final = 5e-3

@@ -124,6 +124,17 @@ def test_feet_in_the_same_place() -> None:
     assert faults(report) == [("phases[0].contacts[right_foot]", "overlaps left_foot")]
 
 
+def test_both_hands_in_one_place_of_the_rail() -> None:
+    def take_same_place(s: Made) -> None:
+        for phase in s["phases"]:
+            held = [one for one in phase["contacts"] if one["effector"] == "right_hand"]
+            phase["contacts"] += [one | {"effector": "left_hand"} for one in held]
+
+    named = [one for one in faults(judged(stairs_with_rail(), take_same_place)) if "in the place of" in one[1]]
+    assert named
+    assert all(where.endswith(("contacts[left_hand]", "contacts[right_hand]")) for where, _ in named)
+
+
 FIRST_HOLD = (-0.08, -0.58, 0.65)
 
 

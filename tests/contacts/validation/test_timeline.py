@@ -68,6 +68,32 @@ def test_soles_overlap_where_no_edge_separates_them(
     assert soles_overlap(one, other) == soles_overlap(other, one) == over
 
 
+@pytest.mark.parametrize(
+    ("other", "at_m", "meets"),
+    [
+        ("right_hand", (0.0, 0.0, 0.0), True),
+        ("right_hand", (0.039, 0.0, 0.0), True),
+        ("right_hand", (0.041, 0.0, 0.0), False),
+        ("left_foot", (0.0, 0.0, 0.0), True),
+        ("left_foot", (0.119, 0.0, 0.0), True),
+        ("left_foot", (0.121, 0.0, 0.0), False),
+        ("left_foot", (0.0, 0.081, 0.0), False),
+        ("left_foot", (0.0, 0.0, 0.049), True),
+        ("left_foot", (0.0, 0.0, 0.051), False),
+        ("left_foot", (0.0, 0.0, -0.041), False),
+    ],
+)
+def test_a_hand_in_the_place_of_another_contact_is_named(
+    other: str, at_m: tuple[float, float, float], meets: bool
+) -> None:
+    """Spheres of 2 cm on their contact points, and a sole of 0.2 m by 0.12 m with 5 cm of shoe above it."""
+    hand, taken = touch("left_hand", 1.0 + at_m[0], 2.0 + at_m[1], at_m[2]), touch(other, 1.0, 2.0)
+    stance = {"left_hand": hand, other: taken}
+    second, first = ("right_hand", "left_hand") if other == "right_hand" else ("left_hand", "left_foot")
+    expected = [(f"phases[0].contacts[{second}]", f"is in the place of {first}")] if meets else []
+    assert [(fault.where, fault.message) for fault in overlap_faults((stance, stance))] == expected
+
+
 @pytest.mark.parametrize(("edge_y_m", "depth_m"), [(0.02, 0.04), (0.05, 0.01), (0.058, None), (-0.03, 0.06)])
 def test_a_swing_that_clips_the_side_of_a_wall_is_in_it_by_so_much(edge_y_m: float, depth_m: float | None) -> None:
     """A sole 0.12 m wide goes 0.6 m along x past a wall that begins at ``edge_y_m``, turned by a quarter."""

@@ -2,10 +2,13 @@
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
+from PIL import Image
 
 from stridelab.client import Client, ProblemError
 from stridelab.schemas.scenarios import ReadTerrain
@@ -43,14 +46,17 @@ def test_surfaces_of_a_file_are_answered_and_nothing_is_stored(
 
 
 def test_the_axis_that_points_up_is_stated(http: httpx.Client) -> None:
-    """Glb is y up by its standard; the same file read as z up has other heights."""
+    """Glb is y up by its standard; the same file read as z up has other heights, which a remark tells."""
     content = stairs(ending="glb")
     lying = send(http, content, "stairs.glb")
+    assert any("another axis may point up" in remark for remark in lying.json()["remarks"])
     upright = send(http, content, "stairs.glb", up="+z")
     assert upright.status_code == 200, upright.text
     assert heights_m(ReadTerrain.model_validate(upright.json()))[-1] == pytest.approx(3 * RISE_M, abs=1e-5)
     half_width_m = STAIRS[0][0][1] / 2
-    sides_m = heights_m(ReadTerrain.model_validate(lying.json()))
+    read = ReadTerrain.model_validate(lying.json())
+    read = read.model_copy(update={"terrain": [one for one in read.terrain if one.name.startswith("surface")]})
+    sides_m = heights_m(read)
     assert sides_m == pytest.approx([half_width_m] * max(len(sides_m), 1), abs=1e-5)
 
 
@@ -68,12 +74,27 @@ def test_a_file_that_is_no_terrain_is_refused_by_name(
     assert service.stored_files() == before
 
 
+def test_a_grey_image_is_read_with_its_cell_and_height(http: httpx.Client, service: Served, tmp_path: Path) -> None:
+    """Two levels of 1 m, black and white, 0.2 m apart; without cell and height the missing fields are named."""
+    file = tmp_path / "steps.png"
+    Image.fromarray(np.repeat(np.array([[0] * 50 + [255] * 50], np.uint8), 50, axis=0)).save(file)
+    bare = send(http, file.read_bytes(), "steps.png")
+    assert refusal_code(bare) == (422, "terrain-file-unreadable")
+    assert [fault["where"] for fault in bare.json()["errors"]] == ["steps.png", "cell_m", "height_range_m"]
+    half = send(http, file.read_bytes(), "steps.png", cell_m="0.02")
+    assert "state height_range_m" in half.json()["detail"]
+    with Client(service.base_url) as client:
+        read = client.read_terrain(file, cell_m=0.02, height_range_m=0.2)
+    assert heights_m(read) == pytest.approx([0.0, 0.2], abs=1e-3)
+
+
 def test_an_empty_form_and_unknown_fields_are_named(http: httpx.Client) -> None:
     assert refusal_code(send(http, b"")) == (422, "empty-file")
     assert refusal_code(http.post(TERRAINS, data={"unit": "m"}, files={"other": b"x"})) == (422, "file-missing")
-    answer = send(http, stairs(), unit="inch", up="+x", robot="talos")
+    answer = send(http, stairs(), unit="inch", up="up", robot="talos", cell_m="wide", height_range_m="-1")
     assert refusal_code(answer) == (422, "invalid-request")
-    assert {fault["where"] for fault in answer.json()["errors"]} == {"unit", "up", "robot"}
+    named = {fault["where"] for fault in answer.json()["errors"]}
+    assert named == {"unit", "up", "robot", "cell_m", "height_range_m"}
     assert http.post(TERRAINS, json={"file": "x"}).json()["code"] == "unsupported-media-type"
 
 

@@ -47,6 +47,8 @@ YAW_RAD: Final = float(np.deg2rad(3.0))
 FULL_SHARE: Final = 0.85
 """Share of its bounding rectangle from which on a region has the direction of that rectangle."""
 
+ENCLOSED_M: Final = 0.3
+"""Width of a hole within a scanned surface up to which it is one of the scan, if nothing is seen below."""
 UP: Final = np.array([0.0, 0.0, 1.0])
 Numbers = Int[np.ndarray, "k"]
 
@@ -299,7 +301,23 @@ def _plane_of_region(samples: Samples, region: Region, R: Rotation) -> Plane:
     above_m, seen = Plane(R, offset_m, flat, low_m, cell_m, covered & ~sure).heights_above(below)
     cells = np.floor((below - np.outer(above_m, UP))[seen] @ R[:, :2] / cell_m - low_m / cell_m).astype(int)
     covered[tuple(cells.T)] = False
+    covered = _fill_enclosed(covered, np.floor((below @ R[:, :2] - low_m) / cell_m).astype(int), cell_m)
     return Plane(R, offset_m, flat, low_m, cell_m, covered, samples.spacing_m)
+
+
+def _fill_enclosed(covered: Cells, seen_below: Int[np.ndarray, "k 2"], cell_m: float) -> Cells:
+    """The cells, with enclosed holes of the scan filled up to ``ENCLOSED_M`` wide below which nothing is seen."""
+    labels, count = ndimage.label(~covered)
+    inside = ((seen_below >= 0) & (seen_below < covered.shape)).all(axis=1)
+    open_holes = {0, *labels[tuple(seen_below[inside].T)].tolist()}
+    for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        open_holes.update(edge.tolist())
+    widths = np.asarray(ndimage.distance_transform_edt(~covered)) * 2.0 * cell_m
+    filled = covered.copy()
+    for hole in set(range(1, count + 1)) - open_holes:
+        if widths[labels == hole].max() <= ENCLOSED_M:
+            filled |= labels == hole
+    return filled
 
 
 def close_holes(covered: Cells, radius: float) -> Cells:

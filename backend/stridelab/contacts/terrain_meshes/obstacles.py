@@ -1,7 +1,7 @@
 """Obstacles of a terrain: boxes that no body may pass, and what no box explains.
 
 A box of a mesh or a scene is an obstacle if no foot stands on it. Of a scan, two faces of a wall that look away from
-each other are a box. All other faces that are in no box are counted, to be named.
+each other are a box, other faces thin ones (``seen_faces``). What is in no box is counted, to be named.
 """
 
 from collections.abc import Sequence
@@ -14,14 +14,12 @@ from stridelab.contacts.terrain_meshes.growing import Region
 from stridelab.contacts.terrain_meshes.planes import STEEPEST_RAD
 from stridelab.contacts.terrain_meshes.reading import TerrainMesh
 from stridelab.contacts.terrain_meshes.samples import Samples, sample_triangles
-from stridelab.contacts.terrain_meshes.shapes import Bar, Solid
-from stridelab.conventions import Mask, Points, Rotation, Vector3
+from stridelab.contacts.terrain_meshes.seen_faces import has_opening
+from stridelab.contacts.terrain_meshes.shapes import Bar, Solid, frames_of_boxes, lie_in_boxes, lie_in_frames
 from stridelab.dynamics.spatial import Placement
 
 LEAST_EDGE_M: Final = 0.1
 """Longest edge of the smallest obstacle."""
-INSIDE_M: Final = 0.03
-"""How far beyond a box a face is still its own."""
 WALL_M: Final = (0.3, 0.5)
 """Least width and height of a wall of a scan."""
 WALL_THICK_M: Final = (0.03, 0.4)
@@ -30,8 +28,6 @@ UPRIGHT: Final = 0.1
 SHARED: Final = 0.5
 FILLED: Final = 0.7
 LEAST_POST_M: Final = 0.3
-_Frame = tuple[Rotation, Vector3, Vector3]
-"""Axes of a box, its centre, and half its edges with what is beside it."""
 
 
 def box_of_solid(solid: Solid) -> dict[str, Any]:
@@ -59,43 +55,17 @@ def solid_of_post(bar: Bar) -> Solid | None:
     )
 
 
-def lie_in_boxes(boxes: Sequence[dict[str, Any]], points_m: Points) -> Mask:
-    """Which points are inside a box, or at most ``INSIDE_M`` beside it."""
-    return _lie_in(_frames_of(boxes), points_m)
-
-
-def _frames_of(boxes: Sequence[dict[str, Any]]) -> list[_Frame]:
-    return [
-        (
-            Placement.from_wxyz(box["center_m"], box["orientation_wxyz"]).rotation,
-            np.array(box["center_m"]),
-            0.5 * np.array(box["size_m"]) + INSIDE_M,
-        )
-        for box in boxes
-    ]
-
-
-def _lie_in(frames: Sequence[_Frame], points_m: Points) -> Mask:
-    inside = np.zeros(len(points_m), dtype=bool)
-    low, high = points_m.min(axis=0, initial=np.inf), points_m.max(axis=0, initial=-np.inf)
-    for R, center_m, half_m in frames:
-        reach_m = np.abs(R) @ half_m
-        if (center_m - reach_m < high).all() and (center_m + reach_m > low).all():
-            inside |= (np.abs((points_m - center_m) @ R) <= half_m).all(axis=1)
-    return inside
-
-
 def obstacle_boxes(solids: Sequence[Solid], boxes: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Boxes of the solids that the standing boxes do not contain, from the largest on."""
     corners = 0.5 * np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], float)
-    frames = _frames_of(boxes)
+    frames = frames_of_boxes(boxes)
     obstacles = []
     for solid in sorted(solids, key=lambda one: -float(np.prod(one.size_m))):
         corners_m = solid.placement.position_m + (corners * solid.size_m) @ solid.placement.rotation.T
         points_m = np.concatenate([corners_m, solid.placement.position_m[None]])
-        if solid.size_m.max() >= LEAST_EDGE_M and not _lie_in(frames, points_m).all():
+        if solid.size_m.max() >= LEAST_EDGE_M and not lie_in_frames(frames, points_m).all():
             obstacles.append(box_of_solid(solid))
-            frames += _frames_of(obstacles[-1:])
+            frames += frames_of_boxes(obstacles[-1:])
     return obstacles
 
 
@@ -130,9 +100,10 @@ def scanned_walls(samples: Samples, regions: Sequence[Region]) -> list[Solid]:
 
 
 def _is_filled(samples: Samples, region: Region) -> bool:
-    """Whether a region fills its rectangle: a riser with a post above it does not."""
-    _, low, high, _ = _face_of(samples, region)
-    return float(region.members.sum()) * samples.spacing_m**2 > FILLED * float(np.prod(high - low))
+    """Whether a region fills its rectangle: a riser with a post above it, or a wall with a door, does not."""
+    R, low, high, _ = _face_of(samples, region)
+    is_full = float(region.members.sum()) * samples.spacing_m**2 > FILLED * float(np.prod(high - low))
+    return is_full and not has_opening(samples, region, R)
 
 
 def _face_of(samples: Samples, region: Region) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:

@@ -13,7 +13,7 @@ from jaxtyping import Int
 from stridelab.conventions import Points, Rotation
 from stridelab.errors import Fault, UnreadableFile
 
-UpAxis = Literal["+z", "+y"]
+UpAxis = Literal["+z", "-z", "+y", "-y", "+x", "-x"]
 FORMATS: Final = (".stl", ".obj", ".ply", ".glb")
 MAX_BYTES: Final = 64_000_000
 MAX_TRIANGLES: Final = 500_000
@@ -23,7 +23,11 @@ LIKELY_M: Final = (0.5, 60.0)
 """Widths of most terrains: units that lead to one are offered."""
 UP_AXES: Final[dict[UpAxis, Rotation]] = {
     "+z": np.eye(3),
+    "-z": np.diag([1.0, -1.0, -1.0]),
     "+y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "-y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
+    "+x": np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
+    "-x": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
 }
 """Rotations to z up."""
 Triangles = Int[np.ndarray, "m 3"]
@@ -32,10 +36,11 @@ SHOWN_NAME: Final = 120
 
 @dataclass(frozen=True, eq=False)
 class TerrainMesh:
-    """Triangles that face outwards, in metres with z up."""
+    """Triangles that face outwards, in metres with z up; ``turned`` if all of them faced inwards in the file."""
 
     vertices_m: Points
     triangles: Triangles
+    turned: bool = False
 
 
 def read_terrain_mesh(path: Path, *, metres_per_unit: float = 1.0, up: UpAxis | None = None) -> TerrainMesh:
@@ -62,12 +67,25 @@ def read_terrain_mesh(path: Path, *, metres_per_unit: float = 1.0, up: UpAxis | 
         raise _refuse_mesh(path, f"It has {len(triangles)} triangles; at most {MAX_TRIANGLES} are read.")
     if not np.isfinite(vertices).all() or triangles.min() < 0 or triangles.max() >= len(vertices):
         raise _refuse_mesh(path, "It has coordinates that are not finite, or triangles without corners.")
-    R = UP_AXES[up or ("+y" if ending == ".glb" else "+z")]
+    R = UP_AXES[up or usual_up_axis(path)]
     vertices_m = np.asarray(vertices * metres_per_unit @ R.T)
     extent_m = float(np.ptp(vertices_m[triangles.ravel(), :2], axis=0).max())
     if not EXTENT_M[0] <= extent_m <= EXTENT_M[1]:
         raise _refuse_mesh(path, describe_extent(extent_m, metres_per_unit))
-    return TerrainMesh(vertices_m, _facing_outwards(vertices_m, triangles))
+    turned = _faces_inwards(vertices_m, triangles)
+    return TerrainMesh(vertices_m, triangles[:, ::-1] if turned else triangles, turned)
+
+
+def usual_up_axis(path: Path) -> UpAxis:
+    """The axis that points up in files of a format: y in GLB, z in all others."""
+    return "+y" if path.suffix.lower() == ".glb" else "+z"
+
+
+def turn_mesh(mesh: TerrainMesh, R: Rotation) -> TerrainMesh:
+    """The mesh turned by ``R``; an open mesh faces up afterwards."""
+    vertices_m = np.asarray(mesh.vertices_m @ R.T)
+    again = _faces_inwards(vertices_m, mesh.triangles)
+    return TerrainMesh(vertices_m, mesh.triangles[:, ::-1] if again else mesh.triangles, mesh.turned != again)
 
 
 def describe_extent(extent_m: float, metres_per_unit: float) -> str:
@@ -81,15 +99,15 @@ def describe_extent(extent_m: float, metres_per_unit: float) -> str:
     return text + (f": {', '.join(fitting)}." if fitting else ".")
 
 
-def _facing_outwards(vertices_m: Points, triangles: Triangles) -> Triangles:
-    """The triangles, turned if they face inwards: a closed mesh has a positive volume, an open one faces up."""
+def _faces_inwards(vertices_m: Points, triangles: Triangles) -> bool:
+    """Whether triangles face inwards: a closed mesh has a positive volume, an open one faces up."""
     a, b, c = (vertices_m[triangles[:, k]] for k in range(3))
     areas = 0.5 * np.cross(b - a, c - a)
     is_closed = np.linalg.norm(areas.sum(axis=0)) < 1e-3 * np.linalg.norm(areas, axis=1).sum()
     outwards = (
         float(np.einsum("ij,ij->", a - vertices_m.mean(axis=0), areas)) if is_closed else float(areas[:, 2].sum())
     )
-    return triangles[:, ::-1] if outwards < 0.0 else triangles
+    return outwards < 0.0
 
 
 def _refuse_mesh(path: Path, reason: str) -> UnreadableFile:

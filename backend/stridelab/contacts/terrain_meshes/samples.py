@@ -102,6 +102,11 @@ def prepare_samples(points_m: Points, *, from_mesh: bool = False) -> Samples | N
     return Samples(points_m, normals, roughness_m, spacing_m, noise_m, gap_m)
 
 
+def estimate_normals(points_m: Points, count: int) -> Points:
+    """Normals, up to their sign, of planes through the nearest ``count`` points of each."""
+    return _local_planes(points_m, min(count, len(points_m)))[0]
+
+
 def _local_planes(points_m: Points, count: int) -> tuple[Points, Series]:
     """Normals that point up, and rms distances, of planes through the nearest ``count`` points."""
     tree = cKDTree(points_m)

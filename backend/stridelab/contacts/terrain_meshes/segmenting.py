@@ -9,15 +9,16 @@ import numpy as np
 from stridelab.contacts.terrain import Rail, bounding_box
 from stridelab.contacts.terrain_meshes.obstacles import (
     box_of_solid,
-    lie_in_boxes,
     obstacle_boxes,
     scanned_walls,
     solid_of_post,
     unexplained_area_m2,
 )
+from stridelab.contacts.terrain_meshes.planes import STEEPEST_RAD
 from stridelab.contacts.terrain_meshes.rails import fit_rails, is_rail, rail_surfaces
 from stridelab.contacts.terrain_meshes.reading import TerrainMesh
-from stridelab.contacts.terrain_meshes.shapes import Bar, Solid, shapes_of_parts
+from stridelab.contacts.terrain_meshes.seen_faces import clutter_boxes, steep_regions, thin_boxes
+from stridelab.contacts.terrain_meshes.shapes import Bar, Solid, lie_in_boxes, shapes_of_parts
 from stridelab.contacts.terrain_meshes.stairs import find_stairs, tolerances_of
 from stridelab.contacts.terrain_meshes.surfaces import MAX_SURFACES, Scan, Standing, find_standing, upper_faces
 from stridelab.conventions import Mask, Points
@@ -30,6 +31,10 @@ INSIDE_WALL_M: Final = 0.06
 """How far below a surface a wall with its middle ends at least: two risers are none."""
 NAMED_NOISE_M: Final = 2e-4
 ALONG_RAIL_M: Final = 0.03
+BESIDE_BOX_M: Final = 0.06
+"""Distance from a box of points that are no obstacle of their own."""
+BESIDE_RAIL_M: Final = 0.08
+"""Distance from a rail of points that are no obstacle: its noise, and what holds it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,12 +77,36 @@ def segment_terrain(shapes: TerrainShapes) -> dict[str, Any]:
     walls = [wall for scan in standing.scans for wall in scanned_walls(scan.samples, scan.regions)]
     walls = [wall for wall in walls if not lie_in_boxes([box_of_solid(wall)], tops_m).any()]
     solids = [one for one in (*shapes.solids, *posts, *walls) if not _is_along(one, bars)]
-    obstacles = obstacle_boxes(solids, boxes)[: max(200 - len(boxes) - len(rails), 0)]
-    obstacles = [{"name": f"obstacle {k + 1}"} | box for k, box in enumerate(obstacles)]
+    solid_boxes = obstacle_boxes(solids, boxes)
+    known = [*boxes, *solid_boxes, *(box_of_solid(one) for one in shapes.solids)]  # also those on which feet stand
+    seen = [*solid_boxes, *obstacle_boxes(_seen_solids(standing, bars, known), boxes)]
+    room = max(MAX_SURFACES + 1 - len(boxes) - len(rails), 0)
+    obstacles = [{"name": f"obstacle {k + 1}"} | box for k, box in enumerate(seen[:room])]
     noise_m, spacing_m = _errors_of(standing)
     stairs = find_stairs(boxes, rails, tolerances_of(noise_m, spacing_m))
-    remarks = [*shapes.remarks, *_scan_remarks(standing), *_left_out(shapes, standing, [*boxes, *obstacles], bars)]
+    many = f"{len(seen) - room} more obstacles were left out; a terrain has at most {MAX_SURFACES + 1} parts."
+    remarks = [
+        *shapes.remarks,
+        *([many] if len(seen) > room else []),
+        *_scan_remarks(standing),
+        *_left_out(shapes, standing, [*boxes, *obstacles], bars),
+    ]
     return {"terrain": [*boxes, *rails, *obstacles], "stairs": stairs, "remarks": remarks}
+
+
+def _seen_solids(standing: Standing, bars: Sequence[Bar], boxes: Sequence[dict[str, Any]]) -> list[Solid]:
+    """Thin boxes of faces on which no foot stands and that no box explains, and boxes of what has no faces."""
+    solids: list[Solid] = []
+    down = {id(scan) for scan in standing.undersides}
+    for scan in (*standing.scans, *standing.undersides):
+        outside = ~lie_in_boxes(boxes, scan.samples.points_m)
+        faces = scan.regions if id(scan) in down else steep_regions(scan.regions, float(np.cos(STEEPEST_RAD)))
+        thin = [solid for region in faces for solid in thin_boxes(scan.samples, region, outside)]
+        left = outside & _left_points(scan, bars, BESIDE_RAIL_M)
+        known = [*boxes, *(box_of_solid(one) for one in thin)]
+        left[left] = ~lie_in_boxes(known, scan.samples.points_m[left], BESIDE_BOX_M)
+        solids += [*thin, *clutter_boxes(scan.samples.points_m[left])]
+    return solids
 
 
 def _move_near(shapes: TerrainShapes) -> TerrainShapes:
@@ -104,21 +133,21 @@ def _errors_of(standing: Standing) -> tuple[float, float]:
     return max((one.noise_m for one in samples), default=0.0), max((one.spacing_m for one in samples), default=0.0)
 
 
-def _left_points(scan: Scan, bars: Sequence[Bar]) -> Mask:
+def _left_points(scan: Scan, bars: Sequence[Bar], beside_m: float = ALONG_RAIL_M) -> Mask:
     """Points of no plane and of no bar."""
     left = np.ones(len(scan.samples.points_m), dtype=bool)
     for region in scan.regions:
         left &= ~region.members
     for bar in bars:
-        left &= ~_near_bar(bar, scan.samples.points_m)
+        left &= ~_near_bar(bar, scan.samples.points_m, beside_m)
     return left
 
 
-def _near_bar(bar: Bar, points_m: Points) -> Mask:
+def _near_bar(bar: Bar, points_m: Points, beside_m: float = ALONG_RAIL_M) -> Mask:
     span = bar.to_m - bar.from_m
     share = np.clip((points_m - bar.from_m) @ span / (span @ span), 0.0, 1.0)
     away_m = np.linalg.norm(points_m - bar.from_m - np.outer(share, span), axis=1)
-    return np.asarray(away_m < bar.radius_m + ALONG_RAIL_M)
+    return np.asarray(away_m < bar.radius_m + beside_m)
 
 
 def _is_along(solid: Solid, bars: Sequence[Bar]) -> bool:

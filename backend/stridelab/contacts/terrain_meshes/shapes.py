@@ -1,7 +1,8 @@
 """Bars and boxes of a terrain: their triangles, and which closed parts of a mesh are one."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Int
@@ -9,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from stridelab.contacts.terrain_meshes.reading import TerrainMesh
-from stridelab.conventions import Points, Vector3
+from stridelab.conventions import Mask, Points, Rotation, Vector3
 from stridelab.dynamics.spatial import Placement
 
 EXACT_M: Final = 1e-3
@@ -20,7 +21,11 @@ LONG: Final = 5.0
 ROUND_CORNERS: Final = 6
 MAX_PARTS: Final = 3_000
 MAX_PART_TRIANGLES: Final = 20_000
+INSIDE_M: Final = 0.03
+"""How far beyond a box a face is still its own."""
 Faces = Int[np.ndarray, "m 3"]
+Frame = tuple[Rotation, Vector3, Vector3]
+"""Axes of a box, its centre, and half its edges with what is beside it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +69,34 @@ def cylinder_mesh(bar: Bar, sectors: int) -> tuple[Points, Faces]:
         faces += [(k, m, sectors + m), (k, sectors + m, sectors + k)]
         faces += [(2 * sectors, m, k), (2 * sectors + 1, sectors + k, sectors + m)]
     return vertices_m, np.array(faces, dtype=np.int64)
+
+
+def lie_in_boxes(boxes: Sequence[Mapping[str, Any]], points_m: Points, beside_m: float = INSIDE_M) -> Mask:
+    """Which points are inside a box, or at most ``beside_m`` beside it."""
+    return lie_in_frames(frames_of_boxes(boxes, beside_m), points_m)
+
+
+def frames_of_boxes(boxes: Sequence[Mapping[str, Any]], beside_m: float = INSIDE_M) -> list[Frame]:
+    """Frames of the boxes of a terrain."""
+    return [
+        (
+            Placement.from_wxyz(box["center_m"], box["orientation_wxyz"]).rotation,
+            np.array(box["center_m"]),
+            0.5 * np.array(box["size_m"]) + beside_m,
+        )
+        for box in boxes
+    ]
+
+
+def lie_in_frames(frames: Sequence[Frame], points_m: Points) -> Mask:
+    """Which points are in a frame."""
+    inside = np.zeros(len(points_m), dtype=bool)
+    low, high = points_m.min(axis=0, initial=np.inf), points_m.max(axis=0, initial=-np.inf)
+    for R, center_m, half_m in frames:
+        reach_m = np.abs(R) @ half_m
+        if (center_m - reach_m < high).all() and (center_m + reach_m > low).all():
+            inside |= (np.abs((points_m - center_m) @ R) <= half_m).all(axis=1)
+    return inside
 
 
 def shapes_of_parts(mesh: TerrainMesh) -> tuple[list[Bar], list[Solid]]:

@@ -25,8 +25,9 @@ from stridelab.contacts.terrain_meshes.planes import (
 from stridelab.contacts.terrain_meshes.planes import SHORTEST_EDGE_M as SHORTEST_EDGE_M
 from stridelab.contacts.terrain_meshes.reading import TerrainMesh
 from stridelab.contacts.terrain_meshes.rectangles import Cells, best_turn_rad, has_square, largest_rectangle, size_of
-from stridelab.contacts.terrain_meshes.samples import Samples, prepare_samples, sample_triangles
-from stridelab.conventions import Points, Rotation, Vector3
+from stridelab.contacts.terrain_meshes.samples import MESH_SPACING_M, Samples, prepare_samples, sample_triangles
+from stridelab.contacts.terrain_meshes.shapes import lie_in_boxes
+from stridelab.conventions import Mask, Points, Rotation, Vector3
 from stridelab.dynamics.spatial import Placement
 
 MAX_SURFACES: Final = 199
@@ -46,6 +47,7 @@ TURNED_FILL: Final = 0.9
 """Share of its bounds below which a plane is no rectangle, and other directions are tried."""
 TURNED_M2: Final = 4.0
 STRIP_SPACINGS: Final = 2.0
+LEAST_UNDERSIDE_M2: Final = 0.04
 LEAST_SAMPLED: Final = -0.1
 """Vertical part of the normals of triangles from which on they are sampled: undersides hold no foot."""
 Place2 = Float[np.ndarray, "2"]
@@ -63,11 +65,15 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """Boxes of a scenario's terrain, how many more were left out, and the scans of the mesh and of the cloud."""
+    """Boxes of a scenario's terrain, how many more were left out, and the scans of the mesh and of the cloud.
+
+    ``undersides`` are the faces of the mesh that look down and are in no box.
+    """
 
     boxes: list[dict[str, Any]]
     dropped: int
     scans: list[Scan]
+    undersides: list[Scan]
 
 
 def standing_surfaces(mesh: TerrainMesh) -> list[dict[str, Any]]:
@@ -90,10 +96,23 @@ def find_standing(mesh: TerrainMesh, cloud_m: Points) -> Standing:
         float(mesh.vertices_m[mesh.triangles.ravel(), 2].min(initial=np.inf)),
         float(np.quantile(cloud_m[:, 2], 0.001)) if len(cloud_m) else np.inf,
     )
-    boxes = list(_boxes_of(planes, floor_m))
-    boxes.sort(key=lambda one: -one[0])
+    boxes = sorted(_boxes_of(planes, floor_m), key=lambda one: -one[0])
+    undersides = _scan_undersides(mesh, up <= LEAST_SAMPLED, [box for _, box in boxes])
+    if undersides:
+        above = [plane for scan in undersides for plane in scanned_planes(scan.samples, scan.regions)]
+        boxes = sorted(_boxes_of(planes, floor_m, above), key=lambda one: -one[0])
     named = [{"name": f"surface {k + 1}"} | box for k, (_, box) in enumerate(boxes[:MAX_SURFACES])]
-    return Standing(named, max(len(boxes) - MAX_SURFACES, 0), scans)
+    return Standing(named, max(len(boxes) - MAX_SURFACES, 0), scans, undersides)
+
+
+def _scan_undersides(mesh: TerrainMesh, down: Mask, boxes: Sequence[Mapping[str, Any]]) -> list[Scan]:
+    """The faces of a mesh that look down and are in no box, as a scan; none if there are hardly any."""
+    points_m = sample_triangles(mesh, down)
+    points_m = points_m[~lie_in_boxes(boxes, points_m)]
+    if len(points_m) * MESH_SPACING_M**2 < LEAST_UNDERSIDE_M2:
+        return []
+    samples = prepare_samples(points_m, from_mesh=True)
+    return [] if samples is None else [Scan(samples, grow_regions(samples))]
 
 
 def _upward_part(mesh: TerrainMesh) -> Float[np.ndarray, "m"]:
@@ -104,15 +123,17 @@ def _upward_part(mesh: TerrainMesh) -> Float[np.ndarray, "m"]:
     return np.asarray(np.where(lengths > 1e-12, normals[:, 2] / np.maximum(lengths, 1e-12), -1.0))
 
 
-def _boxes_of(planes: Sequence[Plane], floor_m: float) -> Iterator[tuple[float, dict[str, Any]]]:
-    """Areas and boxes of the free rectangles of all planes."""
+def _boxes_of(
+    planes: Sequence[Plane], floor_m: float, above: Sequence[Plane] = ()
+) -> Iterator[tuple[float, dict[str, Any]]]:
+    """Areas and boxes of the free rectangles of all planes; below planes ``above`` there is no headroom either."""
     for plane in planes:
         free = plane.covered.copy()
-        block_below(free, plane, planes)
+        block_below(free, plane, [*planes, *above])
         turned = _turn_to_free(plane, free)
         if turned is not plane:
             free = turned.covered.copy()
-            block_below(free, turned, [one for one in planes if one is not plane])
+            block_below(free, turned, [*(one for one in planes if one is not plane), *above])
         first_m2, share = 0.0, 0.0 if plane.spacing_m and turned is plane else FURTHER_SHARE
         for low_m, high_m in _free_rectangles(turned, free):
             edges_m = high_m - low_m

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from scipy.optimize import nnls
 
-from stridelab.contacts.effector_geometry import EffectorShape
+from stridelab.contacts.effector_geometry import HAND_RADIUS_M, EffectorShape
 from stridelab.contacts.validation.parse import Draft, contact_field
 from stridelab.contacts.validation.surface_contact import Stance, SurfaceContact
 from stridelab.contacts.wrench_cones.contact_points import PointContacts
@@ -14,6 +14,8 @@ from stridelab.errors import Fault
 
 CONE_EDGES: Final = 16
 """Edges of the inscribed pyramid that approximates a friction cone."""
+SHOE_HEIGHT_M: Final = 0.05
+"""Least height above its sole in which a foot is."""
 RESIDUAL: Final = 1e-6
 """Relative residual up to which forces balance the robot's weight."""
 
@@ -44,7 +46,7 @@ def slip_angle_rad(touch: SurfaceContact) -> float:
 
 def soles_overlap(one: SurfaceContact, other: SurfaceContact) -> bool:
     """Whether two soles overlap: no edge of either separates their outlines (projected onto the ground)."""
-    if abs(one.placement.position_m[2] - other.placement.position_m[2]) > 0.05:
+    if abs(one.placement.position_m[2] - other.placement.position_m[2]) > SHOE_HEIGHT_M:
         return False
     first, second = one.corners_m[:, :2], other.corners_m[:, :2]
     edges = np.vstack([np.diff(first[:3], axis=0), np.diff(second[:3], axis=0)])
@@ -53,6 +55,18 @@ def soles_overlap(one: SurfaceContact, other: SurfaceContact) -> bool:
         if a.max() <= b.min() or b.max() <= a.min():
             return False
     return True
+
+
+def hand_meets(hand: SurfaceContact, other: SurfaceContact) -> bool:
+    """Whether the contact sphere of a hand meets that of another hand, or the shoe above another contact's sole."""
+    middle_m = hand.placement.act(np.array([[0.0, 0.0, HAND_RADIUS_M]]))
+    if other.shape.kind == "point":
+        other_m = other.placement.act(np.array([[0.0, 0.0, HAND_RADIUS_M]]))
+        return bool(np.linalg.norm(middle_m - other_m) < 2.0 * HAND_RADIUS_M)
+    local_m = other.placement.inverse().act(middle_m)[0]
+    half_m = np.array(other.shape.half_size_m)
+    on_shoe_m = np.append(np.clip(local_m[:2], -half_m, half_m), np.clip(local_m[2], 0.0, SHOE_HEIGHT_M))
+    return bool(np.linalg.norm(local_m - on_shoe_m) < HAND_RADIUS_M)
 
 
 def contact_pairs(touches: Sequence[SurfaceContact]) -> list[tuple[SurfaceContact, SurfaceContact]]:
@@ -134,14 +148,18 @@ def landing_faults(draft: Draft, effectors: Mapping[str, EffectorShape]) -> Iter
 
 
 def overlap_faults(stances: tuple[Stance, ...]) -> Iterator[Fault]:
-    """Faults of overlapping soles; each pair of placements once."""
+    """Faults of overlapping soles, and of hands in the place of another hand or of a sole; each pair once."""
     reported: set[frozenset[int]] = set()
     for k, stance in enumerate(stances):
-        for one, other in contact_pairs(sole_contacts(stance)):
+        soles, hands = sole_contacts(stance), [touch for touch in stance.values() if touch.shape.kind == "point"]
+        pairs = [*contact_pairs(soles), *contact_pairs(hands), *((sole, hand) for sole in soles for hand in hands)]
+        for one, other in pairs:
             key = frozenset((id(one), id(other)))
-            if key not in reported and soles_overlap(one, other):
+            is_hand = other.shape.kind == "point"
+            if key not in reported and (hand_meets(other, one) if is_hand else soles_overlap(one, other)):
                 reported.add(key)
-                yield Fault(contact_field(k, other.effector), f"overlaps {one.effector}")
+                text = f"is in the place of {one.effector}" if is_hand else f"overlaps {one.effector}"
+                yield Fault(contact_field(k, other.effector), text)
 
 
 def friction_faults(draft: Draft, stances: tuple[Stance, ...]) -> Iterator[Fault]:

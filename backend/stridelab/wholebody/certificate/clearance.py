@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Bool, Float, Int
 
+from stridelab.contacts.effector_geometry import HAND_RADIUS_M
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.terrain import Rail
 from stridelab.conventions import Configurations, Series
@@ -25,7 +26,7 @@ from stridelab.robots.self_collision import SelfCollision
 from stridelab.wholebody.certificate.certificate import Check, WorstValues
 from stridelab.wholebody.certificate.contact_checks import LANDING_ERROR_M
 from stridelab.wholebody.control.collision_pairs import bounding_sphere
-from stridelab.wholebody.effector_contact import HAND_RADIUS_M, OwnSurfaces, terrain_shape
+from stridelab.wholebody.effector_contact import OwnSurfaces, terrain_shape
 
 LEG_CLEARANCE_M = 0.010
 """Minimum distance of shanks and swinging soles from other surfaces: the tracking error of the replay."""

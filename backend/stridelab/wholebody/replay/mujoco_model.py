@@ -16,12 +16,12 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float, Int
 
+from stridelab.contacts.effector_geometry import HAND_RADIUS_M
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.spatial import Placement
 from stridelab.errors import Fault, InvalidInput
 from stridelab.robots.robot import Effector, Robot
-from stridelab.wholebody.effector_contact import HAND_RADIUS_M
 from stridelab.wholebody.replay.collision_shapes import (
     BODY,
     GROUND,

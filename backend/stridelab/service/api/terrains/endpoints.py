@@ -26,7 +26,9 @@ READING_TIMEOUT_S: Final = 60.0
 """Time limit of reading, as of the command line."""
 METRES_PER: Final[Mapping[str, float]] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _VALUES: Final[Mapping[str, tuple[str, ...]]] = {"unit": tuple(METRES_PER), "up": get_args(UpAxis)}
+_LENGTHS_M: Final[Mapping[str, tuple[float, float]]] = {"cell_m": (0.001, 1.0), "height_range_m": (0.001, 100.0)}
 _ENDING: Final = re.compile(r"\.[a-z0-9]{1,10}")
+_NUMBER: Final = re.compile(r"\d{1,6}(\.\d{0,12})?|\.\d{1,12}")
 _FORM: Final = form_body(
     {
         "file": {
@@ -38,7 +40,12 @@ _FORM: Final = form_body(
         "up": {
             "type": "string",
             "enum": [*_VALUES["up"]],
-            "description": "axis that points up; +z, of GLB +y, if omitted",
+            "description": "axis that points up; if omitted, found where the points are clear, else +z, of GLB +y",
+        },
+        "cell_m": {"type": "number", "description": "edge of a cell of a PNG, in metres; needed for it"},
+        "height_range_m": {
+            "type": "number",
+            "description": "height from black to white of a PNG, in metres; needed for it",
         },
     },
     "file",
@@ -102,12 +109,20 @@ def _task_of_form(form: ReceivedForm) -> dict[str, Any]:
     Raises ``InvalidInput`` (``invalid-request``) naming every unknown or invalid field.
     """
     fields = {name: text.strip() for name, text in form.fields.items() if text.strip()}
-    faults = [Fault(name[:60], "unknown field") for name in form.fields if name not in _VALUES]
+    faults = [Fault(name[:60], "unknown field") for name in form.fields if name not in (*_VALUES, *_LENGTHS_M)]
     faults += [
         Fault(name, f"one of {', '.join(allowed)}")
         for name, allowed in _VALUES.items()
         if name in fields and fields[name] not in allowed
     ]
+    lengths_m: dict[str, float] = {}
+    for name, (least, most) in _LENGTHS_M.items():
+        if name in fields:
+            length_m = float(fields[name]) if _NUMBER.fullmatch(fields[name]) else 0.0
+            if least <= length_m <= most:
+                lengths_m[name] = length_m
+            else:
+                faults.append(Fault(name, f"a number of metres from {least:g} to {most:g}"))
     if faults:
         names = ", ".join(fault.where for fault in faults)
         raise InvalidInput("invalid-request", f"The form is not valid: see {names}.", faults)
@@ -117,6 +132,7 @@ def _task_of_form(form: ReceivedForm) -> dict[str, Any]:
         "filename": form.filename,
         "metres_per_unit": METRES_PER[fields.get("unit", "m")],
         "up": fields.get("up"),
+        **lengths_m,
     }
 
 

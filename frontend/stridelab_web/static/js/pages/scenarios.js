@@ -2,22 +2,7 @@
 import { call, onClick, onSubmit, openNewJob } from "../shared/api.js";
 import { planningUrl, startPlan } from "../editor/planning_jobs.js";
 import { translate } from "../shared/translate.js";
-
-// The disturbances of the replay that a form states, or null.
-/** @param {FormData} fields */
-function replayOptions(fields) {
-  const number = (/** @type {string} */ name) => Number(fields.get(name) || 0);
-  const options = {};
-  if (fields.get("push_time_s")) {
-    const impulse_ns = ["x", "y", "z"].map((axis) => number(`push_${axis}_ns`));
-    options.pushes = [{ time_s: number("push_time_s"), impulse_ns, link: fields.get("push_link") || null }];
-  }
-  if (number("payload_kg")) options.payload_kg = number("payload_kg");
-  if (fields.get("replay_friction")) options.friction = number("replay_friction");
-  if (number("delay_ms")) options.delay_s = number("delay_ms") / 1000;
-  if (fields.get("estimated")) options.sensors = "estimated";
-  return Object.keys(options).length ? options : null;
-}
+import { replayOf } from "./replay_options.js";
 
 for (const form of document.querySelectorAll("form[data-plan]")) {
   const whole = form.elements.whole_body,
@@ -31,9 +16,13 @@ for (const form of document.querySelectorAll("form[data-plan]")) {
     }
   });
   onSubmit(form, async (fields) => {
-    const replayed = whole && replay.checked && (replayOptions(fields) ?? true);
     const options = whole
-      ? { whole_body: whole.checked, replay: replayed, free_durations: free.checked, fastest: fastest.checked }
+      ? {
+          whole_body: whole.checked,
+          replay: replayOf(fields, replay.checked),
+          free_durations: free.checked,
+          fastest: fastest.checked,
+        }
       : {};
     const job = await startPlan(form.dataset.plan, options);
     location.assign(planningUrl(form.dataset.plan, job.id));

@@ -10,6 +10,7 @@ import { facesOf, heightAt, heightRange, stairsText } from "./terrain_plan.js";
 
 const NAME_LENGTH = 100;
 const UNPROCESSABLE = 422; // the fault of such a refusal is the file, whose name stands before the sentence
+const IMAGE_FIELDS = ["cell_m", "height_range_m"]; // of a PNG
 const ENDS = /** @type {const} */ (["start", "goal"]);
 
 const form = /** @type {any} */ (document.querySelector("form[data-terrain]"));
@@ -53,7 +54,7 @@ zone.addEventListener("drop", (/** @type {DragEvent} */ event) => {
   const dropped = event.dataTransfer?.files[0];
   if (dropped) chooseFile(dropped);
 });
-for (const name of ["unit", "up"]) form.elements[name].addEventListener("change", () => readFile());
+for (const name of ["unit", "up", ...IMAGE_FIELDS]) form.elements[name].addEventListener("change", () => readFile());
 svg.addEventListener("click", placeEnd);
 for (const end of ENDS)
   for (const axis of ["x", "y"]) form.elements[`${end}_${axis}`].addEventListener("input", showPlaces);
@@ -77,6 +78,7 @@ function chooseFile(chosen) {
   file = chosen;
   form.elements.name.value = chosen.name.replace(/\.[^.]*$/, "").slice(0, NAME_LENGTH);
   for (const end of ENDS) setPlace(end, null);
+  for (const label of form.querySelectorAll("[data-image]")) label.hidden = !/\.png$/i.test(chosen.name);
   readFile();
 }
 
@@ -95,6 +97,7 @@ async function readFile() {
   body.append("file", file);
   body.append("unit", unit);
   body.append("up", form.elements.up.value);
+  if (/\.png$/i.test(name)) for (const field of IMAGE_FIELDS) body.append(field, form.elements[field].value);
   try {
     const answer = await call("POST", "/terrains", body);
     if (own === turn) show(answer, name);
