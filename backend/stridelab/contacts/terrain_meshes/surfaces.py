@@ -26,7 +26,7 @@ from stridelab.contacts.terrain_meshes.planes import SHORTEST_EDGE_M as SHORTEST
 from stridelab.contacts.terrain_meshes.reading import TerrainMesh
 from stridelab.contacts.terrain_meshes.rectangles import Cells, best_turn_rad, has_square, largest_rectangle, size_of
 from stridelab.contacts.terrain_meshes.samples import MESH_SPACING_M, Samples, prepare_samples, sample_triangles
-from stridelab.contacts.terrain_meshes.shapes import lie_in_boxes
+from stridelab.contacts.terrain_meshes.shapes import INSIDE_M, lie_in_boxes
 from stridelab.conventions import Mask, Points, Rotation, Vector3
 from stridelab.dynamics.spatial import Placement
 
@@ -97,7 +97,7 @@ def find_standing(mesh: TerrainMesh, cloud_m: Points) -> Standing:
         float(np.quantile(cloud_m[:, 2], 0.001)) if len(cloud_m) else np.inf,
     )
     boxes = sorted(_boxes_of(planes, floor_m), key=lambda one: -one[0])
-    undersides = _scan_undersides(mesh, up <= LEAST_SAMPLED, [box for _, box in boxes])
+    undersides = _scan_undersides(mesh, up <= LEAST_SAMPLED, [box for _, box in boxes], planes)
     if undersides:
         above = [plane for scan in undersides for plane in scanned_planes(scan.samples, scan.regions)]
         boxes = sorted(_boxes_of(planes, floor_m, above), key=lambda one: -one[0])
@@ -105,10 +105,15 @@ def find_standing(mesh: TerrainMesh, cloud_m: Points) -> Standing:
     return Standing(named, max(len(boxes) - MAX_SURFACES, 0), scans, undersides)
 
 
-def _scan_undersides(mesh: TerrainMesh, down: Mask, boxes: Sequence[Mapping[str, Any]]) -> list[Scan]:
-    """The faces of a mesh that look down and are in no box, as a scan; none if there are hardly any."""
+def _scan_undersides(
+    mesh: TerrainMesh, down: Mask, boxes: Sequence[Mapping[str, Any]], planes: Sequence[Plane]
+) -> list[Scan]:
+    """The faces of a mesh that look down, are in no box and rest on no plane, as a scan; none if hardly any do."""
     points_m = sample_triangles(mesh, down)
     points_m = points_m[~lie_in_boxes(boxes, points_m)]
+    for plane in planes:
+        above_m, covered = plane.heights_above(points_m)
+        points_m = points_m[~(covered & (np.abs(above_m) < INSIDE_M))]
     if len(points_m) * MESH_SPACING_M**2 < LEAST_UNDERSIDE_M2:
         return []
     samples = prepare_samples(points_m, from_mesh=True)
