@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import trimesh
 
 from stridelab.contacts.terrain_meshes.reading import read_terrain_mesh
@@ -46,6 +47,22 @@ def test_the_soffit_of_an_open_mesh_is_an_obstacle_without_headroom_below(tmp_pa
     assert are_blocked(read, [(2.2, 0.5, 1.3), (2.8, 1.5, 1.3)]).all()
     (floor,) = [one for one in read["terrain"] if one["name"].startswith("surface")]
     assert floor["center_m"][0] + 0.5 * floor["size_m"][0] < 2.1
+
+
+@pytest.mark.parametrize("thick_m", [0.04, 0.1, 0.2])
+def test_the_underside_of_a_ramp_is_no_obstacle_to_those_who_walk_up(thick_m: float, tmp_path: Path) -> None:
+    """A slab of 3 m from the floor up to a platform, 12 degrees steep."""
+    slope_rad = np.deg2rad(12.0)
+    slab = trimesh.creation.box((3.0, 1.2, thick_m))
+    slab.apply_transform(trimesh.transformations.rotation_matrix(-slope_rad, (0, 1, 0)))
+    along, normal = np.array([np.cos(slope_rad), 0.0, np.sin(slope_rad)]), [-np.sin(slope_rad), 0.0, np.cos(slope_rad)]
+    slab.apply_translation(1.5 * along - 0.5 * thick_m * np.array(normal))
+    floor, platform = trimesh.creation.box((1.0, 1.2, 0.3)), trimesh.creation.box((1.2, 1.2, 0.2))
+    floor.apply_translation((-0.5, 0.0, -0.15))
+    platform.apply_translation(3.0 * along + (0.6, 0.0, -0.1))
+    trimesh.util.concatenate([floor, slab, platform]).export(tmp_path / "ramp.stl")
+    read = segment_terrain(mesh_shapes(read_terrain_mesh(tmp_path / "ramp.stl")))
+    assert [one["name"] for one in read["terrain"]] == ["surface 1", "surface 2", "surface 3"]
 
 
 def test_a_column_is_an_obstacle() -> None:

@@ -20,8 +20,16 @@ from stridelab.contacts.terrain_meshes.reading import TerrainMesh
 from stridelab.contacts.terrain_meshes.seen_faces import clutter_boxes, steep_regions, thin_boxes
 from stridelab.contacts.terrain_meshes.shapes import Bar, Solid, lie_in_boxes, shapes_of_parts
 from stridelab.contacts.terrain_meshes.stairs import find_stairs, tolerances_of
-from stridelab.contacts.terrain_meshes.surfaces import MAX_SURFACES, Scan, Standing, find_standing, upper_faces
+from stridelab.contacts.terrain_meshes.surfaces import (
+    MAX_SURFACES,
+    THICKEST_SLAB_M,
+    Scan,
+    Standing,
+    find_standing,
+    upper_faces,
+)
 from stridelab.conventions import Mask, Points
+from stridelab.dynamics.spatial import Placement
 
 FARTHEST_M: Final = 90.0
 """Coordinates beyond are moved: a scenario reaches 100 m."""
@@ -78,7 +86,8 @@ def segment_terrain(shapes: TerrainShapes) -> dict[str, Any]:
     walls = [wall for wall in walls if not lie_in_boxes([box_of_solid(wall)], tops_m).any()]
     solids = [one for one in (*shapes.solids, *posts, *walls) if not _is_along(one, bars)]
     solid_boxes = obstacle_boxes(solids, boxes)
-    known = [*boxes, *solid_boxes, *(box_of_solid(one) for one in shapes.solids)]  # also those on which feet stand
+    slabs = [_deepen_box(box) for box in boxes]
+    known = [*slabs, *solid_boxes, *(box_of_solid(one) for one in shapes.solids)]  # also those on which feet stand
     seen = [*solid_boxes, *obstacle_boxes(_seen_solids(standing, bars, known), boxes)]
     room = max(MAX_SURFACES + 1 - len(boxes) - len(rails), 0)
     obstacles = [{"name": f"obstacle {k + 1}"} | box for k, box in enumerate(seen[:room])]
@@ -89,9 +98,17 @@ def segment_terrain(shapes: TerrainShapes) -> dict[str, Any]:
         *shapes.remarks,
         *([many] if len(seen) > room else []),
         *_scan_remarks(standing),
-        *_left_out(shapes, standing, [*boxes, *obstacles], bars),
+        *_left_out(shapes, standing, [*slabs, *obstacles], bars),
     ]
     return {"terrain": [*boxes, *rails, *obstacles], "stairs": stairs, "remarks": remarks}
+
+
+def _deepen_box(box: dict[str, Any]) -> dict[str, Any]:
+    """A standing box that is at least as deep as the thickest slab, whose sides and underside are then explained."""
+    R = Placement.from_wxyz(box["center_m"], box["orientation_wxyz"]).rotation
+    more_m = max(THICKEST_SLAB_M - box["size_m"][2], 0.0)
+    center_m = np.array(box["center_m"]) - 0.5 * more_m * R[:, 2]
+    return box | {"center_m": center_m.tolist(), "size_m": [*box["size_m"][:2], box["size_m"][2] + more_m]}
 
 
 def _seen_solids(standing: Standing, bars: Sequence[Bar], boxes: Sequence[dict[str, Any]]) -> list[Solid]:

@@ -48,6 +48,8 @@ TURNED_FILL: Final = 0.9
 TURNED_M2: Final = 4.0
 STRIP_SPACINGS: Final = 2.0
 LEAST_UNDERSIDE_M2: Final = 0.04
+THICKEST_SLAB_M: Final = 0.3
+"""How far below a plane an underside is that of its own slab, and no obstacle beside it."""
 LEAST_SAMPLED: Final = -0.1
 """Vertical part of the normals of triangles from which on they are sampled: undersides hold no foot."""
 Place2 = Float[np.ndarray, "2"]
@@ -108,12 +110,12 @@ def find_standing(mesh: TerrainMesh, cloud_m: Points) -> Standing:
 def _scan_undersides(
     mesh: TerrainMesh, down: Mask, boxes: Sequence[Mapping[str, Any]], planes: Sequence[Plane]
 ) -> list[Scan]:
-    """The faces of a mesh that look down, are in no box and rest on no plane, as a scan; none if hardly any do."""
+    """The faces of a mesh that look down, as a scan; without those in a box, on a plane, and below one as of a slab."""
     points_m = sample_triangles(mesh, down)
     points_m = points_m[~lie_in_boxes(boxes, points_m)]
     for plane in planes:
         above_m, covered = plane.heights_above(points_m)
-        points_m = points_m[~(covered & (np.abs(above_m) < INSIDE_M))]
+        points_m = points_m[~(covered & (above_m > -THICKEST_SLAB_M) & (above_m < INSIDE_M))]
     if len(points_m) * MESH_SPACING_M**2 < LEAST_UNDERSIDE_M2:
         return []
     samples = prepare_samples(points_m, from_mesh=True)
