@@ -1,5 +1,6 @@
 """Files whose up axis is any signed axis: stated, or found where the points are clear; else a remark."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -8,8 +9,10 @@ import pytest
 import trimesh
 
 from stridelab.contacts.terrain_meshes.reading import UP_AXES, UpAxis
+from stridelab.contacts.terrain_meshes.up_axis import find_up_axis
 from stridelab.conventions import Points
 from stridelab.pipelines.scenarios.read_terrain import read_terrain
+from support.terrain_scans import Rectangle
 from support.terrain_shapes import FROM_Z_UP, l_stairs, ramp_beside_wall, room_with_table, scan_shape, see_from
 
 RISE_M = 0.16
@@ -50,9 +53,21 @@ def test_stairs_of_a_cloud_tell_which_axis_points_up(axis: UpAxis, tmp_path: Pat
     assert not names_axis(stated, axis)
 
 
+@pytest.mark.parametrize("height_m", [1.0, 3.0, 6.0])
+@pytest.mark.parametrize("shape", [room_with_table, l_stairs, ramp_beside_wall], ids=lambda shape: shape.__name__)
+def test_an_upper_floor_about_the_origin_is_no_view_of_a_camera(
+    shape: Callable[[], list[Rectangle]], height_m: float
+) -> None:
+    """With z up, and at such a height, all points lie in the view of a camera at the origin that looks up."""
+    points_m = scan_shape(np.random.default_rng(3), shape())
+    middle_m = np.append(points_m[:, :2].mean(axis=0), -height_m)
+    assert find_up_axis(points_m - middle_m, "+z").axis == "+z"
+
+
 def test_the_view_of_a_depth_camera_has_minus_y_up(tmp_path: Path) -> None:
-    """Ground 1.4 m below the camera, and a wall in front of it, which is larger."""
-    seen = see_from(scan_shape(np.random.default_rng(11), ramp_beside_wall()), (0.8, -2.8, 1.4))
+    """Ground 1.4 m below the camera, and a wall behind it, which is larger."""
+    turned = scan_shape(np.random.default_rng(11), ramp_beside_wall()) * (-1.0, -1.0, 1.0)
+    seen = see_from(turned, (-0.8, -4.2, 1.4))
     read = read_terrain(save_points(tmp_path, seen))
     assert names_axis(read, "-y")
     floor, *_ = sorted(read.terrain, key=lambda one: one.center_m[2] if one.kind == "box" else np.inf)

@@ -84,8 +84,10 @@ def find_up_axis(points_m: Points, usual: UpAxis, areas: Areas | None = None) ->
     along = [_along_axis(points_m, normals, k) for k in range(3)]
     at = "xyz".index(usual[1])
     best = max((k for k in range(3) if k != at), key=lambda k: (along[k].climbs, along[k].count))
-    if areas is None and _is_camera(points_m) and along[1].count > CLIMBED_SHARE * along[2].count:
-        return UpReading("-y", False)
+    if areas is None and _is_camera(points_m) and not _stands_on(points_m, along[2], 2):
+        is_stairs = along[2].climbs and not along[1].climbs
+        if not is_stairs and along[1].count > CLIMBED_SHARE * along[2].count:
+            return UpReading("-y", False)
     doubtful = along[best].count > along[at].count and not along[at].climbs
     if not (doubtful or along[best].climbs) or not _is_clear(along, at, best):
         return UpReading(usual, doubtful)
@@ -127,6 +129,20 @@ def _is_camera(points_m: Points) -> bool:
     return bool((widest < CAMERA_SLOPE[1]).all() and (widest > CAMERA_SLOPE[0]).all())
 
 
+def _stands_on(points_m: Points, along: _Along, axis: int) -> bool:
+    """Whether most of what is level with an axis is the lowest of all, as a floor is and what a camera faces is not."""
+    lowest_m = float(np.quantile(points_m[:, axis], 0.005))
+    return _ground_of(points_m[along.is_level, axis]) - lowest_m < 2.0 * BIN_M
+
+
+def _ground_of(heights_m: Series) -> float:
+    """The height at which most points are; infinite without any."""
+    if len(heights_m) == 0:
+        return np.inf
+    at = np.floor((heights_m - heights_m.min()) / BIN_M).astype(int)
+    return float(np.median(heights_m[np.abs(at - int(np.argmax(np.bincount(at)))) <= 1]))
+
+
 def _is_clear(along: list[_Along], usual: int, other: int) -> bool:
     """Whether another axis with more level area points up, and not to the walls of a passage."""
     if along[other].levels > 1 and along[usual].count < LEAST_SHARE * along[other].count:
@@ -146,11 +162,7 @@ def _side_of(points_m: Points, along: _Along, axis: int, areas: Areas | None) ->
         total = float(np.abs(faces).sum())
         if total > 0.0 and abs(float(faces.sum())) > ONE_SIDED * total:
             return float(np.sign(faces.sum()))
-    heights_m = points_m[along.is_level, axis]
-    at = np.floor((heights_m - heights_m.min()) / BIN_M).astype(int)
-    counts = np.bincount(at)
-    ground_m = float(np.median(heights_m[np.abs(at - int(np.argmax(counts))) <= 1]))
-    away_m = points_m[:, axis] - ground_m
+    away_m = points_m[:, axis] - _ground_of(points_m[along.is_level, axis])
     above, below = int((away_m > BIN_M).sum()), int((away_m < -BIN_M).sum())
     return float(np.sign(above - below)) if abs(above - below) > ONE_SIDED * max(above + below, 1) else 0.0
 
