@@ -177,9 +177,9 @@ def test_a_cancelled_job_stays_cancelled(http: httpx.Client, service: Served, jo
 def test_a_finished_job_is_deleted_with_its_files(http: httpx.Client, service: Served) -> None:
     before = service.stored_files()
     finished_id = service.run(add_job(service.parts))
-    files = [("com.csv", "text/csv", b"time_s")]
-    service.run(publish_result(service.parts, service.run(start_job(service.parts, finished_id)), files))
-    assert f"results/{finished_id}/1/com.csv" in service.stored_files()
+    attempt = service.run(start_job(service.parts, finished_id))
+    service.run(publish_result(service.parts, attempt, [("com.csv", "text/csv", b"time_s")]))
+    assert f"{attempt.blob_prefix}/com.csv" in service.stored_files()
     assert http.delete(f"{JOBS}/{finished_id}").json()["state"] == "succeeded"
     assert refusal_code(http.get(f"{JOBS}/{finished_id}")) == (404, "job-not-found")
     assert not any(key.startswith("results/") for key in service.stored_files() - before)
@@ -348,7 +348,7 @@ def test_a_store_that_has_lost_the_content_of_a_file_is_reported(
     attempt = service.run(start_job(service.parts, job_id))
     service.run(publish_result(service.parts, attempt, [("com.csv", "text/csv", b"x")]))
     (tmp_path / "empty").touch()
-    service.run(service.parts.blobs.put_file(f"results/{job_id}/1/com.csv", tmp_path / "empty"))
+    service.run(service.parts.blobs.put_file(f"{attempt.blob_prefix}/com.csv", tmp_path / "empty"))
     assert refusal_code(http.get(f"{JOBS}/{job_id}/artifacts/com.csv")) == (503, "stored-file-damaged")
 
 
