@@ -27,7 +27,8 @@ def test_damaged_and_missing_files_are_reported_refused_and_repaired(
     with served(database_url, tmp_path / "data") as lab, lab.http() as http:
         recording = upload(http, content).json()
         job = lab.run(add_job(lab.parts, recording["id"]))
-        lab.run(publish_result(lab.parts, lab.run(start_job(lab.parts, job)), [("com.csv", "text/csv", b"time_s\n")]))
+        attempt = lab.run(start_job(lab.parts, job))
+        lab.run(publish_result(lab.parts, attempt, [("com.csv", "text/csv", b"time_s\n")]))
         assert verify_stored_files(database_url, lab.parts.blobs).ok
         assert doctor()[0] == 0
         blob = blobs / "uploads" / recording["sha256"]
@@ -36,7 +37,7 @@ def test_damaged_and_missing_files_are_reported_refused_and_repaired(
         blob.write_bytes(flipped)
         with pytest.raises(UnreadableFile, match="damaged"):
             lab.run(lab.parts.blobs.get_file(f"uploads/{recording['sha256']}", tmp_path / "out"))
-        (blobs / "results" / job / "1" / "com.csv").unlink()
+        (blobs / attempt.blob_prefix / "com.csv").unlink()
         status, words = doctor()
         assert status == 1
         assert f"damaged: recording {recording['id']}, the uploaded file" in words
