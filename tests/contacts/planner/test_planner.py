@@ -184,7 +184,7 @@ def test_an_obstacle_is_walked_around(x_m: float, y_m: float, size_m: tuple[floa
             assert max(apart) > -1e-6
 
 
-def door(width_m: float) -> dict[str, Any]:
+def task_through_door(width_m: float) -> dict[str, Any]:
     """A wall across the way, with a door in its middle."""
     side_m = 3.0 - width_m / 2
     request = way_with(block(1.5, width_m / 2 + side_m / 2, (0.1, side_m, 2.0)))
@@ -195,7 +195,7 @@ def door(width_m: float) -> dict[str, Any]:
 
 def test_a_door_narrower_than_the_arms_is_passed_sideways() -> None:
     """0.8 m: TALOS is wider with its arms. In the door both soles are turned by a quarter turn, at the ends by none."""
-    plan = PLANNER.plan(door(0.8))
+    plan = PLANNER.plan(task_through_door(0.8))
     report = validate_scenario(plan.scenario, SHAPES)
     assert (report.faults, report.remarks) == ((), ())
     contacts = [contact for phase in plan.scenario["phases"] for contact in phase["contacts"]]
@@ -211,7 +211,7 @@ def test_a_door_narrower_than_the_arms_is_passed_sideways() -> None:
 
 def test_a_slit_is_impassable_sideways_too() -> None:
     with pytest.raises(NotEstimable) as refusal:
-        PLANNER.plan(door(0.4))
+        PLANNER.plan(task_through_door(0.4))
     assert refusal.value.code == "contacts-unreachable"
     assert {fault.where for fault in refusal.value.faults} <= {"terrain[wall]", "terrain[other wall]"}
 

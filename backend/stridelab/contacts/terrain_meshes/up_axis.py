@@ -105,11 +105,11 @@ def _along_axis(points_m: Points, normals: Points, axis: int) -> _Along:
     runs = np.cumsum(full & ~np.append(False, full[:-1])) * full
     levels_m = np.array([heights_m[runs[at] == run].mean() for run in range(1, int(runs.max()) + 1)])
     low, high = np.quantile(points_m[:, axis], [0.005, 0.995])
-    climbs = len(at) > CLIMBED_POINTS * len(points_m) and _climb(np.diff(levels_m))
+    climbs = len(at) > CLIMBED_POINTS * len(points_m) and _has_equal_rises(np.diff(levels_m))
     return _Along(len(at), len(levels_m), climbs, float(high - low), is_level)
 
 
-def _climb(rises_m: Series) -> bool:
+def _has_equal_rises(rises_m: Series) -> bool:
     """Whether enough heights that follow each other have one rise of stairs."""
     is_rise = (rises_m > RISE_M[0]) & (rises_m < RISE_M[1])
     same = is_rise[1:] & is_rise[:-1] & (np.abs(np.diff(rises_m)) < SAME_RISE_M)
