@@ -14,30 +14,30 @@ from support.service.database import run_with_engine
 
 
 def count_workers(url: str) -> Any:
-    async def count(engine: Any) -> int:
+    async def read_count(engine: Any) -> int:
         async with engine.connect() as connection:
             return int((await connection.execute(select(func.count()).select_from(worker))).scalar_one())
 
-    return run_with_engine(url, count)
+    return run_with_engine(url, read_count)
 
 
-def publish(url: str, removed: list[str], *, published: bool) -> None:
+def publish_row(url: str, removed: list[str], *, published: bool) -> None:
     """Publish a row and record the outcome; what is removed is noted in ``removed``."""
 
-    async def remove() -> None:
+    async def note_removal() -> None:
         removed.append("files")
 
-    async def act() -> None:
+    async def publish_and_record() -> None:
         engine = make_engine(url)
         try:
-            async with publish_files(remove) as publication:
+            async with publish_files(note_removal) as publication:
                 async with publication.transaction(engine) as connection:
                     await connection.execute(insert(worker))
                 publication.record_outcome(published=published)
         finally:
             await engine.dispose()
 
-    asyncio.run(act())
+    asyncio.run(publish_and_record())
 
 
 def test_files_of_a_task_that_is_cancelled_right_after_the_commit_stay(
@@ -53,7 +53,7 @@ def test_files_of_a_task_that_is_cancelled_right_after_the_commit_stay(
     with monkeypatch.context() as patched:
         patched.setattr(AsyncConnection, "close", close_and_be_cancelled)
         with pytest.raises(asyncio.CancelledError):
-            publish(database_url, removed, published=True)
+            publish_row(database_url, removed, published=True)
     assert count_workers(database_url) == 1
     assert removed == []
 
@@ -61,5 +61,5 @@ def test_files_of_a_task_that_is_cancelled_right_after_the_commit_stay(
 @pytest.mark.parametrize(("published", "removed"), [(True, []), (False, ["files"])])
 def test_a_recorded_outcome_decides(database_url: str, published: bool, removed: list[str]) -> None:
     noted: list[str] = []
-    publish(database_url, noted, published=published)
+    publish_row(database_url, noted, published=published)
     assert noted == removed

@@ -29,11 +29,11 @@ def test_the_motion_is_left_to_the_next_request_where_stances_took_the_time(monk
     checked: list[Any] = []
     genuine = MotionCheck.continue_check
 
-    def count(self: MotionCheck, *args: Any) -> Any:
+    def count_answers(self: MotionCheck, *args: Any) -> Any:
         checked.append(args)
         return genuine(self, *args)
 
-    monkeypatch.setattr(MotionCheck, "continue_check", count)
+    monkeypatch.setattr(MotionCheck, "continue_check", count_answers)
     question = moved_step() | {"within_s": 0.03}
     answers = [stances.answer_request(question)]
     while not all(answers[-1]["phases"]):
