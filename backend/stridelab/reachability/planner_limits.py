@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from stridelab.contacts.effector_geometry import EffectorReach, effector_shapes
-from stridelab.contacts.planner.step_limits import FEET_GAP_M, EffectorLimits, RobotLimits, StepDefaults
+from stridelab.contacts.planner.step_limits import FEET_GAP_M, FEET_GAP_MIN_M, EffectorLimits, RobotLimits, StepDefaults
 from stridelab.errors import NotFound
 from stridelab.reachability.card import Reach, ReachabilityCard
 from stridelab.reachability.store import load_card
@@ -51,7 +51,7 @@ def planner_limits(robot_name: str) -> RobotLimits:
         step_m=STEP_SHARE * h,
         rise_max_m=RISE_SHARE * h,
         width_m=width_m,
-        width_min_m=soles + FEET_GAP_M,
+        width_min_m=soles + FEET_GAP_MIN_M,
         body_height_m=BODY_HEIGHT_SHARE * h,
         body_half_size_m=(BODY_DEPTH_SHARE * h, BODY_WIDTH_SHARE * h - width_m / 2),
     )

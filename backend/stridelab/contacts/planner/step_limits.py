@@ -19,7 +19,9 @@ from stridelab.conventions import Points, Vector3
 HIGH_STEP_SHARE: Final = 1.2
 """Length of the highest step over that of the default step: TALOS cannot follow 0.57 m ahead and 0.17 m up."""
 FEET_GAP_M: Final = 0.03
-"""Minimum gap between two soles side by side."""
+"""Half the gap between two soles side by side."""
+FEET_GAP_MIN_M: Final = 0.04
+"""Least gap between two soles: shoes are wider, both of HRP-2 by 31 mm in all."""
 
 
 @dataclass(frozen=True, eq=False)
