@@ -80,8 +80,9 @@ def ended_login(page: Page) -> None:
 
 
 def film_dialog(page: Page) -> None:
-    page.keyboard.press("f")
-    expect(page.get_by_role("dialog", name="Film of the scene")).to_be_visible()
+    page.get_by_role("button", name="Film…").click()
+    # its modules are loaded when the first one is wanted
+    expect(page.get_by_role("dialog", name="Film of the scene")).to_be_visible(timeout=90_000)
 
 
 def empty_film(page: Page) -> None:
@@ -91,7 +92,7 @@ def empty_film(page: Page) -> None:
 
 
 def picture_dialog(page: Page) -> None:
-    page.keyboard.press("p")
+    page.get_by_role("button", name="Picture…").click()
     expect(page.get_by_role("dialog", name="Picture of the scene")).to_be_visible()
 
 

@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +27,11 @@ def workers() -> list[psutil.Process]:
     this = psutil.Process()
     processes = []
     for child in this.children():
-        if child.cmdline() == this.cmdline():
-            processes.append(child)
-        elif "multiprocessing.forkserver" in " ".join(child.cmdline()):
-            processes += child.children()
+        with suppress(psutil.NoSuchProcess):  # it has ended: a zombie, or gone
+            if child.cmdline() == this.cmdline():
+                processes.append(child)
+            elif "multiprocessing.forkserver" in " ".join(child.cmdline()):
+                processes += child.children()
     return processes
 
 

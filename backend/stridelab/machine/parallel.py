@@ -18,7 +18,6 @@ import pickle
 import signal
 import tempfile
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -47,6 +46,7 @@ from stridelab.machine.cluster import (
     leave_cluster,
 )
 from stridelab.machine.cores import SINGLE_THREADED, limit_cores, usable_cores
+from stridelab.machine.time_limit import TimeLimit
 
 PROCESSES_MAX: Final = 6
 """Each process uses about 220 MB with a robot and scikit-learn; this number stays below 2 GB with the parent."""
@@ -84,6 +84,7 @@ def map_isolated(
     *,
     preload: Sequence[str],
     timeout_s: float = _DEFAULT_TIMEOUT_S,
+    processor_s: float = math.inf,
     processes: int = PROCESSES,
     codec: ModuleType = json,
     confine: Callable[[Path], None] | None = None,
@@ -93,14 +94,15 @@ def map_isolated(
 
     ``work`` is a module-level function; ``preload`` are the modules that it needs. Results are sent with ``codec``:
     ``json``, or ``pickle`` for work that reads no files of strangers. A process that ends without a result yields the
-    error ``computation-crashed``, one that exceeds ``timeout_s`` ``computation-timed-out``.
+    error ``computation-crashed``, one that exceeds ``timeout_s``, or ``processor_s`` of processor time,
+    ``computation-timed-out``.
 
     With ``confine``, the item is a mapping whose ``folder`` contains files of strangers: a node gets a copy of the
     folder, and its process calls ``confine`` with it first. ``spans_nodes=False`` uses this machine only.
 
     Raises ``Unavailable`` (``cluster-unavailable``).
     """
-    settings = _Settings(work, codec.__name__, tuple(preload), timeout_s, confine)
+    settings = _Settings(work, codec.__name__, tuple(preload), (timeout_s, processor_s), confine)
     groups = [[item] for item in items]
     for index, message in _run_groups(settings, groups, processes, spans_nodes=spans_nodes):
         yield index, message["value"] if "value" in message else _item_error(message)
@@ -195,7 +197,7 @@ class _Settings:
     work: Callable[[Any], Any]
     codec: str
     preload: Sequence[str] = ()
-    timeout_s: float = math.inf
+    limits_s: tuple[float, float] = (math.inf, math.inf)  # elapsed and processor time of an item
     confine: Callable[[Path], None] | None = None
 
 
@@ -244,16 +246,16 @@ def _run_in_processes(
                 group = waiting.popleft()
                 group.start_process(settings, folder)
                 running[group.worker.pipe] = group
-            next_s = min(group.deadline_s for group in running.values()) - time.monotonic()
-            ready = wait(list(running), timeout=min(max(next_s, 0.0), _LOOK_S))
+            next_s = min(group.limit.wait_s() for group in running.values())
+            ready = wait(list(running), timeout=min(next_s, _LOOK_S))
             if not is_wanted():
                 return
-            late = [p for p, group in running.items() if p not in ready and group.deadline_s <= time.monotonic()]
+            late = [p for p, group in running.items() if p not in ready and not group.limit.wait_s()]
             for pipe in [*(pipe for pipe in running if pipe in ready), *late]:
                 group = running[pipe]
                 message = {"late": True} if pipe in late else group.worker.receive_message()
                 if message == {}:
-                    group.deadline_s = time.monotonic() + settings.timeout_s
+                    group.limit = TimeLimit(group.worker.process.pid or 0, *settings.limits_s)
                     continue
                 if message == {"ended": -signal.SIGKILL} and not group.was_killed:
                     group.was_killed = True
@@ -277,12 +279,12 @@ class _Group:
     number: int
     items: list[Any]
     was_killed: bool = False
-    deadline_s: float = math.inf
+    limit: TimeLimit = field(init=False)
     worker: "_Worker" = field(init=False)
 
     def start_process(self, settings: _Settings, folder: str | None) -> None:
         self.worker = _Worker.start(settings, self.items, folder)
-        self.deadline_s = time.monotonic() + _START_TIMEOUT_S
+        self.limit = TimeLimit(self.worker.process.pid or 0, _START_TIMEOUT_S)
 
 
 @dataclass(frozen=True)

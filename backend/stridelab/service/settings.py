@@ -47,7 +47,9 @@ class Settings(BaseSettings):
         default=False, description="estimate the centre of mass of every single upload, where a method is applicable"
     )
     min_free_disk_mb: int = Field(default=500, ge=0, description="uploads are refused when less disk is free")
-    parse_timeout_s: float = Field(default=10.0, gt=0, description="wall-clock limit for parsing an upload")
+    parse_timeout_s: float = Field(
+        default=10.0, gt=0, description="processor time for parsing an upload; six times as much may elapse"
+    )
     parse_memory_mb: int = Field(default=1024, ge=128, description="memory limit for parsing an upload")
     sandbox: Literal["auto", "required", "off"] = Field(
         default="auto",

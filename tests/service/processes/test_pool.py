@@ -135,6 +135,16 @@ def test_native_call_that_never_returns_times_out(run: Run) -> None:
     assert time.monotonic() - began < 20
 
 
+def test_a_child_that_computes_beyond_its_processor_time_times_out(run: Run) -> None:
+    outcome = run("compute_for_ever", timeout_s=300.0, processor_s=0.5)
+    assert outcome.state == "timeout"
+    assert "0.5 s" in outcome.as_error().message
+
+
+def test_a_child_that_waits_longer_than_its_processor_time_is_not_ended(run: Run) -> None:
+    assert run("wait_a_second", timeout_s=60.0, processor_s=0.5).state == "ok"
+
+
 def test_cancelling_kills_the_child_and_what_it_started(with_pool: Any, tmp_path: Path) -> None:
     heard: list[str] = []
 

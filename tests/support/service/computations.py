@@ -140,6 +140,17 @@ def hang(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
     ctypes.PyDLL(None).sleep(600)
 
 
+def compute_for_ever(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
+    """Uses a core as long as it has one."""
+    while True:
+        pass
+
+
+def wait_a_second(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
+    """Uses no processor time for a second, as a process that gets no core."""
+    time.sleep(1.0)
+
+
 def hang_in_a_stage(_task: dict[str, Any], _folder: Path, progress: Any) -> None:
     """Two stages; the second says one thing, right after the first, and hangs."""
     progress(0.1, "check: looking at it")

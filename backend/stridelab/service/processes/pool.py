@@ -6,6 +6,7 @@ milliseconds. ``IsolatedPool.run`` starts a child for one task, so that no state
 """
 
 import asyncio
+import math
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import asdict
@@ -82,6 +83,7 @@ class IsolatedPool:
         *,
         timeout_s: float,
         memory_mb: int,
+        processor_s: float = math.inf,
         cancel: asyncio.Event | None = None,
         on_progress: OnProgress | None = None,
         low_priority: bool = True,
@@ -89,9 +91,9 @@ class IsolatedPool:
     ) -> IsolatedOutcome:
         """Run ``target`` (``"module:function"``) as ``f(task, folder, progress)`` in a new child.
 
-        ``timeout_s`` starts when the child is ready. Setting ``cancel``, or cancelling the calling task, kills the
-        child and all its processes. With ``low_priority`` the child has the niceness of the pool. A task whose child
-        was killed before it was ready is repeated once.
+        ``timeout_s`` starts when the child is ready; ``processor_s`` limits the child's processor time. Setting
+        ``cancel``, or cancelling the calling task, kills the child and all its processes. With ``low_priority`` the
+        child has the niceness of the pool. A task whose child was killed before it was ready is repeated once.
 
         ``sandbox`` restricts the child; None is for tasks without untrusted input.
         """
@@ -101,7 +103,12 @@ class IsolatedPool:
             )
             try:
                 outcome = await child.run_task(
-                    task, timeout_s=timeout_s, memory_mb=memory_mb, cancel=cancel, on_progress=on_progress
+                    task,
+                    timeout_s=timeout_s,
+                    processor_s=processor_s,
+                    memory_mb=memory_mb,
+                    cancel=cancel,
+                    on_progress=on_progress,
                 )
             finally:
                 await asyncio.shield(child.kill_and_release())

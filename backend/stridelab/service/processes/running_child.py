@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import itertools
 import json
+import math
 import os
 import signal
 from collections.abc import Callable, Mapping, Sequence
@@ -19,6 +20,7 @@ from typing import Any, Final, Literal
 import psutil
 
 from stridelab.errors import StridelabError, error_of
+from stridelab.machine.time_limit import TimeLimit
 from stridelab.service.processes.fork_server_client import ForkedChild, ForkServerClient
 
 LOG_TAIL_BYTES: Final = 64 * 1024
@@ -85,12 +87,14 @@ class RunningChild:
         task: Mapping[str, Any],
         *,
         timeout_s: float,
+        processor_s: float = math.inf,
         memory_mb: int | None = None,
         cancel: asyncio.Event | None = None,
         on_progress: OnProgress | None = None,
     ) -> IsolatedOutcome:
         """Run ``task`` in the child; ``timeout_s`` starts when the child is ready.
 
+        ``processor_s`` is the limit of the child's processor time.
         Setting ``cancel`` kills the child, as do the time limit and ``memory_mb`` of resident memory beyond that of the
         preloaded libraries, which includes the child's own children (None: only its address space is limited).
         """
@@ -110,7 +114,10 @@ class RunningChild:
                 return await self._crash_outcome()
             if ready.done() and not stop.done():
                 any_of: set[asyncio.Future[Any]] = {reading, stop, watching, ended}
-                await asyncio.wait(any_of, timeout=timeout_s, return_when=asyncio.FIRST_COMPLETED)
+                limit = TimeLimit(self._pid or 0, timeout_s, processor_s)
+                while wait_s := limit.wait_s():
+                    if (await asyncio.wait(any_of, timeout=wait_s, return_when=asyncio.FIRST_COMPLETED))[0]:
+                        break
                 if ended.done():  # its last message may still be in transit; a grandchild may hold the socket open
                     await asyncio.wait({reading}, timeout=_DRAIN_TIMEOUT_S)
                     if not reading.done():
@@ -121,7 +128,7 @@ class RunningChild:
                 return await self._kill_outcome("cancelled", "computation-cancelled", "The computation was cancelled.")
             if watching.done():
                 return await self._memory_outcome(memory_mb or 0)
-            limit_s = f"{timeout_s:g} s"
+            limit_s = f"{min(timeout_s, processor_s):g} s"
             return await self._kill_outcome(
                 "timeout", "computation-timed-out", f"The computation took longer than its limit of {limit_s}."
             )

@@ -9,6 +9,7 @@ import anyio
 import structlog
 
 from stridelab.errors import Fault, UnreadableFile
+from stridelab.machine.time_limit import BUSY_FACTOR
 from stridelab.schemas.marker_sets import MarkerSetProposal
 from stridelab.schemas.recordings import PlateSwitch, RecordingFacts
 from stridelab.schemas.streams import Triple
@@ -142,12 +143,14 @@ async def run_reader(
 
     Raises the error of the child, and ``UnreadableFile`` with one of ``failures`` at the place ``where``.
     """
+    limit_s = timeout_s or parts.settings.parse_timeout_s
     async with limiter or parts.parsers:
         outcome = await parts.pool.run(
             function,
             task,
             folder,
-            timeout_s=timeout_s or parts.settings.parse_timeout_s,
+            timeout_s=BUSY_FACTOR * limit_s,
+            processor_s=limit_s,
             memory_mb=parts.settings.parse_memory_mb,
             low_priority=False,
             sandbox=sandbox,

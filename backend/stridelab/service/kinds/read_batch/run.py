@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from stridelab.errors import Fault, InvalidInput, StridelabError, TooLarge
 from stridelab.machine.parallel import map_isolated
+from stridelab.machine.time_limit import BUSY_FACTOR
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.recordings.files.batch_zip import BatchLimits, is_batch, unpack_batch
 from stridelab.schemas.population import MAX_RECORDINGS
@@ -50,7 +51,10 @@ def parse_batch(task: Json, folder: Path, progress: ProgressCallback) -> Json:
          "marker_sets": request.marker_sets}
         for place, one in enumerate(results) if "problem" not in one
     ]  # fmt: skip
-    done = map_isolated(read_one, items, preload=PRELOAD, timeout_s=request.timeout_s, spans_nodes=False)
+    limit_s = request.timeout_s
+    done = map_isolated(
+        read_one, items, preload=PRELOAD, timeout_s=BUSY_FACTOR * limit_s, processor_s=limit_s, spans_nodes=False
+    )
     for count, (index, answer) in enumerate(done, start=1):
         one = results[items[index]["place"]]
         if isinstance(answer, StridelabError):
