@@ -1,6 +1,7 @@
 import asyncio
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -69,6 +70,28 @@ def test_a_store_that_confirms_and_stores_nothing_is_unavailable(
         with pytest.raises(Unavailable) as refused:
             asyncio.run(store.put_file("results/a/1/x.csv", tmp_path / "x"))
     assert refused.value.code == "storage-unavailable"
+
+
+@pytest.mark.parametrize("sent_bytes", [0, 10])
+def test_a_store_that_answers_with_a_part_of_a_file_is_unavailable(
+    sent_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "x").write_bytes(b"eleven byte")
+    answer_whole = ObjectStoreHandler._answer
+
+    def answer_part(self: ObjectStoreHandler, status: int, content: bytes = b"", **about: Any) -> None:
+        is_read = self.command == "GET" and "path" in about
+        answer_whole(self, status, content[:sent_bytes] if is_read else content, **about)
+
+    async def act(store: BlobStore) -> None:
+        await store.put_file("results/a/1/x.csv", tmp_path / "x")
+        monkeypatch.setattr(ObjectStoreHandler, "_answer", answer_part)
+        with pytest.raises(Unavailable) as refused:
+            await store.get_file("results/a/1/x.csv", tmp_path / "copy")
+        assert refused.value.code == "storage-unavailable"
+
+    with object_store(tmp_path / "objects") as options:
+        asyncio.run(act(BlobStore.from_url(ADDRESS, options)))
 
 
 def test_prefix_is_deleted_by_whole_segments(any_store: BlobStore, tmp_path: Path) -> None:

@@ -130,12 +130,20 @@ class BlobStore:
         return digest.hexdigest()
 
     async def stream(self, key: str) -> AsyncIterator[bytes]:
-        """The blob in pieces. Raises ``NotFound`` (``blob-not-found``)."""
+        """The blob in pieces. Raises ``NotFound`` (``blob-not-found``).
+
+        An object store must send as many bytes as it lists: some answer 200 with nothing.
+        """
         _require_key(key)
         try:
             response = await obstore.get_async(self.backend, key)
+            listed = await self.info(key) if self.folder is None else None
+            sent = 0
             async for chunk in response.stream(min_chunk_size=CHUNK_BYTES):
+                sent += len(chunk)
                 yield bytes(chunk)
+            if listed is not None and sent != listed.bytes:
+                raise Unavailable("storage-unavailable", f"The file storage sent {sent} of {listed.bytes} bytes.")
         except FileNotFoundError as error:
             raise _missing_file_error(key) from error
         except (BaseError, OSError) as error:
