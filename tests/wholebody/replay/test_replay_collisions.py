@@ -41,7 +41,7 @@ from stridelab.wholebody.control.collision_avoidance import CollisionAvoidance
 from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.effector_contact import OwnSurfaces
 from stridelab.wholebody.motion import WholeBodyMotion
-from stridelab.wholebody.replay.log import Collision, MissedCondition, Replay, missed_conditions
+from stridelab.wholebody.replay.log import Collision, MissedCondition, Replay, TorquePeak, missed_conditions
 from stridelab.wholebody.replay.mujoco_model import build_simulation
 from stridelab.wholebody.replay.replay import PhysicsReplay
 from stridelab.wholebody.replay.simulation import Simulation
@@ -236,9 +236,12 @@ GOOD = {
             MissedCondition("replay-slipped", "A loaded foot slips by 21 mm; at most 20 mm are allowed."),
         ),
         (
-            "torque_ratio_max",
-            1.31,
-            MissedCondition("replay-torque", "A joint torque command reaches 1.3 times its limit; 1.2 is allowed."),
+            "torque_peak",
+            TorquePeak(1.31, "leg_left_4_joint", 2.345),
+            MissedCondition(
+                "replay-torque",
+                "The torque command of the left knee reaches 1.3 times its limit at 2.35 s; 1.2 is allowed.",
+            ),
         ),
         (
             "hand_in_place_shares",

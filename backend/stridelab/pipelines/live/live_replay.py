@@ -41,7 +41,7 @@ from stridelab.wholebody.recovery.recovery import Recovery
 from stridelab.wholebody.recovery.walking import WalkCommand, WalkRun
 from stridelab.wholebody.replay.dcm_feedback import pendulum_rate
 from stridelab.wholebody.replay.disturbances import UNDISTURBED, Push
-from stridelab.wholebody.replay.log import LOADED_N, TORQUE_RATIO, ReplayLog
+from stridelab.wholebody.replay.log import LOADED_N, TORQUE_RATIO, ReplayLog, TorquePeak
 from stridelab.wholebody.replay.loss_proof import LossPremises
 from stridelab.wholebody.replay.replay import PhysicsReplay
 from stridelab.wholebody.replay.resumption import Resume
@@ -260,9 +260,9 @@ class LiveReplay:
 
     def _note_strain(self) -> None:
         stepper = self._stepper
-        if self._strain.time_s is None and stepper.torque_ratio > TORQUE_RATIO:
-            self._strain = Strain(self._robot.joint_names[stepper.simulation.strained_joint], self.time_s)
-        stepper.torque_ratio = 0.0
+        if self._strain.time_s is None and stepper.torque_peak.ratio > TORQUE_RATIO:
+            self._strain = Strain(stepper.torque_peak.joint, stepper.torque_peak.time_s)
+        stepper.torque_peak = TorquePeak()
 
     def _explain_fall(self) -> LiveFall:
         replay = self._stepper.to_replay(1.0)

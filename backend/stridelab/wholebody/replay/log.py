@@ -16,6 +16,7 @@ from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.contacts.swing import HAND_RETREAT_M
 from stridelab.conventions import Series, Vector3
 from stridelab.dynamics.spatial import length_of
+from stridelab.robots.part_names import part_words
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.effector_contact import OwnSurfaces
 from stridelab.wholebody.replay.simulation import Simulation
@@ -42,6 +43,15 @@ class Collision:
     second: str
     time_s: float
     force_max_n: float
+
+
+@dataclass(frozen=True)
+class TorquePeak:
+    """The largest commanded torque, as a multiple ``ratio`` of its limit, with its joint and time."""
+
+    ratio: float = 0.0
+    joint: str = ""
+    time_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -93,7 +103,7 @@ def missed_conditions(
     left_plan: LeftPlan | None = None,
     collided: Sequence[Collision],
     slip_max_m: float,
-    torque_ratio_max: float,
+    torque_peak: TorquePeak,
     hand_in_place_shares: Mapping[str, float],
 ) -> tuple[MissedCondition, ...]:
     """Violated conditions of a completed replay, a fall first."""
@@ -107,8 +117,9 @@ def missed_conditions(
     if slip_max_m > SLIP_M:
         message = f"A loaded foot slips by {1e3 * slip_max_m:.0f} mm; at most {1e3 * SLIP_M:.0f} mm are allowed."
         violated.append(MissedCondition("replay-slipped", message))
-    if torque_ratio_max > TORQUE_RATIO:
-        message = f"A joint torque command reaches {torque_ratio_max:.1f} times its limit; {TORQUE_RATIO:g} is allowed."
+    if torque_peak.ratio > TORQUE_RATIO:
+        reaches = f"reaches {torque_peak.ratio:.1f} times its limit at {torque_peak.time_s:.2f} s"
+        message = f"The torque command of the {part_words(torque_peak.joint)} {reaches}; {TORQUE_RATIO:g} is allowed."
         violated.append(MissedCondition("replay-torque", message))
     for hand, share in hand_in_place_shares.items():
         if share < HAND_SHARE:
@@ -159,7 +170,7 @@ class Replay:
     landing_error_max_m: float
     hand_force_mean_n: float | None
     hand_contact_share: float | None
-    torque_ratio_max: float
+    torque_peak: TorquePeak
     real_time_factor: float
     hand_in_place_shares: Mapping[str, float] = field(default_factory=dict)
     collided: tuple[Collision, ...] = ()
@@ -174,6 +185,11 @@ class Replay:
     def arrived(self) -> bool:
         """Whether the robot ends on the contacts with which the plan ends, also after recoveries."""
         return not self.fell and (self.left_plan is None or self.left_plan.arrived)
+
+    @property
+    def torque_ratio_max(self) -> float:
+        """The largest commanded torque as a multiple of its limit."""
+        return self.torque_peak.ratio
 
     @property
     def slip_max_m(self) -> float:
@@ -193,7 +209,7 @@ class Replay:
             left_plan=self.left_plan,
             collided=self.collided,
             slip_max_m=self.foot_slip_max_m,
-            torque_ratio_max=self.torque_ratio_max,
+            torque_peak=self.torque_peak,
             hand_in_place_shares=self.hand_in_place_shares,
         )
 
@@ -350,7 +366,7 @@ class ReplayLog:
             largest[:] = [max(largest)]
 
     def to_replay(
-        self, fell: bool, torque_ratio_max: float, took_s: float, left_plan: LeftPlan | None = None
+        self, fell: bool, torque_peak: TorquePeak, took_s: float, left_plan: LeftPlan | None = None
     ) -> Replay:
         """The result of the recorded samples."""
         errors = np.array(self._errors_m)
@@ -369,7 +385,7 @@ class ReplayLog:
             landing_error_max_m=max(self._landings_m),
             hand_force_mean_n=float(hand.mean()) if len(hand) else None,
             hand_contact_share=float(np.mean(hand > LOADED_N)) if len(hand) else None,
-            torque_ratio_max=torque_ratio_max,
+            torque_peak=torque_peak,
             real_time_factor=self._time_s[-1] / took_s,
             hand_in_place_shares={name: float(np.mean(in_place)) for name, in_place in self._in_place.items()},
             collided=self.collided,

@@ -20,7 +20,7 @@ from stridelab.wholebody.recovery.recovery import JointCommand, Recovery, Recove
 from stridelab.wholebody.recovery.walking import WalkCommand, WalkRun
 from stridelab.wholebody.replay.dcm_feedback import size_share
 from stridelab.wholebody.replay.disturbances import Disturbances, Push
-from stridelab.wholebody.replay.log import LOADED_N, LeftPlan, Replay, ReplayLog
+from stridelab.wholebody.replay.log import LOADED_N, LeftPlan, Replay, ReplayLog, TorquePeak
 from stridelab.wholebody.replay.mujoco_model import build_simulation
 from stridelab.wholebody.replay.replay_control import DelayPredictor, ReplayControl, joint_inertias
 from stridelab.wholebody.replay.resumption import MAX_RESUMPTIONS, JointBlend, NotResumed, Resume, Resumption
@@ -61,7 +61,7 @@ class ReplayStepper:
             self.add_push(push)
         self._substeps = _substep_count(motion.rate_hz, self.simulation.timestep_s)
         self._kp, self._kd, self._locked_kp, self._locked_kd = physics.gains_with_locked(robot, built)
-        self.log, self.torque_ratio = ReplayLog(robot, sequence), 0.0
+        self.log, self.torque_peak = ReplayLog(robot, sequence), TorquePeak()
         self.stabilising = None if physics.stabiliser is None else StabiliserRun(physics.stabiliser, robot, motion)
         self._sensors = SimulatedSensors(self.simulation, disturbances, self._substeps)
         self._joints = JointReadings(self.simulation, disturbances.joint_delay_s)
@@ -236,7 +236,7 @@ class ReplayStepper:
             left = replace(left, steps=left.steps + self.recovering.steps, rested=self.standing)
         elif left is not None:
             left = replace(left, missed_m=self._distance_from_end_m())
-        return self.log.to_replay(not self.standing, self.torque_ratio, took_s, left)
+        return self.log.to_replay(not self.standing, self.torque_peak, took_s, left)
 
     def _receive_motion(self, arrival: MotionArrival) -> None:
         """Wait for the part of a motion that the next sample needs."""
@@ -303,9 +303,11 @@ class ReplayStepper:
                 forces = [(body, push.force_n(time_s)) for body, push in self._pushed]
                 simulation.apply_forces(forces, [push.at_joint for _, push in self._pushed])
             locked_tau = simulation.locked_torques_nm(self._locked_kp, self._locked_kd)
-            self.torque_ratio = max(self.torque_ratio, simulation.step(tau, locked_tau))
-            self.log.record_step(simulation, start_s + (j + 1) * dt_s)
-            self._sensors.after_step(j + 1, start_s + (j + 1) * dt_s)
+            ratio, end_s = simulation.step(tau, locked_tau), start_s + (j + 1) * dt_s
+            if ratio > self.torque_peak.ratio:
+                self.torque_peak = TorquePeak(ratio, self._robot.joint_names[simulation.strained_joint], end_s)
+            self.log.record_step(simulation, end_s)
+            self._sensors.after_step(j + 1, end_s)
 
 
 def _substep_count(rate_hz: float, timestep_s: float) -> int:
