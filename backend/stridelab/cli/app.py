@@ -273,7 +273,8 @@ def reproduce(
         quick=quick,
         recordings=recordings,
         server=delivery.server,
-        drawn=seeds is not None or seed is not None,
+        drawn=seeds is not None,
+        seeded=seed is not None,
     )
     if name is not None and recordings is None:
         run(name, seeds, seed, delivery)

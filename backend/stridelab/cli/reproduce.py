@@ -22,7 +22,7 @@ from stridelab.reproduction.registry import ITEMS, MAX_SEEDS
 from stridelab.reproduction.report.formatting import basis_text, count_outcomes, format_quantity
 from stridelab.reproduction.report.html import render_html
 from stridelab.reproduction.result_cache import ResultCache
-from stridelab.reproduction.runner import PEOPLE, QUICK_SEEDS, Section, collect_sections, recipes_of
+from stridelab.reproduction.runner import PEOPLE, QUICK_SEEDS, SEEDED, Section, collect_sections, recipes_of
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary, ReproduceTask
 from stridelab.service.kinds.provenance import software_versions
@@ -48,11 +48,13 @@ def require_one(
     recordings: Path | None,
     server: str | None,
     drawn: bool = False,
+    seeded: bool = False,
 ) -> str | None:
     """The requested item, or None for all.
 
     Raises ``InvalidInput`` (``option-invalid``) unless either the item or ``--all`` is given, for options of the other
-    one, and for draws (``drawn``) of an item on people or for one without ``recordings``.
+    one, for an item on people without ``recordings``, and for a number of draws (``drawn``) or a seed (``seeded``) of
+    one that takes none.
     """
     wrong = []
     on_people = item in PEOPLE
@@ -66,8 +68,12 @@ def require_one(
         wrong.append(Fault("--recordings", f"only with --all or an item on people: {', '.join(PEOPLE)}"))
     if on_people and recordings is None:
         wrong.append(Fault("--recordings", f"{item} needs a folder whose gait/ holds the recordings"))
+    if recordings is not None and not (recordings / "gait").is_dir():
+        wrong.append(Fault("--recordings", f"there is no folder {recordings / 'gait'}"))
     if on_people and drawn:
-        wrong.append(Fault("--seeds", f"{item} draws nothing at random: leave --seeds and --seed out"))
+        wrong.append(Fault("--seeds", f"{item} draws no noise: leave --seeds out"))
+    if on_people and seeded and item not in SEEDED:
+        wrong.append(Fault("--seed", f"{item} draws nothing at random: leave --seed out"))
     if on_people and server is not None:
         wrong.append(Fault("--server", f"{item} computes on this machine"))
     if wrong:

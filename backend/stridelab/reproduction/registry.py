@@ -56,7 +56,7 @@ def seeds_of(item: Item, seeds: int | None, seed: int | None) -> range:
     size where ``seeds`` is above 1.
     """
     count, first = item.default_seeds if seeds is None else seeds, seed or 0
-    for field, value, low, high in (("seeds", count, 1, MAX_SEEDS), ("seed", first, 0, MAX_SEED)):
+    for field, value, low, high in (("seeds", count, item.min_seeds, MAX_SEEDS), ("seed", first, 0, MAX_SEED)):
         if not low <= value <= high:
             message = f"{field} must lie between {low} and {high}, not {value}."
             raise InvalidInput("seeds-out-of-range", message, [Fault(field, message)])
@@ -66,7 +66,7 @@ def seeds_of(item: Item, seeds: int | None, seed: int | None) -> range:
     if item.draws == "one" and count > 1:
         message = f"{item.name} draws one sample of fixed size: only its seed can be chosen, not {count} draws."
         raise InvalidInput("nothing-drawn", message, [Fault("seeds", message)])
-    return range(first, first + max(count, item.min_seeds))
+    return range(first, first + count)
 
 
 def command_of(item: Item, seeds: range) -> str:

@@ -13,7 +13,7 @@ from stridelab.machine.parallel import map_isolated
 from stridelab.reproduction.chapter2 import fig_2_8_people, fig_2_9_people, table_real_walks
 from stridelab.reproduction.chapter3 import height_people, people_figures
 from stridelab.reproduction.chapter4 import people_weights
-from stridelab.reproduction.claims import PeopleItem, Reproduction, place_of, sampling_text
+from stridelab.reproduction.claims import PeopleItem, Reproduction, Sampling, place_of, sampling_text
 from stridelab.reproduction.registry import ITEMS, command_of, item_of, seeds_of
 from stridelab.reproduction.result_cache import ResultCache, digest_of, digest_of_recordings
 
@@ -25,6 +25,8 @@ PEOPLE: Final[Mapping[str, PeopleItem]] = {
         *people_figures.PEOPLE_ITEMS,
     )
 }
+SEEDED: Final = {of.NAME: of.run for of in (table_real_walks, people_weights, height_people)}
+"""Items on people that draw one sample at random, by name: people, postures, errors of plates."""
 """Items on real recordings by name, computed only if the recordings are available."""
 QUICK_SEEDS: Final = 3
 """Number of draws for a quick run."""
@@ -93,35 +95,46 @@ def recipes_of(
     wanted = list(names)
     given = "" if recordings is None or PEOPLE.keys().isdisjoint(wanted) else digest_of_recordings(recordings / "gait")
     return [
-        _recipe_on_people(PEOPLE[name], recordings, given) if name in PEOPLE else recipe_of(name, seeds, seed)
+        _recipe_on_people(PEOPLE[name], recordings, given, seed or 0)
+        if name in PEOPLE
+        else recipe_of(name, seeds, seed)
         for name in wanted
     ]
 
 
-def _recipe_on_people(item: PeopleItem, recordings: Path | None, given: str) -> Recipe:
+def _recipe_on_people(item: PeopleItem, recordings: Path | None, given: str, seed: int) -> Recipe:
     if recordings is None:
         raise NotFound("recordings-missing", f"{item.name} needs recordings of people: name their folder.")
+    draws: Sampling = "one" if item.name in SEEDED else "nothing"
+    seeds = range(seed, seed + 1) if item.name in SEEDED else ONE_SEED
+    option = f" --seed {seed}" if item.name in SEEDED else ""
     return Recipe(
         item.name,
         item.title,
-        sampling_text("nothing", ONE_SEED),
-        ONE_SEED,
+        sampling_text(draws, seeds),
+        seeds,
         item.printed,
         item.module,
-        partial(_run_on_people, item, recordings / "gait"),
-        f"stridelab reproduce {item.name} --recordings FOLDER",
+        partial(_run_on_people, item, recordings / "gait", seeds[0]),
+        f"stridelab reproduce {item.name} --recordings FOLDER{option}",
         given,
     )
 
 
-def _run_on_people(item: PeopleItem, gait: Path, tell: Progress) -> Reproduction:
-    return item.run(gait, tell).with_basis("people", 1, place_of(item.name))
+def _run_on_people(item: PeopleItem, gait: Path, seed: int, tell: Progress) -> Reproduction:
+    seeded = SEEDED.get(item.name)
+    result = item.run(gait, tell) if seeded is None else seeded(gait, tell, seed)
+    return result.with_basis("people", 1, place_of(item.name))
 
 
 def recipe_of(name: str, seeds: int | None, seed: int | None = None) -> Recipe:
-    """Recipe of one item, without the options that it does not take. Raises ``NotFound`` (``item-not-found``)."""
+    """Recipe of one item among many: without the options that it does not take, with as many draws as it needs.
+
+    Raises ``NotFound`` (``item-not-found``).
+    """
     item = item_of(name)
-    drawn = seeds_of(item, seeds if item.draws == "many" else None, seed if item.draws != "nothing" else None)
+    count = None if seeds is None or item.draws != "many" else max(seeds, item.min_seeds)
+    drawn = seeds_of(item, count, seed if item.draws != "nothing" else None)
     sampling = sampling_text(item.draws, drawn)
     run, command = partial(item, drawn), command_of(item, drawn)
     return Recipe(name, item.title, sampling, drawn, item.printed, item.run.__module__, run, command)

@@ -60,7 +60,7 @@ def test_a_delay_that_is_not_significant_is_none(
         return SimpleNamespace(assessments={}, failures={})
 
     monkeypatch.setattr(table_real_walks, "compare", compare)
-    assessed = table_real_walks._assess_walk(Path("a/walk.c3d"))
+    assessed = table_real_walks._assess_walk(0, Path("a/walk.c3d"))
     assert (assessed.latency_s, assessed.mass_kg) == (latency_s, 70.0)
     assert compared == [(None, latency_s, 70.0)]
 

@@ -8,7 +8,6 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.errors import NotEstimable, NotFound, UnreadableFile
@@ -81,21 +80,29 @@ def test_too_few_adults_are_refused(tmp_path: Path) -> None:
     assert missing.value.code == "recordings-missing"
 
 
-@pytest.mark.parametrize(("farther_out", "verdict"), [(58, "undecided"), (84, "met"), (30, "not_met")])
-def test_the_draws_leave_the_probability_of_a_coefficient_open(farther_out: int, verdict: str) -> None:
-    """Of 2000, on whichever side the printed coefficient is rare; by the binomial distribution."""
+@pytest.mark.parametrize(("rare_refits", "verdict"), [(116, "undecided"), (168, "met"), (60, "not_met")])
+def test_the_refits_leave_the_probability_of_a_coefficient_open(rare_refits: int, verdict: str) -> None:
+    """Of 2000 refits some have half of their coefficients on the side where the printed one is rare."""
     fitted = fit_hierarchy(simulated_walks(1.0, 0.2, 0), "R")
     for side in (1.0, -1.0):
-        predicted = np.full(2000, 0.67 - 0.01 * side)
-        predicted[:farther_out] = 0.67 + 0.01 * side
-        hierarchy = replace(fitted, predicted_r=predicted)
-        assert hierarchy.two_sided_probability == pytest.approx(2.0 * farther_out / 2000)
-        low, high = (p / 2.0 for p in hierarchy.probability_interval)
-        assert stats.binom.sf(farther_out - 1, 2000, low) == pytest.approx(0.025)
-        assert stats.binom.cdf(farther_out, 2000, high) == pytest.approx(0.025)
+        predicted = np.full((2000, 2), 0.67 - 0.01 * side)
+        predicted[:rare_refits, 0] = 0.67 + 0.01 * side
+        hierarchy = replace(fitted, refits=np.zeros((2000, 4)), predicted_r=predicted)
+        assert hierarchy.two_sided_probability == pytest.approx(rare_refits / 2000)
+        share = rare_refits / 2000
+        half = 1.96 * np.sqrt(share * (1.0 - share) / 1999)
+        assert hierarchy.probability_interval == pytest.approx((share - half, share + half))
         _, claim = height_people._claims(hierarchy, [], 0)
         assert (claim.verdict, claim.interval) == (verdict, hierarchy.probability_interval)
-        assert claim.note.endswith("Its interval is that of 2000 draws.")
+        assert claim.note.endswith("Its interval is that of 2000 refits.")
+
+
+def test_another_seed_draws_other_people() -> None:
+    walks = simulated_walks(1.0, 0.2, 0)
+    first, again, other = (fit_hierarchy(walks, "R", seed) for seed in (0, 0, 1))
+    assert (first.predicted_r == again.predicted_r).all()
+    assert (first.predicted_r != other.predicted_r).any()
+    assert first.predicted_r.shape == (60, height_people.PREDICTIONS)
 
 
 def test_what_verdicts_on_invented_people_stand_on_is_as_recorded() -> None:

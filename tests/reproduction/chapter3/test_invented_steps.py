@@ -112,9 +112,13 @@ def test_a_change_with_the_speed_is_that_of_people_with_both() -> None:
         speed: [invented_walk(name, mean_of=lambda _, R_m=R_m: R_m) for name, R_m in of.items()]
         for speed, of in radii_m.items()
     }
-    claim = people_parameter_claims._speed_claim(walks, "R_m", "R", 0.005)
+    (claim,) = people_parameter_claims._speed_claims(walks, "R_m", "R", 0.005)
     assert claim.ours == pytest.approx(0.02)
     assert claim.n == 2
+    assert claim.threshold == "ours", "the thesis has no bound of it"
+    apart = {"comfortable": walks["comfortable"][:1], "fast": walks["fast"][1:]}
+    for nobody in (apart, {"comfortable": walks["comfortable"]}, {"fast": walks["fast"]}):
+        assert people_parameter_claims._speed_claims(nobody, "R_m", "R", 0.005) == []
 
 
 def test_double_support_needs_both_crossings() -> None:
@@ -186,13 +190,13 @@ def drawn_adults(monkeypatch: pytest.MonkeyPatch) -> list[list[float]]:
         model.effect = lambda name: SimpleNamespace(value={"height": 1.0, "froude": 0.2}[name])
         return model
 
-    def predicted(b: float, c: float, tau: float, sigma: float, of: list[float], _rng: object) -> float:
+    def predicted(b: float, c: float, tau: float, sigma: float, of: list[float], _rng: object) -> np.ndarray:
         assert (b, c, tau, sigma) == (1.0, 0.2, 0.03, 0.02)
         froude.append(of)
-        return 0.5
+        return np.full(2, 0.5)
 
     monkeypatch.setattr(height_people, "_fit_model", fit_model)
-    monkeypatch.setattr(height_people, "_predicted_coefficient", predicted)
+    monkeypatch.setattr(height_people, "_predicted_coefficients", predicted)
     monkeypatch.setattr(height_people, "DRAWS", 20)
     return froude
 
@@ -211,7 +215,7 @@ def test_three_adults_are_enough_and_are_in_every_refit(drawn_adults: list[list[
 
 def test_a_probability_ends_at_one() -> None:
     """The printed coefficient is the median of the drawn ones."""
-    drawn = np.concatenate([np.full(30, 0.6), np.full(30, 0.7)])
+    drawn = np.concatenate([np.full((30, 2), 0.6), np.full((30, 2), 0.7)])
     hierarchy = Hierarchy("R", Mock(spec=MixedModel), np.zeros((60, 4)), drawn)
     assert hierarchy.two_sided_probability == 1.0
     low, high = hierarchy.probability_interval

@@ -51,7 +51,7 @@ def test_sets_of_each_number_of_bodies_and_seed_are_others(monkeypatch: pytest.M
 
 
 def test_claims_on_facets_count_every_set() -> None:
-    """Medians of invented counts, and one violation of all sets beyond that of a double description."""
+    """Medians of invented counts, and one violation of all sets beyond rounding."""
     two = FacetCounts((40.0, 60.0, 20.0, 100.0), (1e-9, 1.2e-6, 0.9e-6, 0.0))
     three = FacetCounts((90.0, 130.0, 110.0), (0.0, 2e-6, 1e-12))
     assert (two.median_number, two.largest_violation) == (50.0, 1.2e-6)
@@ -59,8 +59,8 @@ def test_claims_on_facets_count_every_set() -> None:
     assert (claims["facets_2"].ours, claims["facets_3"].ours) == (50.0, 110.0)
     assert (claims["facets_2"].holds_from, claims["facets_2"].holds_to) == (25.0, 100.0)
     assert claims["facets_3"].holds_from == 100.0
-    assert (claims["facets_unstable"].ours, claims["facets_unstable"].verdict) == (2e-6, "met")
-    assert (claims["facets_unstable"].cases_inside, claims["facets_unstable"].n) == (2, 7)
+    assert (claims["facets_violation"].ours, claims["facets_violation"].outcome) == (2e-6, "aim_missed")
+    assert (claims["facets_violation"].cases_inside, claims["facets_violation"].n) == (5, 7)
     assert claims["facets_3"].interval == (90.0, 130.0)
     stairs = [len(cone.normals) for cone in (LinearCone.from_contacts(c, 4) for _, c in numbers._stair_contact_sets())]
     assert len(stairs) == 2

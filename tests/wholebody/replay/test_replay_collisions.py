@@ -214,7 +214,7 @@ def test_hands_that_hook_a_table_are_neither_certified_nor_completed(monkeypatch
 
 
 GOOD = {
-    "fall_time_s": None, "collided": (), "slip_max_m": 0.02, "torque_ratio_max": 1.2,
+    "fall_time_s": None, "collided": (), "slip_max_m": 0.02, "torque_peak": TorquePeak(1.2, "leg_left_4_joint", 1.0),
     "hand_in_place_shares": {"left_hand": 0.95},
 }  # fmt: skip
 

@@ -1,6 +1,7 @@
 """Figure 2.7: complementary filter compared with the Kalman filter of 2.5.3, and contribution of each input."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -30,19 +31,26 @@ _PARTS: Final = ("geometry", "force", "axis", "total")
 def run(seeds: range, tell: Progress) -> Reproduction:
     """Both gaits with the thesis' noise, one draw per seed of each."""
     all_draws = compute_draws(GAITS, ("thesis",), seeds, lambda fraction, message: tell(0.95 * fraction, message))
-    claims = [claim for gait in GAITS for claim in _gait_claims(gait, [d for d in all_draws if d.gait == gait])]
+    claims = [_thesis_or_aim(c) for gait in GAITS for c in _gait_claims(gait, [d for d in all_draws if d.gait == gait])]
     tell(0.95, "drawing")
     trial = simulate_trial("robot", "thesis", seeds[0])
     tracks, parts = _trajectory_columns(trial), _contribution_columns(trial)
     return Reproduction(
         claims=tuple(claims),
-        note=f"{len(seeds)} draws per gait. The filter is not better at every sample. Part of its advantage comes from "
-        "forward and backward filtering: the Rauch-Tung-Striebel smoother with the Kalman filter's model is as "
+        note=f"{len(seeds)} draws per gait. The thesis plots one walk of a robot: what is said of a human gait, "
+        "or of all trials, is an aim of ours. The filter is not better at every sample. Part of its advantage comes "
+        "from forward and backward filtering: the Rauch-Tung-Striebel smoother with the Kalman filter's model is as "
         "accurate. The errors of all estimators are in the item errors.",
         tables={"errors": error_table(all_draws), "tracks": tracks, "contributions": parts},
         drawing=render_svg(*_draw_panels(tracks, parts)),
         references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
     )
+
+
+def _thesis_or_aim(claim: Claim) -> Claim:
+    """The thesis shows one walk of a robot: claims on human gait and on all trials are ours."""
+    is_of_thesis = claim.key.startswith("robot_") and not claim.key.endswith("trials_not_worse")
+    return claim if is_of_thesis else replace(claim, aim=True, threshold="ours", where="")
 
 
 def _gait_claims(gait: str, thesis: Sequence[Draw]) -> list[Claim]:
@@ -66,7 +74,7 @@ def _gait_claims(gait: str, thesis: Sequence[Draw]) -> list[Claim]:
             1.0,
             float(np.mean(not_worse)),
             "1",
-            at_least(1.0, "words", otherwise="thesis_in_error"),
+            at_least(1.0, "ours"),
         ).says(
             f"{gait} gait: the filter is never worse than the Kalman filter (trials, horizontal RMS)",
             cases_inside=sum(not_worse),
@@ -77,9 +85,10 @@ def _gait_claims(gait: str, thesis: Sequence[Draw]) -> list[Claim]:
             1.0,
             share_not_worse(range(n)),
             "1",
-            at_least(1.0, "words", otherwise="thesis_in_error"),
+            at_least(1.0, "words"),
         ).says(
             f"{gait} gait: its error is always inferior or equivalent (samples, horizontal)",
+            "Share of the samples at which the filter is no farther from the truth, without a tolerance.",
             interval=resampled_interval(share_not_worse, n),
             comparator=KALMAN,
         ),
@@ -96,7 +105,7 @@ def _gait_claims(gait: str, thesis: Sequence[Draw]) -> list[Claim]:
             "more",
             noise_over_kalman(range(n)),
             "1",
-            above(1.0, "words", otherwise="thesis_in_error"),
+            above(1.0, "words"),
         ).says(
             f"{gait} gait: the filter has more high-frequency noise than the Kalman filter",
             "Horizontal RMS of the error above 5 Hz, over the Kalman filter's.",

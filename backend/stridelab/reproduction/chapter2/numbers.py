@@ -185,8 +185,8 @@ def _noise_claims(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tupl
         ),
         Measured(f"{gait}_jerk", sigma, jerk_rms, "m/s³", at_most(2.0 * sigma, "ours")).says(
             f"{gait} gait: with a jerk of 1 m/s³ the Kalman filter trusts the measurements (2.5.3)",
-            "RMS of the jerk along the axis with the largest jerk: a filter that expects less jerk trusts its "
-            "prediction and is delayed (item lag).",
+            "RMS of the jerk of the motion along the axis with the largest jerk: a filter that expects less jerk "
+            "trusts its prediction and is delayed (item lag). The thesis speaks of the gain of its filter, on a robot.",
             **DETERMINISTIC,
         ),
         Measured(f"{gait}_both_passes", "< 1", both_over_one(range(len(noisy))), "1", below(1.0, "words")).says(

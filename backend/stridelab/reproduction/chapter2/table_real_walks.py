@@ -11,6 +11,7 @@ small.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -96,8 +97,10 @@ class AssessedWalk:
         return {k: a.held_back_n / weight_n for k, a in self.assessments.items() if a.held_back_n is not None}
 
 
-def run(gait: Path, tell: Progress) -> Reproduction:
+def run(gait: Path, tell: Progress, seed: int = 0) -> Reproduction:
     """All walks below the folder ``gait`` that can be used; the note names groups that have none.
+
+    ``seed`` draws the errors of plates from which the error of a path is computed.
 
     Raises ``NotFound`` (``recordings-missing``) if all have none.
     """
@@ -107,7 +110,7 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     for k, (group, pattern) in enumerate(GROUPS.items()):
         tell(k / (len(GROUPS) + 1), group)
         try:
-            walks[group], unused = read_some(gait, pattern, _assess_walk)
+            walks[group], unused = read_some(gait, pattern, partial(_assess_walk, seed))
         except NotFound as error:
             missing.append(f"{group} ({error.message.rstrip('.')})")
             continue
@@ -166,7 +169,7 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     ).with_basis("people", len(children or next(iter(walks.values()))))
 
 
-def _assess_walk(path: Path) -> AssessedWalk:
+def _assess_walk(seed: int, path: Path) -> AssessedWalk:
     walk = RecordedWalk.from_file(path)
     mass_kg = _standing_mass_kg(path.parent) or walk.mass_kg
     latency = estimate_latency(walk.geometric, walk.total_wrench, mass_kg)
@@ -179,7 +182,7 @@ def _assess_walk(path: Path) -> AssessedWalk:
         person=walk.person,
         assessments=comparison.assessments,
         path_m2={
-            name: path_error(ESTIMATORS[name], walk.geometric, wrench, mass_kg, errors).square_m2
+            name: path_error(ESTIMATORS[name], walk.geometric, wrench, mass_kg, errors, seed=seed).square_m2
             for name in comparison.assessments
         },
         refused={name: error.code for name, error in comparison.failures.items()},

@@ -22,7 +22,6 @@ from stridelab.errors import NotEstimable, NotFound, StridelabError, UnreadableF
 from stridelab.reproduction.chapter3.people_parameter_claims import THESIS_R
 from stridelab.reproduction.chapter3.people_walks import FittedWalk, fit_walk
 from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, above, at_least
-from stridelab.reproduction.common.intervals import share_interval
 from stridelab.reproduction.common.recorded_walks import STATICS, LeftOut, RecordedWalk, left_out_text
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.walking.population.mixed_model import MixedModel, fit_mixed_model
@@ -42,10 +41,15 @@ GROUPS: Final = ((12, 1.74, 0.04), (4, 1.71, 0.04))
 TRIALS: Final = 10
 """Trials per person in the thesis (section 3.2.1)."""
 DRAWS: Final = 10_000
-SEED: Final = 0
+"""Refits of the model on people drawn with replacement."""
+PREDICTIONS: Final = 20
+"""Coefficients of sixteen people per refit."""
+STANDARD_ERRORS_95: Final = 1.96
 UNLIKELY: Final = 0.05
 """Two-sided probability below which a coefficient of the thesis is not one of the model's."""
 LETTERS: Final = ("R", "r")
+SHARES: Final = np.linspace(0.0, 1.0, 501)
+"""Shares of the draws in the drawing."""
 SPOT: Final = 0.01
 """Half of the height of a stroke in the drawing over its value."""
 
@@ -70,13 +74,13 @@ class WalkMeans:
 class Hierarchy:
     """The model of one parameter, and its refits on people drawn with replacement within each laboratory.
 
-    A row of ``refits`` is b, c, tau, sigma. ``predicted_r`` are coefficients of sixteen people, one per refit.
+    A row of ``refits`` is b, c, tau, sigma; one of ``predicted_r`` are coefficients of sixteen people of that refit.
     """
 
     letter: str
     model: MixedModel
     refits: Float[np.ndarray, "draws 4"]
-    predicted_r: Series
+    predicted_r: Float[np.ndarray, "draws predictions"]
 
     def exponent_interval(self, column: int) -> tuple[float, float]:
         """95 % interval of the exponent b (0) or c (1) over the refits."""
@@ -86,22 +90,23 @@ class Hierarchy:
     @property
     def two_sided_probability(self) -> float:
         """Two-sided probability of a coefficient at least as far out as the printed one."""
-        return 2.0 * self._drawn_farther_out() / len(self.predicted_r)
+        return 2.0 * float(self._shares_farther_out().mean())
 
     @property
     def probability_interval(self) -> tuple[float, float]:
-        """95 % interval of that probability, which so many draws leave open."""
-        low, high = share_interval(self._drawn_farther_out(), len(self.predicted_r))
-        return 2.0 * low, min(2.0 * high, 1.0)
+        """95 % interval of that probability, which so many refits leave open: two standard errors of their mean."""
+        shares = self._shares_farther_out()
+        half = 2.0 * STANDARD_ERRORS_95 * float(shares.std(ddof=1) / np.sqrt(len(shares)))
+        return max(0.0, self.two_sided_probability - half), min(1.0, self.two_sided_probability + half)
 
-    def _drawn_farther_out(self) -> int:
-        """Number of drawn coefficients on the rarer side of the printed one."""
-        above_it = int(np.count_nonzero(self.predicted_r >= THESIS_R[f"{self.letter}_m"]))
-        return min(above_it, len(self.predicted_r) - above_it)
+    def _shares_farther_out(self) -> Series:
+        """Share of each refit's coefficients on the rarer side of the printed one."""
+        above_it = (self.predicted_r >= THESIS_R[f"{self.letter}_m"]).mean(axis=1)
+        return np.asarray(above_it if above_it.mean() <= 0.5 else 1.0 - above_it)
 
 
-def run(gait: Path, tell: Progress) -> Reproduction:
-    """All recordings ``LABORATORY/PERSON/...`` below the folder ``gait``.
+def run(gait: Path, tell: Progress, seed: int = 0) -> Reproduction:
+    """All recordings ``LABORATORY/PERSON/...`` below the folder ``gait``; ``seed`` draws the people of the refits.
 
     Raises ``NotFound`` (``recordings-missing``) if no laboratory has three adults with a walk each, or where the model
     cannot be fitted.
@@ -109,7 +114,7 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     walks, refused, unreadable = collect_walks(gait, tell)
     people = sorted({(walk.laboratory, walk.person) for walk in walks})
     try:
-        hierarchies = [fit_hierarchy(walks, letter) for letter in LETTERS]
+        hierarchies = [fit_hierarchy(walks, letter, seed) for letter in LETTERS]
     except NotEstimable as error:
         raise NotFound(
             "recordings-missing", f"The walks below {gait.name} are too few for the model: {error}"
@@ -119,7 +124,8 @@ def run(gait: Path, tell: Progress) -> Reproduction:
         note=f"{len(walks)} straight walks of {len(people)} people, {len({lab for lab, _ in people})} laboratories; "
         "the smoother's centre of mass with the latency corrected. log R = a(laboratory) + b log h + c log Fr + "
         "u(person), restricted maximum likelihood; intervals: people drawn with replacement within their laboratory. "
-        f"Predicted coefficients: sixteen people of the thesis' statures, {TRIALS} trials each, {DRAWS} draws."
+        f"Predicted coefficients: sixteen people of the thesis' statures, {TRIALS} trials each, "
+        f"{PREDICTIONS} times for each of {DRAWS} refits."
         f"{left_out_text(unreadable)}",
         tables={
             "effects": _effects_table(hierarchies),
@@ -179,7 +185,7 @@ def walk_means(fitted: FittedWalk, laboratory: str) -> WalkMeans:
     )
 
 
-def fit_hierarchy(walks: Sequence[WalkMeans], letter: str) -> Hierarchy:
+def fit_hierarchy(walks: Sequence[WalkMeans], letter: str, seed: int = 0) -> Hierarchy:
     """Fit the model, refit it on people drawn with replacement, and draw sixteen people from each refit.
 
     Raises ``NotEstimable`` as ``fit_mixed_model`` (too few people or repeats), and ``no-adults`` without three adults.
@@ -192,11 +198,11 @@ def fit_hierarchy(walks: Sequence[WalkMeans], letter: str) -> Hierarchy:
     if len(adults) < 3:
         raise NotEstimable("no-adults", f"Three adults are needed, {len(adults)} have a walk.")
     model = _fit_model(groups, letter)
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(seed)
     laboratories = sorted({lab for lab, _ in numbers})
     members = [[k for k, (lab, _) in enumerate(numbers) if lab == laboratory] for laboratory in laboratories]
     refits: list[tuple[float, float, float, float]] = []
-    predicted: list[float] = []
+    predicted: list[Series] = []
     while len(refits) < DRAWS:
         drawn = [groups[k] for of in members for k in rng.choice(of, len(of))]
         try:
@@ -208,7 +214,7 @@ def fit_hierarchy(walks: Sequence[WalkMeans], letter: str) -> Hierarchy:
             continue
         b, c = refit.effect("height").value, refit.effect("froude").value
         refits.append((b, c, refit.subject_sd, refit.step_sd))
-        predicted.append(_predicted_coefficient(*refits[-1], [walk.froude_number for walk in own_speed], rng))
+        predicted.append(_predicted_coefficients(*refits[-1], [walk.froude_number for walk in own_speed], rng))
     return Hierarchy(letter, model, np.array(refits), np.array(predicted))
 
 
@@ -226,14 +232,15 @@ def _fit_model(groups: Sequence[Sequence[WalkMeans]], letter: str) -> MixedModel
     return fit_mixed_model(y, effects, np.array([k for k, _ in rows]))
 
 
-def _predicted_coefficient(
+def _predicted_coefficients(
     b: float, c: float, tau: float, sigma: float, froude: Sequence[float], rng: np.random.Generator
-) -> float:
-    """Correlation with the height among sixteen people of the thesis' statures, at Froude numbers of our adults."""
-    h = np.concatenate([rng.normal(mean, sd, n) for n, mean, sd in GROUPS])
-    noise = rng.normal(0.0, np.hypot(tau, sigma / np.sqrt(TRIALS)), len(h))
-    log_value = b * np.log(h / REFERENCE_M) + c * np.log(rng.choice(np.asarray(froude), len(h))) + noise
-    return float(np.corrcoef(h, np.exp(log_value))[0, 1])
+) -> Series:
+    """Correlations with the height among sixteen people of the thesis' statures, at Froude numbers of our adults."""
+    h = np.hstack([rng.normal(mean, sd, (PREDICTIONS, n)) for n, mean, sd in GROUPS])
+    noise = rng.normal(0.0, np.hypot(tau, sigma / np.sqrt(TRIALS)), h.shape)
+    value = np.exp(b * np.log(h / REFERENCE_M) + c * np.log(rng.choice(np.asarray(froude), h.shape)) + noise)
+    x, y = (of - of.mean(axis=1, keepdims=True) for of in (h, value))
+    return np.asarray((x * y).sum(axis=1) / np.sqrt((x**2).sum(axis=1) * (y**2).sum(axis=1)))
 
 
 def _claims(hierarchy: Hierarchy, walks: Sequence[WalkMeans], n: int) -> list[Claim]:
@@ -246,7 +253,7 @@ def _claims(hierarchy: Hierarchy, walks: Sequence[WalkMeans], n: int) -> list[Cl
         Measured(
             f"{letter}_exponent", "correlated", hierarchy.model.effect("height").value, "1", above(0.0, "words")
         ).says(
-            f"{letter} is correlated to the size of the subjects",
+            f"{letter} is correlated to the size of the subjects, at equal Froude number",
             f"Exponent b of the height at equal Froude number, in {letter} ~ h^b Fr^c; bodies that move alike have 1. "
             f"c = {froude.value:.2f} [{least:.2f}, {most:.2f}].",
             n=n,
@@ -259,7 +266,7 @@ def _claims(hierarchy: Hierarchy, walks: Sequence[WalkMeans], n: int) -> list[Cl
             f"{letter}: a coefficient of {printed:g} among sixteen people",
             f"Two-sided probability of the printed coefficient by the model; 95 % of the coefficients lie from "
             f"{low:.2f} to {high:.2f}, their median is {float(np.median(hierarchy.predicted_r)):.2f}. Its interval is "
-            f"that of {len(hierarchy.predicted_r)} draws.",
+            f"that of {len(hierarchy.refits)} refits.",
             n=len({(walk.laboratory, walk.person) for walk in walks}),
             interval=hierarchy.probability_interval,
             where="figure 3.7",
@@ -335,8 +342,8 @@ def _panels(walks: Sequence[WalkMeans], hierarchies: Sequence[Hierarchy]) -> lis
         "share of the draws below, 1",
         [
             Curve(
-                np.sort(each.predicted_r),
-                np.linspace(0.0, 1.0, DRAWS),
+                np.quantile(each.predicted_r, SHARES),
+                SHARES,
                 f"{each.letter}, thesis {THESIS_R[each.letter + '_m']:g}",
                 k,
             )

@@ -6,6 +6,7 @@ beside it. Intervals are over people, who are drawn with replacement.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -15,6 +16,7 @@ from stridelab.conventions import Progress
 from stridelab.reproduction.chapter3.people_parameter_claims import (
     clock_claims,
     double_support_claims,
+    few_people_text,
     hub_height_claims,
     missing_correlations_text,
     radius_claims,
@@ -32,10 +34,16 @@ from stridelab.reproduction.chapter3.people_walks import SOURCE, FittedWalk, Wal
 from stridelab.reproduction.claims import Claim, Column, PeopleItem, Reproduction
 from stridelab.reproduction.common.recorded_walks import left_out_text
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
+from stridelab.walking.population.correlations import MIN_SUBJECTS
 
 ClaimsOf = Callable[[Walks], Sequence[Claim]]
 CORRELATED: Final[tuple[ClaimsOf, ...]] = (radius_claims, hub_height_claims, clock_claims)
 """Claims that include a correlation with the height."""
+
+
+def _ours_if_fast(claim: Claim) -> Claim:
+    """A claim at a fast speed is none of the thesis, whose people walk at their normal speed."""
+    return replace(claim, aim=True, threshold="ours", where="") if claim.key.startswith("fast_") else claim
 
 
 def _people_item(
@@ -57,11 +65,16 @@ def _people_item(
             "largest": np.array([float(np.nanmax(of)) for of in values.values()]),
         }
         people = len({walk.person for of in walks.values() for walk in of})
+        claims = tuple(map(_ours_if_fast, claims_of(walks)))
+        if people < MIN_SUBJECTS:
+            claims = tuple(replace(claim, verdict="undecided") for claim in claims)
         name, unit = label.rsplit(",", 1)
         return Reproduction(
-            claims=tuple(claims_of(walks)),
+            claims=claims,
             note=f"{SOURCE}: {people} people, two steps each at a comfortable and at a fast speed; the smoother's "
-            f"centre of mass with the latency corrected and the person's static trial. Table: {name} ({unit.strip()})."
+            f"centre of mass with the latency corrected and the person's static trial, not the thesis' filter. The "
+            f"thesis' people walk at their normal speed: what is said of a fast one is an aim of ours. Table: {name} "
+            f"({unit.strip()}).{few_people_text(people)}"
             f"{missing_correlations_text(people) if claims_of in CORRELATED else ''}{left_out_text(left_out)}",
             tables={"people": table},
             drawing=render_svg(

@@ -9,7 +9,7 @@ from stridelab.reproduction.chapter3.people_walks import SPEEDS, FittedWalk, Wal
 from stridelab.reproduction.claims import Claim, Measured, above, at_most, within
 from stridelab.reproduction.common.intervals import interval_of
 from stridelab.reproduction.common.simulated_people import parameter_values
-from stridelab.walking.population.correlations import MIN_SUBJECTS
+from stridelab.walking.population.correlations import MIN_SUBJECTS, fisher_interval
 from stridelab.walking.population.population import Pair, Person, StepRow, study
 
 FEW_MS_S: Final = 0.01
@@ -18,6 +18,7 @@ GOOD_CLOCK_M: Final = 0.0035
 RADIUS_SD_M, HUB_SD_M = 0.005, 0.002
 """Deviations from step to step in the captions of figures 3.7 and 3.8."""
 THESIS_R: Final = {"R_m": 0.67, "r_m": 0.61, "z0_m": 0.87}
+THESIS_PEOPLE: Final = 16
 OMEGA_R: Final = 0.058
 """Correlation of 16 people whose p is 0.83 (figure 3.9): a weaker one has a larger p."""
 
@@ -69,15 +70,23 @@ def missing_correlations_text(people: int) -> str:
     return f" A correlation with the height needs {MIN_SUBJECTS} people, there are {people}: its claims are missing."
 
 
+def few_people_text(people: int) -> str:
+    """Why nothing is decided with few people, as a sentence that follows another one; empty otherwise."""
+    if people >= MIN_SUBJECTS:
+        return ""
+    return f" All claims are undecided: they are on subjects, of whom {MIN_SUBJECTS} are needed and {people} are here."
+
+
 def correlation_claim(pair: Pair, letter: str, printed: float) -> Claim:
     """The claim holds above 0; an interval that contains 0 decides nothing."""
     ours = pair.pearson
     low, high = ours.ci95 or (-1.0, 1.0)
     inside = "in" if low <= printed <= high else "out of"
+    least, most = fisher_interval(printed, THESIS_PEOPLE) or (-1.0, 1.0)
     return Measured(f"{letter}_height_r", printed, ours.r, "1", above(0.0, "words")).says(
-        f"{letter} is correlated to the size of the subjects",
+        f"{letter} is correlated to the size of the subjects, by the coefficient",
         f"One mean per person over all steps at both speeds, p = {ours.p:.2g}. The printed value lies {inside} our "
-        "interval.",
+        f"interval; its own, of {THESIS_PEOPLE} people, is {least:.2f} to {most:.2f}.",
         n=ours.n,
         interval=(low, high),
     )
@@ -100,29 +109,35 @@ def radius_claims(walks: Walks) -> list[Claim]:
         *spread_claims(walks, "R_m", "R", RADIUS_SD_M),
         *spread_claims(walks, "r_m", "r", RADIUS_SD_M),
         *_height_claims(walks, "R_m", "r_m"),
-        *(_speed_claim(walks, name, name[0], RADIUS_SD_M) for name in ("R_m", "r_m")),
+        *(claim for name in ("R_m", "r_m") for claim in _speed_claims(walks, name, name[0], RADIUS_SD_M)),
     ]
 
 
-def _speed_claim(walks: Walks, name: str, letter: str, bound_m: float) -> Claim:
-    """A parameter that depends on the height only is the same at both speeds of a person."""
+def _speed_claims(walks: Walks, name: str, letter: str, bound_m: float) -> list[Claim]:
+    """A parameter that depends on the height only is the same at both speeds of a person; none without such people."""
     means = {
         speed: {walk.person: walk.mean_of(lambda fit: float(getattr(fit.path.wheel, name))) for walk in of}
         for speed, of in walks.items()
     }
-    both = sorted(means["comfortable"].keys() & means["fast"].keys())
-    changes_m = [means["fast"][person] - means["comfortable"][person] for person in both]
+    slow, fast = means.get("comfortable", {}), means.get("fast", {})
+    both = sorted(slow.keys() & fast.keys())
+    if not both:
+        return []
+    changes_m = [fast[person] - slow[person] for person in both]
     numbers = Measured(
-        f"{letter}_change_m", "only depends", float(np.mean(changes_m)), "m", within(-bound_m, bound_m, "thesis")
+        f"{letter}_change_m", "only depends", float(np.mean(changes_m)), "m", within(-bound_m, bound_m, "ours")
     )
-    return numbers.says(
-        f"{letter} only depends on the height of the subjects",
-        f"Change of a person from the comfortable to the fast speed, mean; the bound is the deviation of "
-        f"{1e3 * bound_m:g} mm that the thesis calls low. The thesis has one speed per person.",
-        n=len(both),
-        interval=interval_of(changes_m),
-        where="abstract of chapter 3",
-    )
+    return [
+        numbers.says(
+            f"{letter} only depends on the height of the subjects",
+            f"Change of a person from the comfortable to the fast speed, mean. The bound is ours: the "
+            f"{1e3 * bound_m:g} mm that the thesis calls low are a deviation between steps at one speed, and it has "
+            "one speed per person.",
+            n=len(both),
+            interval=interval_of(changes_m),
+            where="abstract of chapter 3",
+        )
+    ]
 
 
 def hub_height_claims(walks: Walks) -> list[Claim]:
@@ -130,7 +145,7 @@ def hub_height_claims(walks: Walks) -> list[Claim]:
     return [
         *spread_claims(walks, "z0_m", "z0", HUB_SD_M),
         *_height_claims(walks, "z0_m"),
-        _speed_claim(walks, "z0_m", "z0", HUB_SD_M),
+        *_speed_claims(walks, "z0_m", "z0", HUB_SD_M),
     ]
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from stridelab.conventions import GRAVITY_M_S2, Vector3
+from stridelab.errors import NotFound
 from stridelab.estimation.differentiation import walk_frame
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.latency import estimate_latency
@@ -148,14 +149,21 @@ Walks = Mapping[str, Sequence[FittedWalk]]
 def fitted_walks(gait: Path) -> tuple[Walks, tuple[LeftOut, ...]]:
     """All adults below the folder ``gait`` by speed, and the recordings that cannot be used.
 
-    Raises ``NotFound`` (``recordings-missing``) if none can be used at one of the speeds.
+    A speed at which there is none is left out. Raises ``NotFound`` (``recordings-missing``) if there is none at all.
     """
     walks: dict[str, tuple[FittedWalk, ...]] = {}
     left_out: list[LeftOut] = []
+    missing: list[NotFound] = []
     for speed, pattern in SPEEDS.items():
-        fitted, unused = read_some(gait, pattern, lambda path: fit_walk(RecordedWalk.from_file(path)))
+        try:
+            fitted, unused = read_some(gait, pattern, lambda path: fit_walk(RecordedWalk.from_file(path)))
+        except NotFound as error:
+            missing.append(error)
+            continue
         walks[speed] = tuple(fitted)
         left_out += unused
+    if not walks:
+        raise missing[0]
     return walks, tuple(left_out)
 
 

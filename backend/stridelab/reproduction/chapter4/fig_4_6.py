@@ -120,7 +120,7 @@ def figure_claims(rows: list[Row], checks: list[ConeCheck]) -> tuple[Claim, ...]
     on_stairs = min(row.alpha_max for row in rows)
     return (
         Measured("excess_of_true", 0.0, excess, "1", at_most(0.0, "words", otherwise="thesis_in_error")).says(
-            "the outer approximation (alpha = 1) contains the true cone",
+            "the outer approximation (alpha = 1) contains the true cone, in all six dimensions",
             "Largest gauge of a ray of the circular cones, minus 1: the four rays per contact from which it is built "
             "are inside, the circular cones between them are not. In the plane section of figure 4.7 it contains them.",
             n=len(rows),

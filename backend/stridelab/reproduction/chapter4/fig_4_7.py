@@ -89,7 +89,7 @@ def figure_claims(outlines: Mapping[str, Mapping[str, Outline]]) -> tuple[Claim,
         ),
         _text_claim(
             "outer",
-            "the outer approximation contains the true cone",
+            "the outer approximation contains the true cone, in the section of the figure",
             1.0,
             contains,
             at_least(1.0, "words"),

@@ -18,7 +18,16 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.solver import solve
 from stridelab.conventions import Points, Progress
-from stridelab.reproduction.claims import Claim, Column, Measured, Reproduction, at_most, below, reproduces, target
+from stridelab.reproduction.claims import (
+    Claim,
+    Column,
+    Measured,
+    Reproduction,
+    at_most,
+    below,
+    reproduces,
+    target,
+)
 from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, render_svg
 from stridelab.reproduction.studies.thesis_experiments import EXPERIMENTS, WALKERS, Experiment, experiment_problem
 
@@ -118,19 +127,16 @@ def figure_claims(
     forces, wrench = both
     pairs = list(zip(rows[::2], rows[1::2], strict=True))
     differences = [c.objective - f.objective for f, c in pairs]
-    shares = [d / abs(f.objective) for d, (f, _) in zip(differences, pairs, strict=True)]
     distance_m = rows[1].com_distance_m
     rough = [acceleration_roughness(plan) for plan in both]
     momenta = [float(np.abs(plan.l_nms).max()) for plan in both]
     falling = [a.objective - b.objective for a, b in pairwise(sweep)]
     return (
-        Measured(
-            "same_optimum", 0.0, max(shares), "1", at_most(OBJECTIVE_TOLERANCE, "words", otherwise="thesis_in_error")
-        ).says(
+        Measured("same_optimum", 0.0, max(differences), "1", at_most(OBJECTIVE_TOLERANCE, "ours")).says(
             "in theory, the optimum of both problems should be the same",
-            f"Largest relative excess of u_c's objective over u_f's, for three experiments and two robots (smallest "
-            f"{min(shares):.2f}). The inner cone of u_c restricts the problem; the optima would be the same only with "
-            "the exact cone of the contacts.",
+            f"Largest excess of u_c's objective over u_f's, for three experiments and two robots (smallest "
+            f"{min(differences):.2f}). The inner cone of u_c restricts the problem; the optima would be the same only "
+            "with the exact cone of the contacts.",
             n=len(pairs),
             solver=SOLVER,
         ),
@@ -163,13 +169,14 @@ def figure_claims(
         ),
         Measured("smoother", "< 1", rough[1] / rough[0], "1", below(1.0, "words")).says(
             "the motion-based problem leads to marginally smoother trajectories",
-            "Mean squared change of the acceleration between intervals of 0.1 s, u_c over u_f.",
+            "Mean squared change of the acceleration between intervals of 0.1 s, u_c over u_f, with forces constant in "
+            "an interval and our largest cone; the thesis has cubic controls and alpha = 0.3.",
             solver=SOLVER,
         ),
-        Measured("noise", "noise", momenta[0], "Nms", below(NOISE_NMS, "ours")).says(
-            "the angular momentum oscillates with u_f, mostly numerical noise",
-            f"Largest angular momentum with u_f; with u_c {momenta[1]:.2g} Nms. Exact integration causes no "
-            "numerical noise.",
+        target("noise", max(momenta), "Nms", at_most=NOISE_NMS).says(
+            "the angular momentum has no numerical noise",
+            f"Largest one, {momenta[0]:.2g} Nms with u_f and {momenta[1]:.2g} Nms with u_c. The thesis' u_f "
+            "oscillates, mostly by numerical noise; exact integration causes none.",
             solver=SOLVER,
         ),
     )

@@ -6,6 +6,7 @@ of another laboratory as people whose weights were not fitted at all.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -91,17 +92,19 @@ class Predictions:
         return held_out_errors(self.grid[:, without_term(GRID, term)], part)[1]
 
 
-def run(gait: Path, tell: Progress) -> Reproduction:
-    """All adults below the folder ``gait``, and its children if there are any.
+def run(gait: Path, tell: Progress, seed: int = 0) -> Reproduction:
+    """All adults below the folder ``gait``, and its children if there are any; ``seed`` draws postures.
 
     Raises ``NotFound`` (``recordings-missing``) without two adults whose steps can be planned.
     """
-    adults, left_out = _read_motions(gait, ADULTS)
+    adults, left_out = _read_motions(gait, ADULTS, seed)
     if len({motion.person for motion in adults}) < 2:
         raise NotFound("recordings-missing", "Weights are judged on other people than those of the fit: two at least.")
     people, grid = errors_of_people(adults, GRID, lambda share, text: tell(0.05 + 0.85 * share, text))
     predictions = Predictions(grid, _by_hand(adults))
-    (children, no_children), (stairs, no_stairs) = _read_motions(gait, (CHILDREN,)), _read_motions(gait, (STAIRS,))
+    (children, no_children), (stairs, no_stairs) = (
+        _read_motions(gait, (pattern,), seed) for pattern in (CHILDREN, STAIRS)
+    )
     tell(0.95, "children and TALOS")
     rows = _rows(predictions)
     robot = {name: _talos_plan(weights) for name, weights in talos_weights(predictions.chosen).items()}
@@ -127,9 +130,11 @@ def run(gait: Path, tell: Progress) -> Reproduction:
     ).with_basis("people", len(people))
 
 
-def _read_motions(gait: Path, patterns: Sequence[str]) -> tuple[list[RecordedMotion], list[LeftOut]]:
+def _read_motions(gait: Path, patterns: Sequence[str], seed: int) -> tuple[list[RecordedMotion], list[LeftOut]]:
     """Motions of all recordings that match, and the recordings without one."""
-    return read_each((path for pattern in patterns for path in sorted(gait.glob(pattern))), recorded_motion)
+    return read_each(
+        (path for pattern in patterns for path in sorted(gait.glob(pattern))), partial(recorded_motion, seed=seed)
+    )
 
 
 def _by_hand(motions: Sequence[RecordedMotion]) -> Mapping[str, Float[np.ndarray, "people 6"]]:

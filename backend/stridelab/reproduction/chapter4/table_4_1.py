@@ -88,7 +88,9 @@ def run(seeds: range, tell: Progress) -> Reproduction:
     return Reproduction(
         claims=time_claims(times),
         note="Processor time of one thread of this machine, compared with the thesis' on an i7 at 2.2 GHz with "
-        "MUSCOD-II; ours is the minimum of three. Forces constant over 0.1 s; u_f in pyramids of eight rays (ipopt) or "
+        "MUSCOD-II; ours is the minimum of three. Times are those of the solver alone (the table has the time "
+        "to build the program). Iterations of an interior point method are none of sequential quadratic programming. "
+        "Forces constant over 0.1 s; u_f in pyramids of eight rays (ipopt) or "
         "circular cones (native, the C++ solver), u_c in the largest Lorentz cone inside the soles' wrench cone. Both "
         "controls are compared by the same solver, which every row names. The last two rows of the table, the shares "
         "of the QP and of the sensitivities, have no counterpart: an interior point method has no QP subproblem and "
@@ -188,7 +190,10 @@ def _faster_claim(solver: TableSolver, times: list[TimedColumn]) -> Claim:
     of = {(t.printed.robot, t.printed.experiment, t.printed.control): t.time_s for t in times}
     ratios = [time_s / of[robot, number, "u_c"] for (robot, number, name), time_s in of.items() if name == "u_f"]
     least = min(ratios)
-    return Measured(f"u_c_faster_{solver}", "> 1", least, "1", above(1.0, "words")).says(
+    numbers = Measured(f"u_c_faster_{solver}", "> 1", least, "1", above(1.0, "words"))
+    if solver == "native":  # the thesis has no such solver
+        numbers = target(f"u_c_faster_{solver}", least, "1", at_least=1.0)
+    return numbers.says(
         f"for any investigated scenario the wrench is much faster than the forces ({solver})",
         f"Smallest time ratio, u_f over u_c; the largest is {max(ratios):.2f}."
         + ("" if solver == "ipopt" else " A solver that uses the structure has little to save with u_c."),

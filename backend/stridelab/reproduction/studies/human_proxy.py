@@ -30,15 +30,14 @@ PERSON: Final = replace(Stance(), aside=(0.05, 0.5))
 COMPONENTS: Final = 5
 POSTURES: Final = 4000
 DRAWN_AT_ONCE: Final = 40_000
-SEED: Final = 0
 
 
-def human_proxies(height_m: float, sex: Sex) -> Mapping[str, Proxy]:
+def human_proxies(height_m: float, sex: Sex, seed: int = 0) -> Mapping[str, Proxy]:
     """Densities of both soles (``left_foot``, ``right_foot``) of a person of stature ``height_m``, in metres.
 
-    The contact frame has its origin in the middle of the sole, x ahead, y to the left, z up.
+    The contact frame has its origin in the middle of the sole, x ahead, y to the left, z up. ``seed`` draws postures.
     """
-    of_right = _unit_mixture(sex)
+    of_right = _unit_mixture(sex, seed)
     mirror = np.diag([1.0, -1.0, 1.0])
     means_m, covariances_m2 = height_m * of_right.means_m, height_m**2 * of_right.covariances_m2
     left = Mixture(of_right.weights, means_m @ mirror, mirror @ covariances_m2 @ mirror)
@@ -46,13 +45,13 @@ def human_proxies(height_m: float, sex: Sex) -> Mapping[str, Proxy]:
 
 
 @cache
-def _unit_mixture(sex: Sex) -> Mixture:
+def _unit_mixture(sex: Sex, seed: int) -> Mixture:
     """Mixture of the right sole for a stature of 1 m."""
-    body, rng = build_body(1.0, 1.0, sex), np.random.default_rng(SEED)
+    body, rng = build_body(1.0, 1.0, sex), np.random.default_rng(seed)
     seen = np.zeros((0, 3))
     while len(seen) < POSTURES:
         seen = np.vstack([seen, sample_standing_com(body, DRAWN_AT_ONCE, rng)])
-    return expectation_maximisation(seen[:POSTURES], COMPONENTS, SEED)[0]
+    return expectation_maximisation(seen[:POSTURES], COMPONENTS, seed)[0]
 
 
 def sample_standing_com(body: AnthropometricBody, n: int, rng: np.random.Generator) -> Points:

@@ -67,8 +67,10 @@ class RecordedMotion:
         return float(self.problem.com_start_m[UP] + self.problem.com_end_m[UP]) / 2.0
 
 
-def recorded_motion(path: Path) -> RecordedMotion:
+def recorded_motion(path: Path, seed: int = 0) -> RecordedMotion:
     """The first two consecutive whole steps of a recording, the first one on plates.
+
+    ``seed`` draws the postures of the person's densities.
 
     Raises ``NotEstimable`` (``no-two-steps``) without them or where a foot or the segments are hidden, and the errors
     of ``RecordedWalk.from_file`` and of the smoother.
@@ -95,7 +97,7 @@ def recorded_motion(path: Path) -> RecordedMotion:
         sequence=sequence,
         mass_kg=walk.mass_kg,
         effectors=effectors,
-        proxies=human_proxies(subject.height_m, subject.sex or "male"),
+        proxies=human_proxies(subject.height_m, subject.sex or "male", seed),
         com_start_m=motion.interpolate_track(motion.com_m, start_s),
         com_end_m=motion.interpolate_track(motion.com_m, end_s),
         node_rate_hz=NODES_HZ,
