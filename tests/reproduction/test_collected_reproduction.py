@@ -28,6 +28,7 @@ from stridelab.reproduction.report.html import render_html
 from stridelab.reproduction.result_cache import ResultCache
 from stridelab.reproduction.runner import (
     PEOPLE,
+    SEEDED,
     SHARING,
     Recipe,
     Section,
@@ -324,7 +325,11 @@ def test_recordings_of_people_are_an_item_where_they_are(tmp_path: Path) -> None
     assert [each.name for each in recipes_of(ITEMS, None, None)] == list(ITEMS)
     with_people = recipes_of(["fig-2.5", *PEOPLE], 3, tmp_path)
     assert [each.name for each in with_people] == ["fig-2.5", *PEOPLE]
-    assert all(each.command.endswith("--recordings FOLDER") for each in with_people[1:])
+    seeded = {each.name for each in with_people[1:] if not each.command.endswith("--recordings FOLDER")}
+    assert seeded == set(SEEDED)
+    (drawn,) = recipes_of(["height-people"], 3, tmp_path, 5)
+    assert (drawn.seeds, drawn.sampling) == (range(5, 6), "One random sample, seed 5.")
+    assert drawn.command == "stridelab reproduce height-people --recordings FOLDER --seed 5"
     with pytest.raises(NotFound, match="needs recordings"):
         recipes_of(["fig-3.6-people"], None, None)
     assert len(recipes_of(["fig-2.7"], None, None)[0].seeds) == ITEMS["fig-2.7"].default_seeds

@@ -25,7 +25,14 @@ from stridelab.reproduction.common.simulated_people import PEOPLE_PER_SEED
 from stridelab.reproduction.registry import ITEMS, reproduce_item
 from stridelab.reproduction.report.svg_plots import PALETTE, Bars, Curve, Panel, render_svg
 from stridelab.reproduction.studies.estimator_study import simulate_trial
-from stridelab.schemas.reproduction import ITEMS_WITH_DRAWS, ITEMS_WITH_SAMPLE, Evidence, Outcome, ReproductionItem
+from stridelab.schemas.reproduction import (
+    ITEMS_WITH_DRAWS,
+    ITEMS_WITH_SAMPLE,
+    LEAST_DRAWS,
+    Evidence,
+    Outcome,
+    ReproductionItem,
+)
 from stridelab.schemas.reproduction import Verdict as ContractVerdict
 from support.recorded_claims import (
     assert_as_recorded,
@@ -49,7 +56,7 @@ class Found(dict[str, Reproduction]):
 
     def __missing__(self, name: str) -> Reproduction:
         with recorded_steps() as self.steps[name]:
-            draws = 1 if ITEMS[name].draws == "many" else None
+            draws = ITEMS[name].min_seeds if ITEMS[name].draws == "many" else None
             self[name] = reproduce_item(name, draws, progress := RisingProgress())
             assert progress.share == 1.0
         return self[name]
@@ -94,6 +101,7 @@ def test_the_contract_names_what_there_is() -> None:
     assert set(get_args(Outcome)) == set(get_args(kinds.Outcome)) == set(kinds.OUTCOMES) == set(kinds.WORDS)
     drawing = {kind: {name for name, item in ITEMS.items() if item.draws == kind} for kind in ("many", "one")}
     assert drawing == {"many": ITEMS_WITH_DRAWS, "one": ITEMS_WITH_SAMPLE}
+    assert {name: item.min_seeds for name, item in ITEMS.items() if item.min_seeds > 1} == LEAST_DRAWS
 
 
 @pytest.mark.parametrize("name", ITEMS)

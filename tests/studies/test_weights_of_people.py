@@ -118,7 +118,7 @@ def test_two_adults_are_enough_to_be_judged_on_each_other(monkeypatch: pytest.Mo
         return ()
 
     for name, thing in {
-        "_read_motions": lambda _gait, patterns: (adults if patterns == people_weights.ADULTS else [], []),
+        "_read_motions": lambda _gait, patterns, _seed: (adults if patterns == people_weights.ADULTS else [], []),
         "errors_of_people": lambda *_: (("a", "b"), np.ones((2, 1, 6))),
         "Predictions": lambda *_: predictions,
         "_claims": claims_of,

@@ -77,6 +77,7 @@ ITEMS_WITH_SAMPLE: Final = frozenset(
         "fig-3.5",
         "fig-3.10",
         "fig-4.2",
+        "fig-4.3",
         "fig-4.4",
         "fig-4.5",
         "fig-4.6",
@@ -86,6 +87,8 @@ ITEMS_WITH_SAMPLE: Final = frozenset(
     ]
 )
 """Items that draw one random sample of fixed size."""
+LEAST_DRAWS: Final = {"fig-3.6": 2, "fig-3.7": 2, "fig-3.8": 2, "fig-3.9": 2}
+"""Smallest number of draws of items that need several people."""
 
 
 NO_DRAWS: Final = "draws nothing at random: leave seeds and seed out"
@@ -109,6 +112,9 @@ class ReproduceInput(Contract):
         if self.seeds is not None and self.item not in ITEMS_WITH_DRAWS:
             drawn = "draws one sample of fixed size: give seed alone" if self.item in ITEMS_WITH_SAMPLE else NO_DRAWS
             raise ValueError(f"seeds: {self.item} {drawn}")
+        least = LEAST_DRAWS.get(self.item, 1)
+        if self.seeds is not None and self.seeds < least:
+            raise ValueError(f"seeds: {self.item} needs {least} draws at least, not {self.seeds}")
         if self.seed is not None and self.item not in ITEMS_WITH_DRAWS | ITEMS_WITH_SAMPLE:
             raise ValueError(f"seed: {self.item} {NO_DRAWS}")
         return self

@@ -104,15 +104,26 @@ def test_the_thresholds_are_those_that_the_thesis_prints(claims: dict[tuple[str,
     printed = {
         ("fig-3.5-people", "comfortable_largest_m"): 0.0015,
         ("fig-3.6-people", "comfortable_mean_mm"): 3.5,
-        ("fig-3.6-people", "fast_sd_mm"): 1.5,
+        ("fig-3.6-people", "comfortable_sd_mm"): 1.5,
         ("fig-3.7-people", "comfortable_R_sd_m"): 0.005,
-        ("fig-3.7-people", "fast_r_sd_m"): 0.005,
+        ("fig-3.7-people", "comfortable_r_sd_m"): 0.005,
         ("fig-3.8-people", "comfortable_z0_sd_m"): 0.002,
         ("numbers-3-people", "over_pendulum"): 0.1,
         ("numbers-3-people", "comfortable_distance_mm"): 2.0,
     }
     for key, bound in printed.items():
         assert (claims[key].holds_to, claims[key].threshold, claims[key].thesis) == (bound, "thesis", bound), key
+        assert not claims[key].aim
+
+
+def test_what_is_said_of_a_fast_speed_is_none_of_the_thesis(claims: dict[tuple[str, str], Claim]) -> None:
+    """Its people walk at their normal speed; bounds and words are the same."""
+    fast = {key: claim for key, claim in claims.items() if key[1].startswith("fast_")}
+    assert len(fast) == 18
+    for (item, name), claim in fast.items():
+        assert (claim.aim, claim.threshold, claim.where) == (True, "ours", ""), name
+        assert str(claim.thesis).startswith("aim ")
+        assert claim.holds_to == claims[item, name.replace("fast_", "comfortable_")].holds_to
 
 
 def test_the_existing_models_are_pendula(claims: dict[tuple[str, str], Claim]) -> None:
@@ -218,8 +229,25 @@ def test_three_people_give_all_but_correlations(gait: Path, tmp_path: Path) -> N
         result = item.run(folder, silent)
         correlated = item.name in ("fig-3.7-people", "fig-3.8-people", "fig-3.9-people")
         assert ("needs 4 people, there are 3" in result.note) == correlated, item.name
+        assert {claim.verdict for claim in result.claims} == {"undecided"}, item.name
+        assert "4 are needed and 3 are here" in result.note
         assert not any(claim.key.endswith("_height_r") for claim in result.claims)
         assert len(result.claims) >= 2, item.name
+
+
+def test_one_speed_gives_what_does_not_compare_both(gait: Path, tmp_path: Path) -> None:
+    adults = "rehazenter-adult-walking"
+    for person in ADULTS:
+        (tmp_path / adults / person).mkdir(parents=True)
+        for path in (gait / adults / person).iterdir():
+            if "_C5_" not in path.name:
+                (tmp_path / adults / person / path.name).symlink_to(path.resolve())
+    for item in PEOPLE_ITEMS:
+        result = item.run(tmp_path, silent)
+        assert result.tables["people"]["speed"].tolist() == ["comfortable"], item.name
+        assert len(result.claims) >= 1, item.name
+        assert not any(claim.key.endswith("_change_m") for claim in result.claims)
+        assert all(np.isfinite(claim.ours) for claim in result.claims), item.name
 
 
 def test_recordings_that_all_are_cut_are_refused_by_name(gait: Path, tmp_path: Path) -> None:
@@ -249,8 +277,9 @@ def test_people_are_counted_on_both_sides_of_the_printed_numbers(monkeypatch: py
     claims = {claim.key: claim for claim in people_path_claims.distance_claims(walks)}
     good = claims["below_1_mm"]
     assert good.ours == 2.0 / 4.0
-    assert "2 of 4 adults at a comfortable speed" in good.note
-    assert "all steps 1 of 4; at a fast speed 1 of 2 and 0 of 2." in good.note
+    assert "2 of 4 at a comfortable speed with all force on plates" in good.note
+    assert "1 of 4 at a comfortable speed with all steps" in good.note
+    assert "1 of 2 at a fast speed with all force on plates, 0 of 2 at a fast speed with all steps." in good.note
     assert (claims["comfortable_mean_mm"].ours, claims["comfortable_mean_mm"].cases_inside) == (3.6, 3)
     assert (claims["comfortable_sd_mm"].ours, claims["comfortable_sd_mm"].cases_inside) == (1.6, 3)
     assert (claims["fast_mean_mm"].ours, claims["fast_mean_mm"].cases_inside) == (3.6, 1)

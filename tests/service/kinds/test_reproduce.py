@@ -90,6 +90,15 @@ def test_draws_are_refused_where_none_are_made(refused: dict[str, object]) -> No
     assert (unlike.value.code, unlike.value.faults[0].where) == ("nothing-drawn", field)
 
 
+def test_fewer_draws_than_an_item_needs_are_refused_not_raised() -> None:
+    with pytest.raises(ValidationError, match=r"seeds: fig-3\.7 needs 2 draws at least, not 1"):
+        ReproduceInput.model_validate({"item": "fig-3.7", "seeds": 1})
+    assert seeds_of(ITEMS["fig-3.7"], 2, None) == range(2)
+    with pytest.raises(InvalidInput) as refused:
+        seeds_of(ITEMS["fig-3.7"], 1, None)
+    assert refused.value.code == "seeds-out-of-range"
+
+
 @pytest.mark.skipif(bool(KernelFeatures.detect_features().missing_layers), reason="the kernel lacks a layer")
 @pytest.mark.parametrize("item", ["fig-2.5", "fig-4.3"])
 def test_a_reproduction_needs_nothing_but_its_folder(item: str, tmp_path: Path) -> None:

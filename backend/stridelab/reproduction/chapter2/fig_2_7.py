@@ -1,7 +1,6 @@
 """Figure 2.7: complementary filter compared with the Kalman filter of 2.5.3, and contribution of each input."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -20,6 +19,7 @@ from stridelab.reproduction.common.estimator_errors import (
 )
 from stridelab.reproduction.common.estimators import GEOMETRY, KALMAN, SMOOTHER, THESIS, study_estimators
 from stridelab.reproduction.common.intervals import resampled_interval
+from stridelab.reproduction.common.own_aims import as_own_aim
 from stridelab.reproduction.report.svg_plots import Curve, Panel, render_svg
 from stridelab.reproduction.studies.estimator_study import StudyTrial, simulate_trial
 
@@ -50,7 +50,7 @@ def run(seeds: range, tell: Progress) -> Reproduction:
 def _thesis_or_aim(claim: Claim) -> Claim:
     """The thesis shows one walk of a robot: claims on human gait and on all trials are ours."""
     is_of_thesis = claim.key.startswith("robot_") and not claim.key.endswith("trials_not_worse")
-    return claim if is_of_thesis else replace(claim, aim=True, threshold="ours", where="")
+    return claim if is_of_thesis else as_own_aim(claim)
 
 
 def _gait_claims(gait: str, thesis: Sequence[Draw]) -> list[Claim]:

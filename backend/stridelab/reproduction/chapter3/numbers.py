@@ -110,7 +110,8 @@ def _model_claims(fits: tuple[StepFit, ...]) -> tuple[Claim, ...]:
     return (
         Measured("parameters", 3.0, float(free - len(theta)), "1", at_most(3.0, "thesis")).says(
             "with our model, only three parameters are necessary to describe all the CoM trajectories (3.4.2)",
-            "Rank of the derivative, less one variable theta per sample, which the thesis does not count: R, r and z0. "
+            "Rank of the derivative, less one variable theta per sample, which the thesis does not count: R, r and z0 "
+            "(and the place where a step begins, a fourth). "
             f"With uniform rotation (3.4) in its place {even} numbers are needed: also the initial position, "
             "the initial angle and the angular velocity. A property of (3.1), (3.2) and (3.4).",
             **DETERMINISTIC,

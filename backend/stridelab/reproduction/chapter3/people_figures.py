@@ -32,6 +32,7 @@ from stridelab.reproduction.chapter3.people_path_claims import (
 )
 from stridelab.reproduction.chapter3.people_walks import SOURCE, FittedWalk, Walks, fitted_walks
 from stridelab.reproduction.claims import Claim, Column, PeopleItem, Reproduction
+from stridelab.reproduction.common.own_aims import as_own_aim
 from stridelab.reproduction.common.recorded_walks import left_out_text
 from stridelab.reproduction.report.svg_plots import Bars, render_svg
 from stridelab.walking.population.correlations import MIN_SUBJECTS
@@ -43,7 +44,7 @@ CORRELATED: Final[tuple[ClaimsOf, ...]] = (radius_claims, hub_height_claims, clo
 
 def _ours_if_fast(claim: Claim) -> Claim:
     """A claim at a fast speed is none of the thesis, whose people walk at their normal speed."""
-    return replace(claim, aim=True, threshold="ours", where="") if claim.key.startswith("fast_") else claim
+    return as_own_aim(claim) if claim.key.startswith("fast_") else claim
 
 
 def _people_item(
