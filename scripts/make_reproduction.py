@@ -7,6 +7,7 @@
     make_reproduction.py --real FOLDER       with the items on real recordings in FOLDER/gait (or STRIDELAB_TEST_DATA)
     make_reproduction.py --other-seeds 1000  computes what draws at random with these seeds too, and says on the page
                                              which verdicts are others
+    make_reproduction.py --tables            writes the tables of other pages that repeat numbers of the page, no more
     make_reproduction.py --stale             names the sections whose code or models have changed since
 
 What is computed is kept in .data/reproduction, under a digest of the code and data that computed it: a run that was
@@ -57,7 +58,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="first seed of the draws")
     parser.add_argument("--other-seeds", type=int, metavar="SEED", help="compare with the verdicts of other seeds")
     parser.add_argument("--stale", action="store_true", help="name the sections whose code has changed")
+    parser.add_argument("--tables", action="store_true", help="write the tables of other pages from the page as it is")
     arguments = parser.parse_args()
+    if arguments.tables:
+        renew_blocks()
+        return
     if arguments.stale:
         sys.stdout.writelines(f"{name}\n" for name in stale_sections(PAGE.read_text(encoding="utf-8")))
         return
