@@ -1,12 +1,13 @@
 """Compute every figure and table of the reproduction and write docs/reproduction.md.
 
-    make_reproduction.py                     50 draws of the noise: some 26 minutes of processor time
+    make_reproduction.py                     50 draws of the noise; the page says how long the last run took
     make_reproduction.py --quick             3 draws, for a first look
     make_reproduction.py --only errors       computes that item and keeps it, without writing the page
     make_reproduction.py --update errors     computes that item and replaces its section; the others stay as they are
     make_reproduction.py --real FOLDER       with the items on real recordings in FOLDER/gait (or STRIDELAB_TEST_DATA)
     make_reproduction.py --other-seeds 1000  computes what draws at random with these seeds too, and says on the page
                                              which verdicts are others
+    make_reproduction.py --tables            writes the tables of other pages that repeat numbers of the page, no more
     make_reproduction.py --stale             names the sections whose code or models have changed since
 
 What is computed is kept in .data/reproduction, under a digest of the code and data that computed it: a run that was
@@ -14,20 +15,25 @@ interrupted goes on where it stopped, and what a change of the code can have mov
 """
 
 import argparse
+import contextlib
 import os
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
+import psutil
+
 from arrange_recordings import digest_of_contents
+from experiments.reproduction_blocks import BLOCKS
 from experiments.reproduction_page import (
-    BLOCKS,
     codes_of,
     insert_block,
     other_seeds_block,
     render_markdown,
     replace_sections,
 )
+from stridelab.machine.cluster import has_cluster
 from stridelab.machine.parallel import PROCESSES_MAX, available_processes
 from stridelab.reproduction.claims import WORDS
 from stridelab.reproduction.registry import ITEMS
@@ -52,7 +58,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="first seed of the draws")
     parser.add_argument("--other-seeds", type=int, metavar="SEED", help="compare with the verdicts of other seeds")
     parser.add_argument("--stale", action="store_true", help="name the sections whose code has changed")
+    parser.add_argument("--tables", action="store_true", help="write the tables of other pages from the page as it is")
     arguments = parser.parse_args()
+    if arguments.tables:
+        renew_blocks()
+        return
     if arguments.stale:
         sys.stdout.writelines(f"{name}\n" for name in stale_sections(PAGE.read_text(encoding="utf-8")))
         return
@@ -60,34 +70,79 @@ def main() -> None:
     folder = None if arguments.real is None else Path(arguments.real)
     names = chosen or [*ITEMS, *(PEOPLE if folder else ())]
     wanted = recipes_of(names, arguments.seeds, folder, arguments.seed)
-    sections = compute_all(wanted)
+    sections, cost = compute_all(wanted)
     page = PAGE.read_text(encoding="utf-8")
     if arguments.update:
         updated = [section for section in sections if section.name in arguments.update]
         page = replace_sections(page, updated)
     elif not arguments.only:
-        page = render_markdown(page_head(sections, arguments.seeds, folder), sections)
+        page = render_markdown(page_head(sections, arguments.seeds, folder, cost), sections)
     if arguments.other_seeds is not None:
         drawing = [name for name in names if name in ITEMS and ITEMS[name].draws != "nothing"]
-        others = compute_all(recipes_of(drawing, arguments.seeds, folder, arguments.other_seeds))
+        others, _ = compute_all(recipes_of(drawing, arguments.seeds, folder, arguments.other_seeds))
         page = insert_block(page, OTHER_SEEDS, other_seeds_block(sections, others))
     if not arguments.only:
         PAGE.write_text(page, encoding="utf-8")
         renew_blocks()
 
 
-def compute_all(wanted: list[Recipe]) -> list[Section]:
-    """Sections of all items; ends the program if one failed."""
+@dataclass(frozen=True)
+class RunCost:
+    """What a run computed, and the time that it took; what it found in the cache costs nothing.
+
+    ``processor_s`` is None where nodes of a cluster computed, whose time is not measured.
+    """
+
+    items: int
+    computed: int
+    processes: int
+    elapsed_s: float
+    processor_s: float | None
+
+    def sentence(self) -> str:
+        """The cost in a sentence of the page."""
+        what = f"all {self.items}" if self.computed == self.items else f"{self.computed} of {self.items}"
+        time_of = f"{_minutes(self.elapsed_s)} minutes in up to {self.processes} processes at a time"
+        processor = "" if self.processor_s is None else f", and {_minutes(self.processor_s)} minutes of processor time"
+        cached = "" if self.computed == self.items else "; the others had been computed before, by the same code"
+        return f"The run computed {what} items in {time_of}{processor}{cached}."
+
+
+def _minutes(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02}"
+
+
+def measure_processor_s() -> float:
+    """Processor time so far of this process and of all that it started, seconds.
+
+    Of processes that still run (the server from which others are forked) it counts what they have waited for, too.
+    """
+    here = psutil.Process()
+    spent_s = 0.0
+    for process in (here, *here.children()):
+        with contextlib.suppress(psutil.NoSuchProcess):  # it has ended meanwhile
+            times = process.cpu_times()
+            spent_s += times.user + times.system + times.children_user + times.children_system
+    return spent_s
+
+
+def compute_all(wanted: list[Recipe]) -> tuple[list[Section], RunCost]:
+    """Sections of all items, and what they cost; ends the program if one failed."""
     sections = []
     processes = min(available_processes(), PROCESSES_MAX)
-    start = time.monotonic()
-    for section in collect_sections(wanted, ResultCache(KEPT), lambda _f, _m: None, processes=processes):
+    cache = ResultCache(KEPT)
+    computed = sum(cache.load_result(each.name, each.seeds, each.source_digest) is None for each in wanted)
+    start = begin = time.monotonic()
+    processor_s = measure_processor_s()
+    for section in collect_sections(wanted, cache, lambda _f, _m: None, processes=processes):
         sections.append(section)
         sys.stderr.write(f"{section.name}: {section.failure or f'{time.monotonic() - start:.0f} s'}\n")
         start = time.monotonic()
     if any(section.result is None for section in sections):
         sys.exit("An item failed; the page stays as it was.")
-    return sections
+    spent_s = None if has_cluster() else measure_processor_s() - processor_s
+    return sections, RunCost(len(wanted), computed, processes, time.monotonic() - begin, spent_s)
 
 
 def stale_sections(page: str) -> list[str]:
@@ -100,12 +155,12 @@ def stale_sections(page: str) -> list[str]:
 def renew_blocks() -> None:
     """Write the tables of other pages that repeat numbers of this one."""
     page = PAGE.read_text(encoding="utf-8")
-    for name, (table, block_of) in BLOCKS.items():
+    for (name, table), block_of in BLOCKS.items():
         other = PAGE.parent / name
         other.write_text(insert_block(other.read_text(encoding="utf-8"), table, block_of(page)), encoding="utf-8")
 
 
-def page_head(sections: list[Section], seeds: int, recordings: Path | None) -> str:
+def page_head(sections: list[Section], seeds: int, recordings: Path | None, cost: RunCost) -> str:
     """Introduction of the page."""
     missing = "\nThe recordings were not at hand, so that the sections on people are missing."
     if recordings is None:
@@ -126,8 +181,7 @@ in {sum(outcomes.values())} claims when it was written whole:
 Each section says what it draws at random and how often, the command that computes it again, and the digest of the code
 and models that computed it; `--stale` names those whose code has changed since. `stridelab reproduce ITEM` computes one
 of them, with all its tables and the drawing, `stridelab reproduce --all --recordings FOLDER` all of them as one report.
-One run of all items took 11:36 minutes on two cores, other work beside two of them, and 21:45 minutes of processor
-time (50 draws).
+{cost.sentence()}
 
 Every claim has its place in the thesis: section, figure or table; the text at hand has no page numbers. Chapter 3 on
 people is in the thesis' words, the others are shortened. Verdicts are computed from the column *holds if*: a number in

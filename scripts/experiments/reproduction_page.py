@@ -1,10 +1,10 @@
 """Markdown page of the items: claims with their remarks and short tables, without drawings.
 
-Tables of other pages that repeat numbers of this one are written from it, between two comments.
+Tables of other pages that repeat numbers of this one are written between two comments (``reproduction_blocks``).
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from stridelab.reproduction.claims import WORDS, Claim, Column
@@ -91,57 +91,6 @@ def _claim_row(claim: Claim) -> str:
 def _markdown_table(columns: Mapping[str, Column]) -> list[str]:
     heads, rows = table_cells(columns)
     return [f"| {' | '.join(heads)} |", f"|{' --- |' * len(heads)}", *(f"| {' | '.join(row)} |" for row in rows)]
-
-
-def _rows_of(page: str, item: str, first_head: str) -> list[list[str]]:
-    """Cells of the first table of an item whose heading begins with a word; raises ``KeyError`` without one."""
-    section = page.partition(f"\n## {item}:")[2].partition("\n## ")[0]
-    for table in section.split("\n\n"):
-        lines = [line for line in table.splitlines() if line.startswith("| ")]
-        if lines and lines[0].startswith(f"| {first_head} |"):
-            return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
-    raise KeyError(item)
-
-
-def coverage_block(page: str) -> str:
-    """Table of theory/smoother.md: error, width and coverage of the band, robot and human cadence, x and y."""
-    names = {
-        "thesis": "thesis' noise",
-        "white": "white noise",
-        "table-40": "40 % table, declared",
-        "plate-bias": "plate bias of 5 N, 3 Nm, declared",
-        "mask": "marker-like, force in 1 s of 2",
-        "first-order": "thesis' noise, high-passed once",
-    }
-    rows = {(row[0], row[1]): row[2:] for row in _rows_of(page, "coverage", "gait")}
-    lines = [
-        "| | RMS error, mm | mean sd over it | coverage of the 95 % band |",
-        "| --- | --- | --- | --- |",
-    ]
-    for key, name in names.items():
-        robot, human = rows["robot", key], rows["human", key]
-        cells = [", ".join(f"{of[a]} / {of[a + 1]}" for of in (robot, human)) for a in (3, 6, 0)]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def height_block(page: str) -> str:
-    """Table of theory/population.md: correlations with the height over all steps of the adults."""
-    lines = ["| | all steps, both speeds, height | thesis |", "| --- | --- | --- |"]
-    for item in ("fig-3.7-people", "fig-3.8-people", "fig-3.9-people"):
-        for says, _, thesis, _, ours, _, basis in _rows_of(page, item, "claim"):
-            interval = re.search(r"95 % from (\S+) to (\S+)", basis)
-            if "correlat" in says and interval is not None:
-                letter = "omega" if "angular velocity" in says else says.partition(" ")[0]
-                lines.append(f"| {letter} | {ours} [{interval[1]}, {interval[2]}] | {thesis} |")
-    return "\n".join(lines)
-
-
-BLOCKS: Final[Mapping[str, tuple[str, Callable[[str], str]]]] = {
-    "theory/smoother.md": ("coverage", coverage_block),
-    "theory/population.md": ("height", height_block),
-}
-"""Tables on other pages of the docs that repeat numbers of the reproduction: the name of the table and its text."""
 
 
 def insert_block(text: str, name: str, block: str) -> str:

@@ -4,9 +4,8 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from experiments.reproduction_page import BLOCKS, COLUMNS, coverage_block, height_block, insert_block
+from experiments.reproduction_page import COLUMNS
 from stridelab.reproduction.claims import WORDS, above, at_least, at_most, below, within
 from stridelab.reproduction.registry import ITEMS
 from stridelab.reproduction.report.formatting import NO_INTERVAL
@@ -83,28 +82,6 @@ def test_the_book_misses_no_item() -> None:
             ), row
         assert f"Computed again by `stridelab reproduce {name}" in part, name
         assert re.search(r"(Draws nothing|One random sample|random draws, seeds)", part), name
-
-
-@pytest.mark.parametrize("name", BLOCKS)
-def test_tables_of_other_pages_are_those_of_the_book(name: str) -> None:
-    """One source: a number that is renewed in the book is renewed on the page, or this fails."""
-    table, block_of = BLOCKS[name]
-    text = (BOOK.parent / name).read_text(encoding="utf-8")
-    assert insert_block(text, table, block_of(BOOK.read_text(encoding="utf-8"))) == text
-
-
-def test_a_table_is_copied_cell_by_cell() -> None:
-    cells = "0.1 | 0.2 | 0.3 | 1 | 2 | 3 | 4 | 5 | 6"
-    kinds_of = ("thesis", "white", "table-40", "plate-bias", "mask", "first-order")
-    rows = "".join(f"| {gait} | {kind} | {cells} |\n" for gait in ("robot", "human") for kind in kinds_of)
-    page = f"# Head\n\n## coverage: Title\n\n| claim | x |\n| --- | --- |\n| a | b |\n\n| gait | s |\n| --- |\n{rows}"
-    assert "| white noise | 1 / 2, 1 / 2 | 4 / 5, 4 / 5 | 0.1 / 0.2, 0.1 / 0.2 |" in coverage_block(page)
-    with pytest.raises(KeyError):
-        height_block(page)
-    text = "before <!-- t of reproduction.md -->old<!-- end of t --> after"
-    assert insert_block(text, "t", "new") == "before <!-- t of reproduction.md -->\n\nnew\n\n<!-- end of t --> after"
-    with pytest.raises(KeyError):
-        insert_block("without comments", "t", "new")
 
 
 def test_every_verdict_of_the_book_has_an_interval_or_says_why_not() -> None:
