@@ -54,13 +54,15 @@ def node(name: str, ahead_m: float, below: str = "") -> str:
     )
 
 
-def drawn(content: str, name: str, folder: Path) -> tuple[trimesh.Trimesh, ET.Element, dict[str, str]]:
+def drawn(
+    content: str, name: str, folder: Path, scale: str = "1 1 1"
+) -> tuple[trimesh.Trimesh, ET.Element, dict[str, str]]:
     """The pelvis as it is drawn: its rebuilt mesh, its colour, and what was assumed."""
     root = ET.fromstring(Humanoid().urdf())
     pelvis = root.find("link[@name='pelvis']")
     assert pelvis is not None
     visual = ET.SubElement(pelvis, "visual")
-    ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=f"package://small/{name}")
+    ET.SubElement(ET.SubElement(visual, "geometry"), "mesh", filename=f"package://small/{name}", scale=scale)
     ET.SubElement(ET.SubElement(visual, "material", name="black"), "color", rgba="0 0 0 0.5")
     upload = folder / "upload"
     upload.write_bytes(archive({"small/small.urdf": ET.tostring(root, encoding="unicode"), f"small/{name}": content}))
@@ -111,6 +113,30 @@ def test_the_colour_of_most_of_a_mesh_replaces_that_of_the_description(tmp_path:
 def test_a_texture_is_no_colour(tmp_path: Path) -> None:
     _, color, _ = drawn(collada(node("one", 0.0), '<texture texture="t" texcoord="u"/>'), "box.dae", tmp_path)
     assert [float(value) for value in color.attrib["rgba"].split()] == [0.2, 0.6, 0.2, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale", "stated"),
+    [("0.01", "1 1 1", 0.01), ("0.01", "0.5 0.5 0.5", None), ("nan", "1 1 1", None), ("-1", "1 1 1", None)],
+)
+def test_the_unit_of_a_file_counts_without_a_scale(unit: str, scale: str, stated: float | None, tmp_path: Path) -> None:
+    """Some programs ignore it, and descriptions written for them scale their meshes themselves."""
+    content = collada(node("one", 0.0)).replace('<unit meter="1"/>', f'<unit name="centimeter" meter="{unit}"/>')
+    mesh, _, assumed = drawn(content, "box.dae", tmp_path, scale)
+    factor = stated or float(scale.split()[0])
+    assert mesh.extents == pytest.approx(2.0 * HALF_M * factor, rel=1e-5)
+    how = "in the unit of 0.01 m that its file states, as in RViz"
+    assert assumed.get("mesh package://small/box.dae") == (how if stated else None)
+
+
+def test_a_node_that_a_file_repeats_is_drawn_as_often(tmp_path: Path) -> None:
+    """The whole file is drawn, since its parts are fewer."""
+    content = collada(node("two", 0.3, '<instance_node url="#one"/>'))
+    content = content.replace(
+        "<library_visual_scenes>", f"<library_nodes>{node('one', 0.6)}</library_nodes><library_visual_scenes>"
+    )
+    mesh, _, _ = drawn(content, "box.dae", tmp_path)
+    assert mesh.extents == pytest.approx(2.0 * HALF_M + (0.6, 0.0, 0.0), abs=1e-6)
 
 
 def obj_box(reach_m: tuple[float, float, float], sides: tuple[tuple[int, ...], ...]) -> str:

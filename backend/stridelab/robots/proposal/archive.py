@@ -2,8 +2,9 @@
 
 import stat
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import Path, PurePosixPath
 from typing import Final
 
@@ -34,40 +35,71 @@ class UnpackedRobot:
     inside: PurePosixPath
     meshes: Mapping[PurePosixPath, Path]
     parts: Mapping[PurePosixPath, Path] = field(default_factory=dict)
+    is_zip: bool = True
 
     def find_mesh(self, filename: str) -> Path | None:
-        """The unpacked mesh whose path ends like ``filename``: the longest match, only if it is unique."""
-        return self._find_unique(filename, self.meshes)
+        """The unpacked mesh whose path ends like ``filename``: the longest match, of several the nearest one.
+
+        Nearest are those in the folders of the description, as many as possible. None without a match, and if several
+        meshes of different contents are equally near.
+        """
+        nearest = [self.meshes[name] for name in self._nearest_names(filename, self.meshes)]
+        return nearest[0] if len({path.read_bytes() for path in nearest}) == 1 else None
 
     def find_part(self, filename: str) -> Path | None:
         """The unpacked XML file whose path ends like ``filename``, as ``find_mesh``."""
-        return self._find_unique(filename, self.parts)
+        nearest = self._nearest_names(filename, self.parts)
+        return self.parts[nearest[0]] if len(nearest) == 1 else None
 
-    @staticmethod
-    def _find_unique(filename: str, files: Mapping[PurePosixPath, Path]) -> Path | None:
+    def missing_mesh_faults(self, filenames: Collection[str]) -> list[Fault]:
+        """Why ``find_mesh`` has none of these meshes: formats, no zip at all, not in it, or in it several times."""
+        names = sorted(set(filenames))
+        if self.is_zip:
+            return [self._missing_mesh_fault(name) for name in names]
+        message = f"the description names {len(names)} that are not in the upload; put both into one zip"
+        return [Fault(f"meshes such as {names[0][:100]}", message)]
+
+    def _missing_mesh_fault(self, filename: str) -> Fault:
+        where = filename[:120]
+        if filename and not filename.lower().endswith(MESHES):
+            return Fault(where, f"its format is none of {', '.join(MESHES)}")
+        if several := self._nearest_names(filename, self.meshes):
+            places = ", ".join(str(name.parent)[:60] for name in several[:3])
+            return Fault(where, f"the zip has {len(several)} such meshes, in {places}")
+        return Fault(where, "the zip has no such mesh")
+
+    def _nearest_names(self, filename: str, files: Mapping[PurePosixPath, Path]) -> list[PurePosixPath]:
+        """Names of ``files`` that end like ``filename``; of several those with most folders of the description."""
         text = filename.replace("\\", "/").partition("://")[2] or filename.replace("\\", "/")
         parts = [part for part in PurePosixPath(text).parts if part not in ("..", ".", "/")]
         # without regard to case only if no name is the same: some file systems know no difference
-        matches = _longest_matches(parts, files) or _longest_matches(parts, files, str.casefold)
-        return matches[0] if len(matches) == 1 else None
+        names = _longest_matches(parts, files) or _longest_matches(parts, files, str.casefold)
+        shared = [_shared_folders(name, self.inside) for name in names]
+        return [name for name, count in zip(names, shared, strict=True) if count == max(shared)]
+
+
+def _shared_folders(a: PurePosixPath, b: PurePosixPath) -> int:
+    """Number of folders from the root on that two paths have in common."""
+    pairs = zip(a.parent.parts, b.parent.parts, strict=False)
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
 
 
 def _longest_matches(
     parts: Sequence[str], files: Mapping[PurePosixPath, Path], letters: Callable[[str], str] = str
-) -> list[Path]:
+) -> list[PurePosixPath]:
     """Files whose path has the most of ``parts`` at its end, at least one; compared are the ``letters`` of names."""
-    best: list[Path] = []
+    best: list[PurePosixPath] = []
     longest = 0
-    for name, path in files.items():
+    for name in files:
         same = 0
         for a, b in zip(reversed(parts), reversed(name.parts), strict=False):
             if letters(a) != letters(b):
                 break
             same += 1
         if same > longest:
-            best, longest = [path], same
+            best, longest = [name], same
         elif same == longest and same:
-            best.append(path)
+            best.append(name)
     return best
 
 
@@ -85,7 +117,7 @@ def unpack_robot(
     if not zipfile.is_zipfile(path):
         if path.suffix.lower() == ".zip" or filename.lower().endswith(".zip"):
             raise _refused("zip-damaged", "The zip file is damaged or truncated.", filename, "not readable")
-        return UnpackedRobot(path, PurePosixPath("robot.urdf"), {})
+        return UnpackedRobot(path, PurePosixPath("robot.urdf"), {}, is_zip=False)
     try:
         with zipfile.ZipFile(path) as archive:
             return _unpack_archive(archive, filename, folder, description, assets)
@@ -139,6 +171,7 @@ def _description_of(files: Mapping[PurePosixPath, Path], filename: str, wanted: 
     if wanted:
         ends = PurePosixPath(wanted.replace("\\", "/")).parts
         choice = [name for name in files if name.parts[-len(ends) :] == ends]
+        choice = choice or [name for name in files if str(name).endswith(str(PurePosixPath(*ends)))]
         if len(choice) != 1:
             message = f"The zip holds {len(choice)} descriptions of robots whose path ends with {wanted[:120]!r}."
             listed = [Fault(str(name)[:120], "in the zip") for name in choice or files]

@@ -49,10 +49,10 @@ def never_colliding(robot: Robot, configurations: int = CONFIGURATIONS, seed: in
     low, high = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
     draws = [rng.uniform(low, high) for _ in range(configurations)]
     for margin_m, count in ((CLEARANCE_M, near), (0.0, touching)):
-        collide = _check(robot, data, results, margin_m)
         if margin_m == 0.0:  # only pairs that were nearly always close can have touched as often
             for rare in np.flatnonzero((near <= ALWAYS * configurations)[of_shapes]):
                 results.deactivateCollisionPair(int(rare))
+        collide = _check(robot, data, results, margin_m)
         for angles in draws:
             q[7:] = angles
             count[np.unique(of_shapes[collide(q)])] += 1
@@ -70,7 +70,7 @@ def never_colliding(robot: Robot, configurations: int = CONFIGURATIONS, seed: in
 def _check(
     robot: Robot, data: pin.Data, results: pin.GeometryData, margin_m: float
 ) -> Callable[[Float[np.ndarray, "nq"]], Int[np.ndarray, "k"]]:
-    """Function that returns the indices of the active pairs closer than ``margin_m``.
+    """Function that returns the indices of those pairs that are active now and closer than ``margin_m``.
 
     Only pairs whose bounding spheres are as close are looked at: in a robot of many shapes, these are few.
     """
@@ -82,13 +82,14 @@ def _check(
         shape.computeLocalAABB()
     centres_m, radii_m = [shape.aabb_center for shape in shapes], np.array([shape.aabb_radius for shape in shapes])
     first, second = np.array([(pair.first, pair.second) for pair in geometry.collisionPairs], int).reshape(-1, 2).T
+    active = np.flatnonzero(np.array(results.activeCollisionPairs, bool))
+    first, second = first[active], second[active]
     reach_m = radii_m[first] + radii_m[second] + margin_m
 
     def collide(q: np.ndarray) -> np.ndarray:
         pin.updateGeometryPlacements(robot.model, data, geometry, results, q)
         at_m = np.array([T.act(centre) for T, centre in zip(results.oMg, centres_m, strict=True)])
-        close = np.linalg.norm(at_m[first] - at_m[second], axis=1) <= reach_m
-        candidates = np.flatnonzero(close & np.array(results.activeCollisionPairs, bool))
+        candidates = active[np.linalg.norm(at_m[first] - at_m[second], axis=1) <= reach_m]
         return np.array([k for k in candidates if pin.computeCollision(geometry, results, int(k))], int)
 
     return collide

@@ -15,6 +15,7 @@ from xml.parsers import expat
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.robots.inertias import completed_inertia
 from stridelab.robots.proposal.joint_tree import joint_end, name_and_tree_faults, rename_joints, simplify_names
+from stridelab.robots.proposal.massless_links import fix_massless_ends, remove_world, share_masses
 
 MAX_BYTES: Final = 8_000_000
 MAX_ELEMENTS: Final = 60_000
@@ -26,12 +27,16 @@ MAX_OFFSET_M: Final = 20.0
 MAX_ROTOR_KG_M2: Final = 10.0
 """Largest reflected rotor inertia (``armature``, from MJCF) that is taken over."""
 UNLIMITED: Final = 1e6
-"""Limits (N m, rad/s, rad) from this size on are those of a joint without a limit; infinity is one."""
+"""Limits (N m, rad/s) from this size on are those of a joint without a limit; infinity is one."""
+UNLIMITED_RAD: Final = 720.0
+"""Ranges from this size on are those of a joint without a range: they exceed two turns in degrees, too."""
 MARKER_KG: Final = 0.01
 MARKER_M: Final = 0.03
 """Mass and size up to which a link of solids is a mark, not a part of the body."""
 MESHES: Final = (".stl", ".obj", ".dae")
 DEFAULT_RANGE_RAD: Final = math.pi
+SLIDES: Final = "prismatic, fixed here"
+"""What is assumed of a joint that slides."""
 TURNING: Final = ("revolute", "continuous")
 Mesh = Callable[[str, Sequence[float], bool], str | None]
 """``mesh(filename, scale, is_collision)``: name of the converted mesh, None to leave it out."""
@@ -105,8 +110,10 @@ def plain_description(root: ET.Element, filename: str, mesh: Mesh) -> PlainDescr
         plain.append(reader.joint(joint, assumed))
     if reader.faults:
         raise invalid(reader.faults)
-    _fix_massless_joints(plain, assumed)
-    return PlainDescription(_without_world(plain), assumed)
+    fix_massless_ends(plain, assumed)
+    remove_world(plain, assumed)
+    share_masses(plain, assumed)
+    return PlainDescription(plain, assumed)
 
 
 def _shape_faults(links: Sequence[ET.Element]) -> Iterator[Fault]:
@@ -186,7 +193,7 @@ class _Reader:
                 return plain
             if kind != "fixed":
                 plain.set("type", "fixed")
-                assumed[f"{where}: type"] = f"{kind}, fixed here"
+                assumed[f"{where}: type"] = SLIDES if kind == "prismatic" else f"{kind}, fixed here"
             return plain
         if kind not in TURNING:
             self.faults.append(Fault(where, f"its type {kind[:40]!r} is unknown"))
@@ -211,6 +218,8 @@ class _Reader:
         """Range, torque and speed; those that are missing are 0, a missing range is half a turn to either side."""
         stated = element.find("limit")
         values = {key: self._limit_value(stated, key, where) for key in ("lower", "upper", "effort", "velocity")}
+        if max(abs(values["lower"]), abs(values["upper"])) >= UNLIMITED_RAD:
+            values |= {"lower": 0.0, "upper": 0.0}
         turns = plain.get("type") == "continuous"
         if turns and 0.0 < values["upper"] - values["lower"] < 2.0 * math.pi:
             assumed[f"{where}: type"] = "continuous, with the range that is stated"
@@ -303,28 +312,6 @@ class _Reader:
         return values
 
 
-def _fix_massless_joints(root: ET.Element, assumed: dict[str, str]) -> None:
-    """Fix turning joints with no mass at all behind them, such as those of fingers that are only drawn."""
-    mass_kg = {
-        link.attrib["name"]: float(mass.attrib["value"]) if (mass := link.find("inertial/mass")) is not None else 0.0
-        for link in root.findall("link")
-    }
-    above = {joint_end(joint, "child"): joint_end(joint, "parent") for joint in root.findall("joint")}
-    moved_kg = dict.fromkeys(mass_kg, 0.0)
-    for link, own_kg in mass_kg.items():
-        at: str | None = link
-        while at is not None:
-            moved_kg[at] += abs(own_kg)
-            at = above.get(at)
-    for joint in root.findall("joint"):
-        if joint.attrib["type"] != "fixed" and moved_kg[joint_end(joint, "child")] == 0.0:
-            joint.set("type", "fixed")
-            for tag in ("axis", "limit", "dynamics"):
-                for element in joint.findall(tag):
-                    joint.remove(element)
-            assumed[f"joint {joint.attrib['name']}: type"] = "fixed here, since nothing with a mass is behind it"
-
-
 def is_mark(link: ET.Element) -> bool:
     """Whether a plain link is a mark of a place, such as a corner of a sole: next to no mass, and small solids."""
     mass = link.find("inertial/mass")
@@ -347,15 +334,3 @@ def _is_point(shape: ET.Element) -> bool:
 
 def _text(values: Sequence[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
-
-
-def _without_world(root: ET.Element) -> ET.Element:
-    """Remove a root link without mass that one joint attaches to the robot: the robot's base floats."""
-    joints = root.findall("joint")
-    children = {joint_end(joint, "child") for joint in joints}
-    (base,) = [link for link in root.findall("link") if link.attrib["name"] not in children]
-    below = [joint for joint in joints if joint_end(joint, "parent") == base.attrib["name"]]
-    if base.find("inertial") is None and len(below) == 1 and base.attrib["name"].lower() in ("world", "map", "odom"):
-        root.remove(base)
-        root.remove(below[0])
-    return root

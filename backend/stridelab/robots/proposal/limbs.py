@@ -82,7 +82,8 @@ def find_limbs(model: pin.Model, q: Float[np.ndarray, "nq"]) -> Limbs:
     if not candidates:
         raise not_humanoid(
             f"it has no two mirror-image chains of {LEG_JOINTS} joints, which would be its legs "
-            f"(mass and length equal within {100 * SIMILAR:.0f} %)"
+            f"(mass and length equal within {100 * SIMILAR:.0f} %); its longest chain of joints ends at "
+            f"{tree.longest_chain_end()!r}"
         )
     legs = max(candidates, key=lambda pair: pair[0].mass_kg * pair[0].length_m)
     lowest = min(candidates, key=lambda pair: tree.end_height_m(pair) - 1e-3 * pair[0].mass_kg)
@@ -165,6 +166,11 @@ class _Tree:
 
     def names(self, pair: Sequence[_Branch]) -> str:
         return ", ".join(repr(self.model.names[branch.first]) for branch in pair[:4])
+
+    def longest_chain_end(self) -> str:
+        """Name of the joint with the most joints above it; of several the first."""
+        depths = [len(self.model.supports[joint]) for joint in range(self.model.njoints)]
+        return str(self.model.names[int(np.argmax(depths))])
 
     def mean_start(self, pair: Sequence[_Branch]) -> Vector3:
         return np.asarray(np.mean([self.at[branch.first] for branch in pair], axis=0))

@@ -1,9 +1,8 @@
 """Converts a stranger's meshes: hulls for collision, decimated surfaces for display, in binary STL and in metres."""
 
-import re
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -18,6 +17,15 @@ from scipy.spatial import ConvexHull, QhullError
 from stridelab.conventions import Points
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.robots.proposal.archive import UnpackedRobot
+from stridelab.robots.proposal.collada import (
+    Colour,
+    collada_parts,
+    may_repeat_nodes,
+    part_alone,
+    part_colour,
+    states_y_up,
+    unit_m,
+)
 from stridelab.robots.proposal.description import read_xml
 
 Faces = Int[np.ndarray, "m 3"]
@@ -30,7 +38,6 @@ MERGED_SHARES: Final = 200
 """Vertices of a displayed mesh that has too many triangles are merged on a grid of this width, or of this share of its
 extent. Without it, the edge collapses stop at the seams of bodies made of many shells, after twenty times the time."""
 MAX_EXTENT_M: Final = 10.0
-Y_UP: Final = re.compile(rb"<up_axis>\s*Y_UP\s*</up_axis>")
 R_Z_UP: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """From axes whose y points up to axes whose z does."""
 OPEN_AREA_SHARE: Final = 1e-3
@@ -40,13 +47,6 @@ TURNED: Final = 0.7
 MAX_COLLADA_BYTES: Final = 64_000_000
 MAX_PARTS: Final = 300
 """Parts of a COLLADA file that are read one by one; a displayed mesh of more is left out."""
-PRIMITIVES: Final = ("triangles", "polylist", "polygons", "tristrips", "trifans")
-DROPPED: Final = (
-    "library_images", "library_effects", "library_materials", "library_animations", "library_controllers",
-    "bind_material", "instance_controller", "lines", "linestrips",
-)  # fmt: skip
-Colour = tuple[float, float, float]
-_HEAD_BYTES: Final = 1 << 16
 _TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 """Record of a binary STL."""
 _STL_HEADER_BYTES: Final = 84
@@ -98,7 +98,10 @@ class MeshConverter:
                     return None
             self._read[path] = _load_surface(path, filename)
         read = self._read[path]
-        vertices, faces = read.vertices * scale, read.faces
+        unit = unit_m(path) if path.suffix.lower() == ".dae" and np.array_equal(scale, np.ones(3)) else 1.0
+        if unit != 1.0:
+            self.assumed[f"mesh {filename[:120]}"] = f"in the unit of {unit:g} m that its file states, as in RViz"
+        vertices, faces = read.vertices * scale * unit, read.faces
         extent_m = float(np.ptp(vertices, axis=0).max())
         if not np.isfinite(vertices).all() or not 1e-5 < extent_m < MAX_EXTENT_M:
             message = f"The mesh is {extent_m:.3g} m wide; lengths must be in metres (see the scale of the mesh)."
@@ -122,7 +125,7 @@ class MeshConverter:
                 self.assumed[f"mesh {filename[:120]}"] = "its triangles faced inwards, as in left-handed axes; turned"
         name = f"mesh-{sum(1 for made in self._converted.values() if made):04d}.stl"
         (self.folder / name).write_bytes(binary_stl(np.asarray(vertices, float), np.asarray(faces)))
-        if path.suffix.lower() == ".dae" and _states_y_up(path):
+        if path.suffix.lower() == ".dae" and states_y_up(path):
             self.y_up.add(f"package://{self.package}/{name}")
         if read.colour is not None:
             self.colours[f"package://{self.package}/{name}"] = read.colour
@@ -211,11 +214,6 @@ def placement_of_element(origin: ET.Element | None) -> pin.SE3:
     return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
 
 
-def _states_y_up(path: Path) -> bool:
-    with path.open("rb") as file:
-        return Y_UP.search(file.read(_HEAD_BYTES)) is not None
-
-
 def _merge_close(
     vertices: Points, faces: Faces, width_m: float
 ) -> tuple[Float[np.ndarray, "n_kept 3"], Int[np.ndarray, "m_kept 3"]]:
@@ -294,89 +292,29 @@ def _load_parts(path: Path, filename: str) -> _Surface:
     coal numbers the triangles of all parts of a geometry (one for each of its materials) from the first vertex of the
     first one, which mixes up the triangles of all others; the vertices are right.
     """
-    whole = _load_all(path)
     try:
         root = read_xml(path, filename, MAX_COLLADA_BYTES)
     except UnreadableFile:  # with a document type, or too large
-        return whole
-    parts = list(_collada_parts(root))
-    if len(parts) > MAX_PARTS:
+        return _load_all(path)
+    parts = list(collada_parts(root))
+    whole = _load_all(path) if not 0 < len(parts) <= MAX_PARTS or may_repeat_nodes(root) else None
+    if whole is not None and len(parts) > MAX_PARTS:
         return _Surface(whole.vertices, whole.faces[:0])
     surfaces: list[_Surface] = []
     areas_m2: dict[Colour, float] = {}
     with tempfile.TemporaryDirectory() as folder:
         alone = Path(folder, "part.dae")
         for part in parts:
-            alone.write_bytes(_part_alone(root, part))
+            alone.write_bytes(part_alone(root, part))
             surfaces.append(surface := _load_all(alone))
-            if (colour := _part_colour(root, part)) is not None:
+            if (colour := part_colour(root, part)) is not None:
                 areas_m2[colour] = areas_m2.get(colour, 0.0) + _surface_area_m2(surface)
     largest = max(areas_m2, key=lambda colour: areas_m2[colour]) if areas_m2 else None
     starts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
-    if starts[-1] != len(whole.vertices):  # parts that other nodes of the file repeat
+    if whole is not None and starts[-1] != len(whole.vertices):  # parts that other nodes of the file repeat
         return _Surface(whole.vertices, whole.faces, largest)
     faces = [surface.faces + start for surface, start in zip(surfaces, starts[:-1], strict=True)]
     return _Surface(np.concatenate([surface.vertices for surface in surfaces]), np.concatenate(faces), largest)
-
-
-@dataclass(frozen=True)
-class _Part:
-    """Triangles of one material in a COLLADA file, with the geometry and the node's instance that they belong to."""
-
-    geometry: ET.Element
-    primitive: ET.Element
-    instance: ET.Element
-
-
-def _collada_parts(root: ET.Element) -> Iterator[_Part]:
-    geometries = {one.get("id", ""): one for one in _all_of(root, "geometry")}
-    for instance in _all_of(root, "instance_geometry"):
-        geometry = geometries.get(instance.get("url", "").removeprefix("#"))
-        for primitive in [] if geometry is None else geometry.iter():
-            if _local_name(primitive) in PRIMITIVES:
-                assert geometry is not None
-                yield _Part(geometry, primitive, instance)
-
-
-def _part_alone(root: ET.Element, part: _Part) -> bytes:
-    """A document with nothing but this part, and without the names of materials and images."""
-    one_of = {"geometry": part.geometry, "instance_geometry": part.instance} | dict.fromkeys(PRIMITIVES, part.primitive)
-
-    def copy_element(element: ET.Element) -> ET.Element:
-        copy = ET.Element(_local_name(element), element.attrib)
-        copy.text = element.text
-        for child in element:
-            name = _local_name(child)
-            if one_of.get(name, child) is child and name not in DROPPED:
-                copy.append(copy_element(child))
-        return copy
-
-    return bytes(ET.tostring(copy_element(root), encoding="utf-8", xml_declaration=True))
-
-
-def _part_colour(root: ET.Element, part: _Part) -> Colour | None:
-    """Diffuse colour of the part's material; None without one, or for a texture."""
-    by_id = {one.get("id", ""): one for kind in ("material", "effect") for one in _all_of(root, kind)}
-    symbol = part.primitive.get("material")
-    for bound in _all_of(part.instance, "instance_material"):
-        material = by_id.get(bound.get("target", "").removeprefix("#")) if bound.get("symbol") == symbol else None
-        for effect in [] if material is None else _all_of(material, "instance_effect"):
-            shading = by_id.get(effect.get("url", "").removeprefix("#"))
-            for diffuse in [] if shading is None else _all_of(shading, "diffuse"):
-                for color in _all_of(diffuse, "color"):
-                    values = [min(max(float(value), 0.0), 1.0) for value in (color.text or "").split()]
-                    if len(values) >= 3:
-                        return values[0], values[1], values[2]
-    return None
-
-
-def _all_of(element: ET.Element, name: str) -> list[ET.Element]:
-    """Elements below ``element`` by their name without namespace."""
-    return [one for one in element.iter() if _local_name(one) == name]
-
-
-def _local_name(element: ET.Element) -> str:
-    return element.tag.rsplit("}", 1)[-1]
 
 
 def _surface_area_m2(surface: _Surface) -> float:

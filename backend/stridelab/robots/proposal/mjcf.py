@@ -142,13 +142,13 @@ def _compile(root: ET.Element, upload: UnpackedRobot) -> mujoco.MjModel:
             continue
         path = upload.find_mesh(stated)
         if path is None:
-            missing.append(Fault(stated[:120], "the zip has no such mesh"))
+            missing.append(stated)
             continue
         mesh.attrib.setdefault("name", PurePosixPath(stated).stem)
         mesh.set("file", f"mesh-{k:04d}{path.suffix}")
         assets[f"mesh-{k:04d}{path.suffix}"] = path.read_bytes()
     if missing:
-        raise invalid(missing)
+        raise invalid(upload.missing_mesh_faults(missing))
     try:
         spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"), assets=assets)
         return spec.compile()

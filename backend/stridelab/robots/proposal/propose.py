@@ -17,17 +17,17 @@ from typing import Any, Final
 import numpy as np
 import pinocchio as pin
 
-from stridelab.errors import Fault
+from stridelab.errors import Fault, InvalidInput
 from stridelab.robots.assembly import assemble_robot
 from stridelab.robots.card import CollisionCard, DataCard, ReferenceCard, RobotCard, RotorsCard
 from stridelab.robots.data_files import DataFiles
 from stridelab.robots.inertias import MOMENT_TOLERANCE, inertia_faults, read_link
 from stridelab.robots.proposal.archive import unpack_robot
 from stridelab.robots.proposal.collision_table import never_colliding
-from stridelab.robots.proposal.description import MESHES, invalid, is_mark, plain_description, read_xml
+from stridelab.robots.proposal.description import SLIDES, invalid, is_mark, plain_description, read_xml
 from stridelab.robots.proposal.effectors import carrying_link, effector_cards, foot_soles
 from stridelab.robots.proposal.joint_ranges import anatomical_ranges, narrowed_ranges
-from stridelab.robots.proposal.limbs import Limbs, find_limbs
+from stridelab.robots.proposal.limbs import Limbs, find_limbs, not_humanoid
 from stridelab.robots.proposal.limits import TORQUE_SHARE, joint_limits, remark_on_torques
 from stridelab.robots.proposal.mass_in_shapes import remark_masses_outside_shapes, replace_oversized_inertias
 from stridelab.robots.proposal.meshes import MeshConverter, colour_shapes, turn_y_up_shapes
@@ -85,7 +85,7 @@ def rebuild_description(
         meshes = MeshConverter(unpacked, folder, name)
         plain = plain_description(root, filename, meshes.convert)
     if meshes.missing:
-        raise invalid([_missing_mesh(path) for path in sorted(set(meshes.missing))])
+        raise invalid(unpacked.missing_mesh_faults(meshes.missing))
     turn_y_up_shapes(plain.root, folder, meshes.y_up, plain.assumed)
     colour_shapes(plain.root, meshes.colours, plain.assumed)
     move_motor_inertias(plain.root, plain.assumed)
@@ -93,13 +93,6 @@ def rebuild_description(
     remark_masses_outside_shapes(plain.root, folder, plain.assumed)
     ET.ElementTree(plain.root).write(folder / URDF, encoding="utf-8", xml_declaration=True)
     return changed | plain.assumed | meshes.assumed
-
-
-def _missing_mesh(path: str) -> Fault:
-    """Why the mesh of a collision shape is missing: its format is not read, or it is not in the zip."""
-    if path and not path.lower().endswith(MESHES):
-        return Fault(path[:120], f"its format is none of {', '.join(MESHES)}")
-    return Fault(path[:120], "the zip has no such mesh")
 
 
 def propose_card(name: str, title: str, robots_folder: Path, assumed: Mapping[str, str]) -> Proposal:
@@ -123,7 +116,7 @@ def _propose_card(name: str, title: str, root: ET.Element, files: DataFiles, ass
         raise invalid([Fault("mass", message)])
     shapes = collision_geometry(model, files.urdf, (files.package_dir,))
     q_zero = pin.neutral(model)
-    limbs = find_limbs(model, q_zero)
+    limbs = _limbs_of(model, q_zero, assumed)
     without_range = {name for name in map(str, model.names) if f"joint {name}: range" in assumed}
     ranges = anatomical_ranges(model, limbs, q_zero, without_range)
     _set_ranges(model, ranges)
@@ -158,6 +151,18 @@ def _propose_card(name: str, title: str, root: ET.Element, files: DataFiles, ass
     assumed.setdefault("collision.never", "from sampled configurations")
     remark_on_torques(model, limbs, soles, q, leg_m, card.limits.torque_nm, assumed)
     return Proposal(card, assumed, assemble_robot(name, card, files))
+
+
+def _limbs_of(model: pin.Model, q_zero: np.ndarray, assumed: Mapping[str, str]) -> Limbs:
+    """``find_limbs``; a refusal names the joints that slide, since they are fixed in the rebuilt description."""
+    try:
+        return find_limbs(model, q_zero)
+    except InvalidInput as error:
+        sliding = [key.removeprefix("joint ").removesuffix(": type") for key, how in assumed.items() if how == SLIDES]
+        if not sliding:
+            raise
+        message = f"{error.faults[0].message}; joints that slide are fixed, as {', '.join(map(repr, sliding[:4]))}"
+        raise not_humanoid(message, error.faults[0].where) from error
 
 
 def _card(

@@ -193,7 +193,7 @@ def test_an_mjcf_file_gives_the_card_of_its_urdf(http: httpx.Client, small: dict
     assert card["effectors"].keys() == small["card"]["effectors"].keys()
     outside = "<mujoco><asset><mesh name='m' file='/etc/passwd'/></asset></mujoco>"
     refused = problem_of(send(http, archive({"robot.xml": outside}), "outside"), 422)
-    assert refused["errors"] == [{"where": "/etc/passwd", "message": "the zip has no such mesh"}]
+    assert refused["errors"] == [{"where": "/etc/passwd", "message": "its format is none of .stl, .obj, .dae"}]
 
 
 def actions(service: Served) -> list[str]:
