@@ -21,7 +21,7 @@ STAGE_WORDS: Final[Mapping[str, str]] = {
     "search": "searching for the limits of the robot",
 }
 """Words for the stages of a run, by their names in messages and in ``stage_times_s``."""
-_SAID_BY_STAGE: Final = frozenset(
+_CONTAINED_IN_STAGE: Final = frozenset(
     {
         "looking at the scenario",
         "reading the learned densities",
@@ -46,7 +46,7 @@ def progress_words(message: str) -> str:
     """The progress message in words: stages as what they do, numbers of the solver without its terms."""
     words = list[str]()
     for part in message.split(": "):
-        if part not in _SAID_BY_STAGE or not words:
+        if part not in _CONTAINED_IN_STAGE or not words:
             word = STAGE_WORDS.get(part) or _activity_words(part)
             if word not in words:
                 words.append(word)
