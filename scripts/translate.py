@@ -39,6 +39,7 @@ from stridelab_web.pages.results import (
     quality,
     summary_facts,
 )
+from stridelab_web.pages.terms.results import ESTIMATE_TERMS
 from stridelab_web.pages.viewer import page as viewer
 from stridelab_web.scene import frames
 
@@ -99,6 +100,7 @@ def message_tables() -> Iterator[tuple[str, Iterable[str]]]:
     yield "pages/results/quality.py", [*quality.NAMES.values(), *quality.TITLES.values(), *quality.VERDICTS]
     yield "pages/results/measures.py", [*MEASURE_TITLES.values(), *measures.MAIN.values(), measures.NO_MEANING]
     yield "pages/results/summary_facts.py", [*summary_facts.NAMES.values(), *summary_facts.VALUES]
+    yield "pages/terms/results.py", [one.meaning for one in ESTIMATE_TERMS.values()]
     yield "pages/results/com_plots.py", [row.title for row in com_plots.ROWS]
     yield "pages/results/com_plots.py", [trace.name for row in com_plots.ROWS for trace in row.traces] + readings
     figures = comparison_plots.FIGURES.values()

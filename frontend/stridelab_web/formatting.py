@@ -181,7 +181,7 @@ def job_headline(job: Job) -> str:
         return gettext("waiting") if place is None else gettext("place %(place)s in the queue", place=place)
     if job.error is not None:
         return job.error.detail
-    return "" if job.state in FINAL_STATES else job.progress.message
+    return "" if job.state in FINAL_STATES else job.progress.text or job.progress.message
 
 
 def job_subject(job: Job) -> str:

@@ -139,6 +139,7 @@ declare namespace Api {
   interface Progress {
     fraction: number;
     message: string;
+    text: string;
   }
 
   interface Remark {

@@ -36,15 +36,17 @@ def page(lab: Lab, tab: Tab) -> Page:
 
 
 def test_an_item_unfolds_to_its_claims_and_its_drawing(page: Page) -> None:
-    drawing = page.get_by_role("img", name="Spectra")
-    expect(drawing).to_be_hidden()
-    page.get_by_text("Figure 2.6: Spectra").click()
-    expect(page.get_by_role("row", name="a claim")).to_be_visible()
+    card = page.locator("#fig-2\\.6")
+    row = card.get_by_role("row", name="a claim")
+    drawing = card.get_by_role("img", name="Spectra")
     drawing.scroll_into_view_if_needed()
-    page.wait_for_function("() => document.querySelector('details img').naturalWidth === 300")
+    page.wait_for_function("() => document.querySelector('.item img').naturalWidth === 300")
+    expect(row).to_be_hidden()
+    card.get_by_text("1 claim in detail").click()
+    expect(row).to_be_visible()
     page.get_by_role("button", name="Unfold all").click()
     page.get_by_role("button", name="Fold all").click()
-    expect(drawing).to_be_hidden()
+    expect(row).to_be_hidden()
 
 
 def test_a_full_queue_is_shown_and_what_is_missing_is_requested_once(page: Page, lab: Lab, tab: Tab) -> None:

@@ -7,6 +7,7 @@ from typing import get_args
 
 import httpx
 import pytest
+from markupsafe import escape
 
 from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.reproduction import ClaimResult, Outcome, ReproduceSummary, ReproductionItem, Verdict
@@ -79,7 +80,7 @@ def add(fake: FakeService, name: str, judged: Verdict, seeds: int = 1) -> str:
 
 def shown(page: str) -> dict[str, str]:
     """The part of the page of every item that has a result of this service, by its name."""
-    parts = dict(re.findall(r'<details class="item" id="([^"]+)"(.*?)</details>', page, re.DOTALL))
+    parts = dict(re.findall(r'<article class="card item" id="([^"]+)"(.*?)</article>', page, re.DOTALL))
     return {name: part for name, part in parts.items() if "data-recorded" not in part}
 
 
@@ -128,7 +129,7 @@ def test_an_item_is_shown_by_its_newest_result_with_claims_and_drawing(fake: Fak
     marks = re.findall(r'<span class="mark [^>]*>(.*?)</span>', counts[1])
     assert marks == [f"{total[code]} {verdict_text(code)}" for code in get_args(Outcome) if total[code]]
     assert f"{total.total()} claims about {len(get_args(ReproductionItem))} figures" in page
-    summary = parts["numbers-3"].partition("</summary>")[0]
+    summary = parts["numbers-3"].partition('<span class="counts">')[2].partition("<img")[0]
     assert re.findall(r'<span class="mark [^>]*>(.*?)</span>', summary) == ["1 cannot hold as printed"]
 
 
@@ -173,10 +174,22 @@ def test_the_form_names_the_items_that_draw(fake: FakeService, browse: Browse) -
 def test_items_that_are_not_computed_show_what_the_book_has_recorded(fake: FakeService, browse: Browse) -> None:
     page = browse("/reproduction").text
     for name in get_args(ReproductionItem):
-        part = page.partition(f'id="{name}"')[2].partition("</details>")[0]
+        part = page.partition(f'id="{name}"')[2].partition("</article>")[0]
         assert "Recorded in the" in part, name
         assert f'data-compute="{name}"' in part
     assert f"0 of {len(get_args(ReproductionItem))} items are computed here" in page
+
+
+def test_items_without_a_drawing_show_their_claims_as_pictures(browse: Browse) -> None:
+    page = browse("/reproduction").text
+    for name, one in recorded_items().items():
+        part = page.partition(f'id="{name}"')[2].partition("</article>")[0]
+        pictures = part.partition('<ul class="pictures">')[2].partition("</ul>")[0]
+        drawn = [bar for bar in one.bars if bar is not None]
+        assert len(drawn) == len(one.bars), name
+        assert pictures.count("<svg") == pictures.count("holds if") // 3 == min(len(drawn), 4), name
+        failed = [row[0] for row, code in zip(one.rows, one.outcomes, strict=True) if code == "not_met"]
+        assert not failed or str(escape(failed[0])) in pictures, "what does not hold comes first"
 
 
 EVIDENCE = re.compile(r"\| (simulated|people|replayed|external)(, deterministic)?, n = ")

@@ -161,7 +161,7 @@ def _follow_job(client: Client, job_id: str, bar: Bar) -> Job:
     try:
         for event in client.events(job_id):
             fraction = AFTER_UPLOAD + (AFTER_JOB - AFTER_UPLOAD) * event.progress.fraction
-            bar(fraction, event.progress.message or event.state)
+            bar(fraction, event.progress.text or event.progress.message or event.state)
         return client.wait(job_id)
     except KeyboardInterrupt:
         client.cancel(job_id)

@@ -16,10 +16,11 @@ FINAL_STATES: frozenset[JobState] = frozenset({"succeeded", "failed", "cancelled
 
 
 class Progress(Contract):
-    """Progress of a job; ``fraction`` is from 0 to 1."""
+    """Progress of a job; ``fraction`` is from 0 to 1, ``message`` names stages as ``stage_times_s`` does."""
 
     fraction: float = 0.0
     message: str = ""
+    text: str = Field(default="", description="the message in words for people")
 
 
 VerdictCode = Literal[

@@ -116,7 +116,11 @@ async def _result_view(files: JobFiles, job: Job, result: JobResult, query: Quer
             return {"measures": measures.measures_of(result)}
         case reproduction.KIND:
             drawings = await reproduction.stored_drawings(files, result)
-            return {"reproduction": reproduction.reproduction_of(result), "drawings": drawings}
+            return {
+                "reproduction": reproduction.reproduction_of(result),
+                "drawings": drawings,
+                "bar_of": reproduction.claim_bar,
+            }
     return {}
 
 

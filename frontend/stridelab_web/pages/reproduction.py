@@ -6,7 +6,7 @@ An item that this service has not computed shows the result that the book has re
 import asyncio
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Final, get_args
@@ -19,12 +19,15 @@ from stridelab.schemas.jobs import FINAL_STATES, Artifact, Job, JobResult
 from stridelab.schemas.reproduction import (
     ITEMS_WITH_DRAWS,
     ITEMS_WITH_SAMPLE,
+    ClaimResult,
     Outcome,
     ReproduceSummary,
     ReproductionItem,
 )
 from stridelab_web.api_client import JobFiles, client_of
 from stridelab_web.book.contents import page_file
+from stridelab_web.charts.claim_bars import ClaimBar, draw_claim, read_claim
+from stridelab_web.formatting import with_unit
 from stridelab_web.pages.render import render_page
 
 KIND: Final = "reproduce"
@@ -33,8 +36,11 @@ PAGE_SIZE: Final = 50
 """Number of jobs that are listed, and of results that are read, at a time."""
 MAX_SEARCHED_JOBS: Final = 100
 """Maximum number of finished jobs that are searched; items not among them count as missing."""
+MAX_PICTURES: Final = 4
+"""Number of claims that the card of an item without a drawing shows as pictures; all are in its table."""
+LEGEND: Final = draw_claim(1.4, (None, 2.0), (1.0, 1.7), ("example", "holds if at most 2"))
 SVG: Final = "image/svg+xml"
-_CLAIM, _THESIS, _OURS, _VERDICT, _EVIDENCE, _COLUMNS = 0, 2, 4, 5, 6, 7
+_CLAIM, _THESIS, _HOLDS, _OURS, _VERDICT, _EVIDENCE, _COLUMNS = 0, 2, 3, 4, 5, 6, 7
 """Columns of a table of claims, and their number."""
 _OUTCOMES: Final[Mapping[str, Outcome]] = {
     "met": "met",
@@ -65,12 +71,16 @@ class ShownItem:
 
 @dataclass(frozen=True)
 class RecordedItem:
-    """The recorded result of one item: ``rows`` are claim, the thesis' value, ours, verdict and evidence, as texts."""
+    """The recorded result of one item.
+
+    ``rows`` are claim, the thesis' value, ours, verdict and evidence, as texts; ``bars`` are their pictures.
+    """
 
     title: str
     note: str
     rows: tuple[tuple[str, ...], ...]
     outcomes: tuple[Outcome, ...]
+    bars: tuple[ClaimBar | None, ...]
 
     @property
     def outcome_counts(self) -> Mapping[Outcome, int]:
@@ -95,13 +105,17 @@ def read_recorded_items(page: str) -> dict[str, RecordedItem]:
         table = next((text for text in paragraphs if text.startswith("| claim |")), "")
         cells = [[cell.strip().strip("*") for cell in line.strip("|").split(" | ")] for line in table.splitlines()[2:]]
         judged = [
-            (tuple(row[k] for k in (_CLAIM, _THESIS, _OURS, _VERDICT, _EVIDENCE)), _OUTCOMES[row[_VERDICT]])
+            (
+                tuple(row[k] for k in (_CLAIM, _THESIS, _OURS, _VERDICT, _EVIDENCE)),
+                _OUTCOMES[row[_VERDICT]],
+                read_claim(row[_HOLDS], row[_OURS], row[_EVIDENCE]),
+            )
             for row in cells
             if len(row) == _COLUMNS and row[_VERDICT] in _OUTCOMES
         ]
         if name in ITEMS and judged:
-            shown, outcomes = zip(*judged, strict=True)
-            items[name] = RecordedItem(title, re.sub(r"[*`]", "", paragraphs[0]), shown, outcomes)
+            shown, outcomes, bars = zip(*judged, strict=True)
+            items[name] = RecordedItem(title, re.sub(r"[*`]", "", paragraphs[0]), shown, outcomes, bars)
     return items
 
 
@@ -120,6 +134,9 @@ async def reproduction_page(request: Request) -> Response:
         recorded=recorded,
         counts=sum((Counter(of.outcome_counts) for of in {**recorded, **results}.values()), Counter[Outcome]()),
         outcomes=get_args(Outcome),
+        bar_of=claim_bar,
+        legend=LEGEND,
+        order_of=order_of_pictures,
         drawn=sorted(ITEMS_WITH_DRAWS),
         sampled=sorted(ITEMS_WITH_SAMPLE),
         open_jobs=[job for job in recent.items if job.state not in FINAL_STATES],
@@ -141,6 +158,22 @@ async def _newest_results(client: AsyncClient) -> dict[str, ShownItem]:
         if cursor is None:
             break
     return {name: newest[name] for name in ITEMS if name in newest}
+
+
+def claim_bar(claim: ClaimResult) -> ClaimBar | None:
+    """The picture of a computed claim; None if no range is stated."""
+    caption = f"holds if {claim.holds}"
+    if claim.interval is not None:
+        low, high = (with_unit(value, claim.unit) for value in claim.interval)
+        caption = f"95 % from {low} to {high}; {caption}"
+    texts = (with_unit(claim.ours, claim.unit), caption)
+    return draw_claim(claim.ours, (claim.holds_from, claim.holds_to), claim.interval, texts)
+
+
+def order_of_pictures(outcomes: Sequence[Outcome]) -> list[int]:
+    """Indices of the claims that a card shows: those that do not hold first, then undecided ones, then the others."""
+    ranks = {"not_met": 0, "thesis_in_error": 0, "aim_missed": 0, "undecided": 1, "aim_undecided": 1}
+    return sorted(range(len(outcomes)), key=lambda k: ranks.get(outcomes[k], 2))[:MAX_PICTURES]
 
 
 def count_outcomes(summaries: Iterable[ReproduceSummary]) -> Mapping[Outcome, int]:

@@ -13,6 +13,7 @@ from stridelab_web.api_client import client_of, none_if_missing
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.render import render_page
 from stridelab_web.pages.results import reachability
+from stridelab_web.pages.terms.robots import ROBOT_TERMS
 from stridelab_web.pages.viewer.preparing import preparation_page
 from stridelab_web.scene.documents import Document
 
@@ -58,6 +59,7 @@ async def robot_page(request: Request) -> Response:
         section="Robots",
         robot=robot,
         own=own,
+        robot_terms=ROBOT_TERMS,
         commissioning=await unfinished_commission(client, name) if own else None,
         measure=measure,
         learned=reachability.density_values(cards, f"/robots/{robot.name}/reach.json?measure={measure}")

@@ -228,7 +228,7 @@ def test_events_come_as_they_happen_and_end_with_the_job(service: Served, job_id
         service.run(report_progress(service.parts, attempt, 0.5, "half"))
         half = next(events)
         assert half["event"] == "progress"
-        assert json.loads(half["data"])["progress"] == {"fraction": 0.5, "message": "half"}
+        assert json.loads(half["data"])["progress"] == {"fraction": 0.5, "message": "half", "text": "half"}
         service.run(publish_result(service.parts, attempt))
         last = next(events)
         assert (last["event"], json.loads(last["data"])["state"]) == ("state", "succeeded")

@@ -20,12 +20,13 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.errors import Busy, Conflict, Fault, InvalidInput, NotFound
-from stridelab.schemas.jobs import FINAL_STATES, Artifact, JobEvent, JobResult, JobState, Progress
+from stridelab.schemas.jobs import FINAL_STATES, Artifact, JobEvent, JobResult, JobState
 from stridelab.schemas.previews import PartialResults
 from stridelab.service import telemetry
 from stridelab.service.cursors import decode_cursor, encode_cursor
 from stridelab.service.jobs.events import CANCEL_CHANNEL, EVENT_COLUMNS, emit_event, statement_with_events
 from stridelab.service.jobs.partial_results import decode_partial_cursor, read_chunks
+from stridelab.service.jobs.progress_words import progress_of
 from stridelab.service.jobs.queue_positions import QueuePositions
 from stridelab.service.jobs.verdict import VERDICT_FIELDS
 from stridelab.service.kinds.base import JobKind
@@ -261,9 +262,7 @@ class JobStore:
         wanted = select(job_event).where(job_event.c.job_id == job_id, job_event.c.seq > seq)
         async with connect_autocommit(self._engine) as connection:
             rows = (await connection.execute(wanted.order_by(job_event.c.seq).limit(limit))).all()
-        return tuple(
-            JobEvent.from_object(row, progress=Progress(fraction=row.fraction, message=row.message)) for row in rows
-        )
+        return tuple(JobEvent.from_object(row, progress=progress_of(row.fraction, row.message)) for row in rows)
 
     async def partial_results(self, job_id: str, cursor: str | None) -> PartialResults:
         """Parts of the result of a running job that follow ``cursor``; none unless it runs.

@@ -6,6 +6,8 @@ from typing import Final
 
 from stridelab.schemas.plans import CostWeights, PlanMotionSummary
 from stridelab_web.formatting import code_words
+from stridelab_web.pages.terms.plans import cost_term
+from stridelab_web.pages.terms.term import Term
 
 SMALL_S: Final = 0.01
 REGULARISERS: Final = ("surface_force", "point_force")
@@ -51,6 +53,7 @@ class CostRow:
     x: float
     width: float
     regulariser: bool
+    explained: Term | None
 
 
 def cost_rows(summary: PlanMotionSummary) -> list[CostRow]:
@@ -69,6 +72,7 @@ def cost_rows(summary: PlanMotionSummary) -> list[CostRow]:
             x=round(scale * (min(value, 0.0) - low), 2),
             width=round(scale * abs(value), 2),
             regulariser=key in REGULARISERS,
+            explained=cost_term(key),
         )
         for key, value in terms.items()
     ]

@@ -15,13 +15,14 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab_web.api_client import JobFiles, client_of, none_if_missing, took_s
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.plans.answer import plan_answer
-from stridelab_web.pages.plans.check_meanings import CHAPTER, check_meaning
 from stridelab_web.pages.plans.comparison import PlanFacts
 from stridelab_web.pages.plans.comparison_page import KIND, compare_plans, curves_of, other_plan
 from stridelab_web.pages.plans.cost_table import NOT_MINIMISED, cost_rows, cost_text
 from stridelab_web.pages.plans.durations import ChosenDurations, chosen_durations
 from stridelab_web.pages.plans.plots import CENTROIDAL_TABLE, REPLAY_TABLE, pair_curves, plan_curves, replayed_curves
 from stridelab_web.pages.render import render_page
+from stridelab_web.pages.terms.checks import CHAPTER, check_term
+from stridelab_web.pages.terms.plans import COST_COLUMNS, PLAN_TERMS, REPLAY_TERMS, STAGE_TERMS
 from stridelab_web.parquet import read_columns
 
 SCENARIO_FILE = "scenario.json"
@@ -56,7 +57,11 @@ async def plan_page(request: Request) -> Response:
         summary=summary,
         scenario_name=summary.scenario_name if summary else await _scenario_name(client, job),
         answer=plan_answer(summary) if summary else None,
-        meaning_of=check_meaning,
+        check_term=check_term,
+        plan_terms=PLAN_TERMS,
+        replay_terms=REPLAY_TERMS,
+        stage_terms=STAGE_TERMS,
+        cost_columns=COST_COLUMNS,
         checks_chapter=CHAPTER,
         plots=result is not None,
         plots_url=f"/plans/{job.id}/plots.json{beside}",

@@ -16,6 +16,7 @@ from stridelab_web.api_client import JobFiles, client_of
 from stridelab_web.charts.svg import SHAPES, Chart, Shape
 from stridelab_web.formatting import code_words
 from stridelab_web.pages.results.summary_facts import Fact
+from stridelab_web.pages.terms.robots import DENSITY_TERMS
 
 WIDTH_PX, HEIGHT_PX = 560.0, 330.0
 ABOVE: Final = 1.06
@@ -97,6 +98,7 @@ def density_values(cards: Sequence[ProxyCard], address: str) -> dict[str, Any]:
             ("thesis", "ring", "the thesis"),
         ],
         "address": address,
+        "terms": DENSITY_TERMS,
     }
 
 

@@ -7,6 +7,8 @@ from typing import Any, Final
 from stridelab.schemas.jobs import JobResult
 from stridelab.translations.catalogue import gettext, ngettext, translate_sentence
 from stridelab_web.formatting import code_words
+from stridelab_web.pages.terms.results import result_term
+from stridelab_web.pages.terms.term import Term
 
 
 @dataclass(frozen=True)
@@ -16,6 +18,11 @@ class Fact:
     key: str
     name: str
     text: str
+
+    @property
+    def explained(self) -> Term | None:
+        """What the value means, if that is known."""
+        return result_term(self.key)
 
 
 _UNITS = {

@@ -20,6 +20,8 @@ from stridelab_web.api_client import JobFiles, client_of
 from stridelab_web.charts.svg import Chart, Range, range_of
 from stridelab_web.formatting import plain_number
 from stridelab_web.pages.render import render_page
+from stridelab_web.pages.terms.sweeps import EFFORT_TERMS, FIELD_TERMS, OUTCOME_TERMS
+from stridelab_web.pages.terms.term import Term
 from stridelab_web.parquet import read_columns, read_texts
 
 MAX_MAPS: Final = 12
@@ -29,6 +31,11 @@ OUTCOME_TEXTS: Final = {
     "refused": "rejected before solving",
     "infeasible": "no motion found",
     "failed": "could not be planned",
+}
+EFFORT_TITLES: Final = {
+    "cost": "Cost (4.20a)",
+    "present": "The scenario itself",
+    "solve_time": "Processor time",
 }
 LEGEND: Final = [(f"cell {outcome}", "shade", text) for outcome, text in OUTCOME_TEXTS.items()]
 
@@ -170,7 +177,16 @@ async def sweep_of(files: JobFiles, result: JobResult) -> dict[str, Any] | None:
         "charts": charts,
         "borders": borders,
         "legend": LEGEND,
+        "terms": sweep_terms(summary),
+        "field_terms": FIELD_TERMS,
     }
+
+
+def sweep_terms(summary: SweepSummary) -> list[tuple[str, Term]]:
+    """The words on the page of a sweep with what they mean: its fields, the outcomes, cost and effort."""
+    fields = [(axis.field.capitalize(), FIELD_TERMS[axis.field]) for axis in summary.axes]
+    outcomes = [(text.capitalize(), OUTCOME_TERMS[outcome]) for outcome, text in OUTCOME_TEXTS.items()]
+    return [*fields, *outcomes, *((EFFORT_TITLES[key], term) for key, term in EFFORT_TERMS.items())]
 
 
 def sweep_headline(summary: SweepSummary) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 import httpx
 
 from stridelab.wholebody import certificate
-from stridelab_web.pages.plans.check_meanings import CHAPTER, CHECK_MEANINGS
+from stridelab_web.pages.terms.checks import CHAPTER, CHECK_MEANINGS
 from support.fakes.service import FakeService
 
 Browse = Callable[[str], httpx.Response]

@@ -9,8 +9,9 @@ from sqlalchemy.exc import DBAPIError
 from starlette.responses import StreamingResponse
 
 from stridelab.errors import Fault, InvalidInput, StridelabError
-from stridelab.schemas.jobs import FINAL_STATES, JobEvent, JobState, Progress
+from stridelab.schemas.jobs import FINAL_STATES, JobEvent, JobState
 from stridelab.service.api.dependencies import Parts
+from stridelab.service.jobs.progress_words import progress_of
 from stridelab.service.jobs.store import JobRecord
 
 log = structlog.get_logger(__name__)
@@ -73,5 +74,5 @@ def _final_event(record: JobRecord, seq: int) -> JobEvent:
         at=record.finished_at or record.created_at,
         state=record.state,
         attempt=record.attempt,
-        progress=Progress(fraction=record.fraction, message=record.message),
+        progress=progress_of(record.fraction, record.message),
     )

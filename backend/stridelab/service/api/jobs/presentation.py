@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from stridelab.schemas.base import FaultItem, Problem
-from stridelab.schemas.jobs import Job, JobState, Progress
+from stridelab.schemas.jobs import Job, JobState
+from stridelab.service.jobs.progress_words import progress_of
 from stridelab.service.jobs.store import JobRecord
 from stridelab.service.jobs.verdict import verdict_of
 
@@ -23,7 +24,7 @@ def job_of(record: JobRecord) -> Job:
         record,
         n_recordings=len(pooled) if isinstance(pooled := record.input.get("recording_ids"), list) else None,
         about=record.subject_name or _subject_of(record.input),
-        progress=Progress(fraction=record.fraction, message=record.message),
+        progress=progress_of(record.fraction, record.message),
         error=_problem_of(record),
         verdict=None if record.verdict_parts is None else verdict_of(record.verdict_parts),
     )

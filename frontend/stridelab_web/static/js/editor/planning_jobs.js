@@ -161,7 +161,7 @@ function bindJobButton(
       setActive(cancel, true);
       let lastMessage = "";
       const finished = await followJob(job.id, (current) => {
-        lastMessage = current.progress.message || lastMessage;
+        lastMessage = current.progress.text || current.progress.message || lastMessage;
         show(current);
         onProgress();
       });

@@ -46,7 +46,7 @@ async function readByJob(id) {
   const status = form.querySelector("[data-said]");
   const job = await followJob(id, ({ progress }) => {
     bar.value = progress.fraction;
-    status.textContent = progress.message || "waiting to be read…";
+    status.textContent = progress.text || progress.message || "waiting to be read…";
   });
   if (job.state !== "succeeded")
     throw new Error(jobHeadline(job) || `The files were not read: ${job.state.replaceAll("_", " ")}.`);

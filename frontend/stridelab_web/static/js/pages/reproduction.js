@@ -50,13 +50,14 @@ const unfold = document.querySelector("[data-unfold]");
 if (unfold) {
   unfold.addEventListener("click", () => {
     const open = unfold.getAttribute("aria-expanded") !== "true";
-    for (const item of document.querySelectorAll("details.item")) item.open = open;
+    for (const item of document.querySelectorAll(".item details")) item.open = open;
     unfold.setAttribute("aria-expanded", String(open));
     unfold.textContent = open ? "Fold all" : "Unfold all";
   });
 }
 const linked = location.hash && document.getElementById(location.hash.slice(1));
-if (linked instanceof HTMLDetailsElement) linked.open = true;
+const folded = linked && linked.querySelector("details");
+if (folded) folded.open = true;
 
 // jobs.js updates the rows; a job that has finished meanwhile may have a result.
 const notice = document.querySelector("[data-fresh]");

@@ -142,7 +142,7 @@ export function jobHeadline(job) {
       ? translate("waiting")
       : translate("place %(place)s in the queue", { place: job.queue_position });
   if (job.error?.detail) return translateServed(job.error.detail);
-  return FINAL_STATES.has(job.state) ? "" : translateServed(job.progress.message);
+  return FINAL_STATES.has(job.state) ? "" : translateServed(job.progress.text || job.progress.message);
 }
 
 /** @param {HTMLElement} node @param {Job} job */

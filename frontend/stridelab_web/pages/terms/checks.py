@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Final
 
+from stridelab_web.pages.terms.term import Term
+
 CHAPTER: Final = "/help/theory/whole-body#the-certificate"
 """Where the book defines the checks and their limits."""
 
@@ -32,6 +34,6 @@ CHECK_MEANINGS: Final[Mapping[str, str]] = {
 }
 
 
-def check_meaning(name: str) -> str:
-    """The sentence on the check ``name``; empty for one of another version."""
-    return CHECK_MEANINGS.get(name, "")
+def check_term(name: str) -> Term | None:
+    """The explanation of the check ``name``; None for one of another version."""
+    return Term(CHECK_MEANINGS[name], CHAPTER) if name in CHECK_MEANINGS else None
