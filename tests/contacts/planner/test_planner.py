@@ -11,7 +11,7 @@ from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.planner import milp
 from stridelab.contacts.planner.planner import ContactPlan, ContactPlanner
 from stridelab.contacts.planner.schedule import Transition
-from stridelab.contacts.planner.step_limits import BALL_COVER
+from stridelab.contacts.planner.step_limits import BALL_COVER, EASY_AHEAD_SHARE, EASY_ASIDE_SHARE
 from stridelab.contacts.scenarios.stairs import flat_walk, six_stairs, stairs_with_rail
 from stridelab.contacts.validation.validate import validate_scenario
 from stridelab.errors import InvalidInput, NotEstimable
@@ -182,6 +182,26 @@ def test_an_obstacle_is_walked_around(x_m: float, y_m: float, size_m: tuple[floa
             x, y, _ = (1.0 - share) * np.array(left) + share * np.array(right)
             apart = (abs(x - x_m) - size_m[0] / 2 - ahead_m, abs(y - y_m) - size_m[1] / 2 - aside_m)
             assert max(apart) > -1e-6
+
+
+def test_steps_around_an_obstacle_are_easy() -> None:
+    """No step goes farther than one of a walk ahead or aside, and soles beside the wall leave room for half the body.
+
+    In single support the trunk is above the sole, so that its middle keeps half the body's width from the wall.
+    """
+    limits = PLANNER.limits.defaults
+    plan = PLANNER.plan(way_with(block(1.5, 0.3, (0.1, 1.2, 1.5))))
+    stances = [{c["effector"]: np.array(c["position_m"]) for c in p["contacts"]} for p in plan.scenario["phases"]]
+    apart = np.array([stance["left_foot"] - stance["right_foot"] for stance in stances if len(stance) == 2])
+    assert np.abs(apart[:, 0]).max() <= EASY_AHEAD_SHARE * limits.step_m + 1e-6
+    assert apart[:, 1].max() <= limits.width_min_m + EASY_ASIDE_SHARE * limits.step_m + 1e-6
+    beside = [
+        at for stance in stances for at in stance.values() if abs(at[0] - 1.5) < 0.05 + limits.body_half_size_m[0]
+    ]
+    edges = np.array([-0.3, 0.9])
+    clear = [float(np.abs(at[1] - edges).min()) for at in beside]
+    assert beside
+    assert min(clear) >= limits.body_half_size_m[1] + limits.width_m / 2
 
 
 def task_through_door(width_m: float) -> dict[str, Any]:

@@ -72,9 +72,9 @@ def test_hands_move_before_every_second_step_and_at_the_end() -> None:
         ("left_foot", 0, 0, False),
         ("right_foot", 0, 0, False),
         ("right_hand", 0, 0, False),
-        ("right_hand", 0, 10, True),
-        ("right_foot", 1, 10, False),
-        ("left_foot", 2, 20, False),
+        ("right_hand", 0, 15, True),
+        ("right_foot", 1, 15, False),
+        ("left_foot", 2, 30, False),
         ("right_hand", 2, 30, True),
         ("right_foot", 3, 30, False),
         ("right_hand", 3, 30, False),
@@ -153,5 +153,6 @@ def test_the_heading_turns_aside_and_back_in_steps_of_twelve_degrees(aside_rad: 
     headings = [ends.yaw_after(k, 24) for k in range(25)]
     assert headings[0] == pytest.approx(ends.yaw_rad)
     assert headings[-1] == pytest.approx(ends.yaw_rad + 0.5)
-    assert headings[12] == pytest.approx(ends.yaw_rad + 0.25 + aside_rad) == pytest.approx(ends.middle_yaw_rad)
-    assert np.abs(np.diff(headings) - 0.5 / 24).max() <= np.deg2rad(12.0) + 1e-12
+    assert headings[12] == pytest.approx(ends.yaw_rad + 0.5 * 12 / 23 + aside_rad)
+    assert headings[23] - ends.aside_rad / 8 == pytest.approx(ends.yaw_rad + 0.5)
+    assert np.abs(np.diff(headings)[:-1] - 0.5 / 23).max() <= np.deg2rad(12.0) + 1e-12

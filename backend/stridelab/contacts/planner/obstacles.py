@@ -21,7 +21,7 @@ from stridelab.contacts.terrain import Box, Surface, bounding_box
 from stridelab.conventions import Vector3
 from stridelab.dynamics.spatial import Placement
 
-HAND_HEIGHT_SHARE: Final = 0.3
+HAND_HEIGHT_SHARE: Final = 0.25
 """Height of an obstacle over that of the robot from which the whole body keeps away from it, not only the sole."""
 CORNER_SIGNS: Final = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
 
@@ -54,10 +54,14 @@ class Obstacle:
         return self.z_m[1] > low_m + STEP_OVER_M and self.z_m[0] < high_m + self.robot.body_height_m
 
     def grown_offsets_m(self, ground_m: float, shape: EffectorLimits, yaw_rad: float) -> Float[np.ndarray, "m"]:
-        """Offsets of the edges beyond which a foot at height ``ground_m`` stands with room for the robot."""
+        """Offsets of the edges beyond which a foot at height ``ground_m`` stands with room for the robot.
+
+        In single support the trunk is above that foot: half the body's width counts from the sole's middle.
+        """
         half = np.array(shape.half_size_m)
         if not self.is_rail and self.z_m[1] > ground_m + HAND_HEIGHT_SHARE * self.robot.body_height_m:
-            half = np.maximum(half, self.robot.body_half_size_m)
+            ahead_m, aside_m = self.robot.body_half_size_m
+            half = np.maximum(half, (ahead_m, aside_m + self.robot.width_m / 2))
         return self._offsets_of_grown_box(half, yaw_rad)
 
     def edges_outside(self, position_m: Vector3, shape: EffectorLimits, yaw_rad: float) -> frozenset[int]:

@@ -1,10 +1,11 @@
 """The contact planner: plans a valid scenario from a start stance to a goal stance over a terrain.
 
 The number of steps starts at the minimum for the robot's own step length and increases by one until the program of that
-many steps (``milp.StepProgram``) has a solution. Where obstacles leave no way ahead, the robot turns aside and passes
-sideways. If none has a solution, the error names the gap that is too wide, or the step that misses its limits and by
-how much. This does not prove infeasibility: regions are slightly smaller than the validation allows
-(``foothold_regions``), and at most ``extra_steps`` steps above the minimum are tried.
+many steps (``milp.StepProgram``) has a solution. Steps as short as those of a walk are tried first, then all that the
+limits allow. Where obstacles leave no way ahead, the robot turns aside and passes sideways. If none has a solution, the
+error names the gap that is too wide, or the step that misses its limits and by how much. This does not prove
+infeasibility: regions are slightly smaller than the validation allows (``foothold_regions``), and at most
+``extra_steps`` steps above the minimum are tried.
 """
 
 import math
@@ -45,6 +46,8 @@ ASIDE_RAD: Final = (0.0, math.pi / 2, -math.pi / 2)
 """Turns of the heading in the middle of the walk that are tried, in this order: ahead, then sideways past obstacles."""
 MISS_S: Final = 1.0
 """Least processor time for the search of the step that misses its limits."""
+EASY_SHARE: Final = 0.05
+"""Share of the processor time in which a plan of easy steps is searched first."""
 LEVEL_MOVE_SHARE: Final = 0.7
 """Duration of a level step relative to a step to another height."""
 
@@ -88,14 +91,34 @@ class ContactPlanner:
         stances = task_ends(task, self.effectors)
         ends = StartAndGoal.from_stances(stances.start, stances.goal, self.limits.feet)
         ends = replace(ends, forbidden=tuple(forbidden))
+        try:
+            easy = replace(self, limits=replace(self.limits, is_easy=True))
+            most = PlanningBudget(EASY_SHARE * self.seconds)
+            plan = easy.plan_ahead_or_aside(task, stances.draft, ends, most, report_progress)
+        except NotEstimable:
+            plan = self.plan_ahead_or_aside(task, stances.draft, ends, budget, report_progress)
+        return replace(plan, solve_time_s=time.process_time() - began)
+
+    def plan_ahead_or_aside(
+        self,
+        task: Mapping[str, Any],
+        draft: Draft,
+        ends: StartAndGoal,
+        budget: PlanningBudget,
+        report_progress: Progress,
+    ) -> ContactPlan:
+        """Plan a draft ahead, else sideways past the obstacles, with the limits of this planner within ``budget``.
+
+        Raises ``NotEstimable`` as ``plan``, with the reason for which there is no plan ahead.
+        """
         errors: list[NotEstimable] = []
         for aside_rad in ASIDE_RAD:
             ends = replace(ends, aside_rad=aside_rad)
             try:
                 while True:
-                    plan, met = self._plan_around(task, stances.draft, ends, budget, report_progress)
+                    plan, met = self._plan_around(task, draft, ends, budget, report_progress)
                     if not met:
-                        return replace(plan, solve_time_s=time.process_time() - began)
+                        return plan
                     ends = replace(ends, obstacles=ends.obstacles + met)
             except NotEstimable as error:
                 errors.append(error)
@@ -254,7 +277,8 @@ def _least_steps(ends: StartAndGoal, limits: RobotLimits) -> int:
     local = heading_frame(ends.yaw_rad).T @ np.mean(ways, axis=0)
     length = max(float(np.hypot(local[0], local[1])), abs(float(local[2])))
     walk = math.ceil(length / limits.defaults.step_m - 1e-6) + (count == 2)
-    return max(count, walk, math.ceil(abs(ends.turn_rad) / TURN_MAX_RAD), 3 * ends.aside_steps)
+    turning = math.ceil(abs(ends.turn_rad) / TURN_MAX_RAD - 1e-6)
+    return max(count, walk, turning + (count == 2 and turning > 0), 3 * ends.aside_steps)
 
 
 def _scenario_phases(plan: Schedule, placed: PlacedSchedule, limits: RobotLimits) -> list[dict[str, Any]]:

@@ -8,6 +8,7 @@ of the start. They are outer bounds, so no plan is lost. A region whose two boxe
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -118,13 +119,14 @@ def first_gap(
 ) -> Gap | None:
     """The narrowest gap that no number of steps crosses; None if the goal is reachable.
 
-    ``names`` are the surfaces of start and goal by foot.
+    ``names`` are the surfaces of start and goal by foot. Obstacles leave different room at the headings of start,
+    middle and goal: a place at any of them counts.
     """
     frame = heading_frame(ends.yaw_rad)
     yaw = ends.middle_yaw_rad
     places: list[tuple[str, str, Boxes, OutsideEdges]] = []
-    for foot in limits.feet:
-        node = Node(foot, 0, yaw, None, regions_at(foot, yaw))
+    for foot, at_rad in product(limits.feet, ends.passing_yaws_rad):
+        node = Node(foot, 0, at_rad, None, regions_at(foot, at_rad))
         boxes = zip(node.choices, _node_boxes(node, frame), strict=True)
         places += [(foot, region.surface, box[np.newaxis], region.outside) for region, box in boxes]
     starts = [_end_place(ends, foot, names[foot][0], ends.start[foot], limits, frame) for foot in limits.feet]

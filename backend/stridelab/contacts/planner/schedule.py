@@ -107,6 +107,12 @@ class StartAndGoal:
         return self.yaw_rad + self.turn_rad / 2 + self.aside_rad
 
     @property
+    def passing_yaws_rad(self) -> list[float]:
+        """Headings at which obstacles can be passed: halfway, and around obstacles those of start and goal, too."""
+        ends = (self.yaw_rad, self.yaw_rad + self.turn_rad) if self.obstacles else ()
+        return list(dict.fromkeys((self.middle_yaw_rad, *ends)))
+
+    @property
     def aside_steps(self) -> int:
         """Steps in which the heading turns aside, and in which it turns back."""
         return math.ceil(abs(self.aside_rad) / TURN_MAX_RAD)
@@ -114,7 +120,7 @@ class StartAndGoal:
     def yaw_after(self, step: int, steps: int) -> float:
         """Heading (rad) of the foot of ``step``, of ``steps`` in all."""
         turned = min(1.0, step / self.aside_steps, (steps - step) / self.aside_steps) if self.aside_steps else 0.0
-        return self.yaw_rad + self.turn_rad * step / steps + self.aside_rad * turned
+        return self.yaw_rad + self.turn_rad * min(1.0, step / max(1, steps - 1)) + self.aside_rad * turned
 
     @staticmethod
     def from_stances(start: Stance, goal: Stance, feet: tuple[str, str]) -> "StartAndGoal":

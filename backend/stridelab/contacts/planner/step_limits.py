@@ -23,6 +23,11 @@ FEET_GAP_M: Final = 0.03
 FEET_GAP_MIN_M: Final = 0.04
 """Least gap between two soles: shoes are wider, both of HRP-2 by 31 mm in all."""
 
+EASY_AHEAD_SHARE: Final = 1.1
+"""Length of an easy step over that of the default step."""
+EASY_ASIDE_SHARE: Final = 0.6
+"""By how much the soles are farther apart in an easy step to the side, over the default step (TALOS 0.18 m)."""
+
 
 @dataclass(frozen=True, eq=False)
 class EffectorLimits:
@@ -60,11 +65,15 @@ class StepDefaults:
 
 @dataclass(frozen=True, eq=False)
 class RobotLimits:
-    """All effectors by name, the largest distance between the feet, and the defaults."""
+    """All effectors by name, the largest distance between the feet, and the defaults.
+
+    With ``is_easy``, steps are as short as those of a walk: arms and legs follow them beside walls and in turns, too.
+    """
 
     effectors: Mapping[str, EffectorLimits]
     feet_distance_max_m: float
     defaults: StepDefaults
+    is_easy: bool = False
 
     @property
     def feet(self) -> tuple[str, str]:
@@ -87,10 +96,13 @@ class RobotLimits:
         low, high = np.subtract(s.com_low_m, m.com_high_m), np.subtract(s.com_high_m, m.com_low_m)
         d = self.feet_distance_max_m * BALL_COVER
         near = self.defaults.width_min_m + self.effectors[still].half_size_m[0] * abs(float(np.sin(turn_rad)))
-        far = d
+        ahead, far = d, d
+        if self.is_easy:
+            ahead = min(d, EASY_AHEAD_SHARE * self.defaults.step_m)
+            far = min(d, near + EASY_ASIDE_SHARE * self.defaults.step_m)
         side = (near, far) if moving == self.feet[0] else (-far, -near)
         rise = self.defaults.rise_max_m
-        return np.maximum(low, (-d, side[0], -rise)), np.minimum(high, (d, side[1], rise))
+        return np.maximum(low, (-ahead, side[0], -rise)), np.minimum(high, (ahead, side[1], rise))
 
 
 def _cube_directions() -> Points:
