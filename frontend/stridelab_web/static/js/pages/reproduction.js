@@ -55,8 +55,8 @@ if (unfold) {
     unfold.textContent = open ? "Fold all" : "Unfold all";
   });
 }
-const linked = location.hash && document.getElementById(location.hash.slice(1));
-const folded = linked && linked.querySelector("details");
+const linked = location.hash ? document.getElementById(location.hash.slice(1)) : null;
+const folded = linked?.querySelector("details");
 if (folded) folded.open = true;
 
 // jobs.js updates the rows; a job that has finished meanwhile may have a result.
