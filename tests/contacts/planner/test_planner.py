@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from stridelab.contacts.effector_geometry import effector_shapes
-from stridelab.contacts.planner import milp
+from stridelab.contacts.planner import milp, planner
+from stridelab.contacts.planner.foothold_regions import foothold_regions
 from stridelab.contacts.planner.planner import ContactPlan, ContactPlanner
 from stridelab.contacts.planner.schedule import Transition
 from stridelab.contacts.planner.step_limits import BALL_COVER, EASY_AHEAD_SHARE, EASY_ASIDE_SHARE
@@ -380,3 +381,27 @@ def test_wall_time_is_limited_as_a_safety(monkeypatch: pytest.MonkeyPatch) -> No
     assert isinstance(answer, NotEstimable)
     assert answer.code == "contact-plan-timeout"
     assert machine.wall_s <= milp.WALL_PER_CPU_MAX * 10.0
+
+
+def test_regions_of_further_headings_are_not_computed_beyond_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside many obstacles they take most of the time, which no program of the solver would notice."""
+    computed: list[float] = []
+
+    def count_regions(*_: object) -> list[Any]:
+        computed.append(0.0)
+        machine.used_s += 4.0
+        return regions(*_)
+
+    machine = BusyMachine(1.0, 0.0)
+    regions = foothold_regions
+    monkeypatch.setattr(milp, "time", machine)
+    monkeypatch.setattr(planner, "foothold_regions", count_regions)
+    turned = of_scenario(flat_walk())
+    x = turned["goal"]["contacts"][0]["position_m"][0]
+    for foot in turned["goal"]["contacts"]:
+        y = 0.09 if foot["effector"] == "left_foot" else -0.09
+        foot |= {"position_m": [x - y, 0.0, 0.0], "orientation_wxyz": [np.cos(np.pi / 4), 0.0, 0.0, np.sin(np.pi / 4)]}
+    answer = planned(turned, ContactPlanner(SHAPES, PLANNER.limits, seconds=10.0))
+    assert isinstance(answer, NotEstimable)
+    assert answer.code == "contact-plan-timeout"
+    assert len(computed) <= 5, "not those of all headings of a walk that turns"

@@ -135,7 +135,7 @@ class ContactPlanner:
         report_progress: Progress,
     ) -> tuple[ContactPlan, tuple[Obstacle, ...]]:
         """Plan around obstacles and transitions; return the plan and the further obstacles that it meets."""
-        rooms, least = self._prepare_rooms(draft, ends)
+        rooms, least = self._prepare_rooms(draft, ends, budget)
         if least > STEPS_MAX:
             message = f"The goal is at least {least} steps away; a plan has at most {STEPS_MAX} steps."
             raise NotEstimable("contacts-too-far", message, [Fault("goal", f"{least} steps away")])
@@ -162,10 +162,10 @@ class ContactPlanner:
         """Return ends, foothold regions and the minimum number of steps. Raises ``InvalidInput`` as ``plan``."""
         stances = task_ends(task, self.effectors)
         ends = StartAndGoal.from_stances(stances.start, stances.goal, self.limits.feet)
-        return ends, *self._prepare_rooms(stances.draft, ends)
+        return ends, *self._prepare_rooms(stances.draft, ends, PlanningBudget(self.seconds))
 
-    def _prepare_rooms(self, draft: Draft, ends: StartAndGoal) -> tuple[RegionLookup, int]:
-        rooms = self._region_lookup(draft, ends.obstacles)
+    def _prepare_rooms(self, draft: Draft, ends: StartAndGoal, budget: PlanningBudget) -> tuple[RegionLookup, int]:
+        rooms = self._region_lookup(draft, ends.obstacles, budget)
         least = _least_steps(ends, self.limits)
         return rooms, least and max(least, fewest_moves(ends, self.limits, rooms))
 
@@ -196,14 +196,20 @@ class ContactPlanner:
                     last = min(last, steps + self.extra_steps)
                     yield candidate
 
-    def _region_lookup(self, draft: Draft, obstacles: tuple[Obstacle, ...]) -> RegionLookup:
-        """Cached lookup of the regions of an effector at a heading, rounded to a microradian."""
+    def _region_lookup(self, draft: Draft, obstacles: tuple[Obstacle, ...], budget: PlanningBudget) -> RegionLookup:
+        """Cached lookup of the regions of an effector at a heading, rounded to a microradian.
+
+        Beside many obstacles a heading takes a tenth of a second, and each number of steps has headings of its own. The
+        lookup raises ``contact-plan-timeout`` if ``budget`` is spent.
+        """
         cache: dict[tuple[str, int], tuple[Region, ...]] = {}
         gap_m = self.limits.defaults.toe_gap_m
 
         def regions_at(effector: str, yaw_rad: float) -> tuple[Region, ...]:
             key = (effector, round(yaw_rad * 1e6))
             if key not in cache:
+                if budget.is_spent:
+                    raise _timeout_error(self.seconds)
                 shape = self.limits.effectors[effector]
                 regions = foothold_regions(draft.terrain, draft.friction, shape, yaw_rad, gap_m, obstacles)
                 cache[key] = tuple(regions)
