@@ -26,12 +26,12 @@ from experiments.stair_variations import (
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "stair-variations.md"
 INTRO = """# Random stairs
 
-Written by `scripts/make_stair_variations.py`. These are the first {number} of {all_number} random flights of
-{stairs} stairs for TALOS (`scripts/experiments/stair_variations.py`, seed 0), each 5 to 15 cm high, 30 to 36 cm
-deep, with a toe gap of 50 to 60 mm, and with all durations 0.8 to 1.2 times those of experiments 2 and 3 of the
-thesis. Every other flight has a rail, 0.70 to 1.00 m above the footholds and 0.42 to 0.58 m to the right, with the
-hand 0.10 to 0.35 m ahead. Each flight is planned with the settings of the service, followed by the whole-body
-controller, checked by the certificate and replayed in the physics simulation.
+Written by `scripts/make_stair_variations.py`. These are {number} of {all_number} random flights of {stairs} stairs for
+TALOS (`scripts/experiments/stair_variations.py`, seed 0), each 5 to 15 cm high, 30 to 36 cm deep, with a toe gap of 50
+to 60 mm, and with all durations 0.8 to 1.2 times those of experiments 2 and 3 of the thesis. Every other flight has a
+rail, 0.70 to 1.00 m above the footholds and 0.42 to 0.58 m to the right, with the hand 0.10 to 0.35 m ahead. Each
+flight is planned with the settings of the service, followed by the whole-body controller, checked by the certificate
+and replayed in the physics simulation.
 """
 REPORTS: TypeAdapter[list[SearchResult]] = TypeAdapter(list[SearchResult])
 
@@ -97,9 +97,8 @@ def page(variations: tuple[Variation, ...], known: dict[int, SearchResult]) -> I
     if searched:
         yield (
             "- Searched at other paces, with soles and hand elsewhere on the same stairs and rail: "
-            f"{len(searched)}, of which **{sum(case.failure_confirmed for case in searched)} are confirmed** "
-            "(no other one "
-            "is carried out either)."
+            f"{len(searched)}.\n  Of these, {sum(case.failure_confirmed for case in searched)} have no other flight that is "
+            "carried out."
         )
     yield ""
     if refused:
