@@ -97,8 +97,8 @@ def page(variations: tuple[Variation, ...], known: dict[int, SearchResult]) -> I
     if searched:
         yield (
             "- Searched at other paces, with soles and hand elsewhere on the same stairs and rail: "
-            f"{len(searched)}.\n  Of these, {sum(case.failure_confirmed for case in searched)} have no other flight that is "
-            "carried out."
+            f"{len(searched)}.\n  Of these, {sum(case.failure_confirmed for case in searched)} have no other flight "
+            "that is carried out."
         )
     yield ""
     if refused:
