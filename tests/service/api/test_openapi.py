@@ -20,7 +20,7 @@ import schemathesis
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis.errors import FlakyStrategyDefinition
 from hypothesis.stateful import run_state_machine_as_test
-from schemathesis.specs.openapi.checks import positive_data_acceptance
+from schemathesis.specs.openapi.checks import negative_data_rejection, positive_data_acceptance
 from starlette.routing import Route
 
 from stridelab.errors import Fault, UnreadableFile
@@ -188,7 +188,10 @@ def test_the_service_conforms_to_its_description(
     if "wait" in (case.query or {}):
         case.query.pop("wait")
     answer = case.call(base_url=stocked.base_url, timeout=30, session=session)
-    case.validate_response(answer, excluded_checks=[positive_data_acceptance])
+    excluded = [positive_data_acceptance]
+    if case.operation.path == "/api/v1/recordings/batch" and answer.status_code == 202:
+        excluded.append(negative_data_rejection)  # fields of a form are text: an object is sent as its text, to a job
+    case.validate_response(answer, excluded_checks=excluded)
     assert answer.status_code < 500
     assert answer.headers["x-content-type-options"] == ["nosniff"]
 

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from stridelab.service.kinds.plan_motion.display_tracks import display_forces, display_frames, display_poses
 from stridelab.service.kinds.plan_motion.motion_log import NEWTON_PER_M, WORLD, write_motion_log
+from stridelab.wholebody.replay.log import TorquePeak
 from stridelab.wholebody.replay.replay import Replay
 from support.robots.plans import made_up_motion, talos
 
@@ -38,13 +39,14 @@ def half_of_the_replay() -> Replay:
         "com_m": motion.com_m,
     }
     forces_n = {name: forces[:half].sum(axis=1) for name, forces in motion.forces_n.items()}
-    numbers = ("com_error_rms_m", "com_error_max_m", "foot_slip_max_m", "landing_error_max_m", "torque_ratio_max")
+    numbers = ("com_error_rms_m", "com_error_max_m", "foot_slip_max_m", "landing_error_max_m")
     return Replay(
         **{name: values[:half] for name, values in samples.items()},
         forces_n=forces_n,
         fall_time_s=float(motion.time_s[half]),
         hand_force_mean_n=None,
         hand_contact_share=None,
+        torque_peak=TorquePeak(),
         real_time_factor=1.0,
         **dict.fromkeys(numbers, 0.0),
     )
