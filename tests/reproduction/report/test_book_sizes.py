@@ -25,7 +25,7 @@ def section_of(item: str) -> str:
         ("table-4.1", r"minimum of (\w+)", table_4_1.REPEATS),
         ("numbers-4", r"around 10 ns \|.*n = (\d+); time", numbers.REPEATS),
         ("numbers-4", r"for 25 s of motion .*n = (\d+); solver", numbers.REPEATS),
-        ("height-people", r"(\d+) draws", height_people.DRAWS),
+        ("height-people", r"(\d+) refits", height_people.DRAWS),
         ("height-people", r"(\d+) trials each", height_people.TRIALS),
     ],
 )
