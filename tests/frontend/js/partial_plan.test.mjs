@@ -110,6 +110,29 @@ test("the body, and then its replay, is drawn as soon as it is there, however sl
   assert.deepEqual(shown, ["path", "body", "replay"]);
 });
 
+test("a certificate whose last parts were deleted with the end of the job is read from its result", async () => {
+  const certificate = { passed: true, checks: [check("com_error_max", true), check("contact_drift_max", true)] };
+  const answers = /** @type {Record<string, object>} */ ({
+    "/api/v1/jobs/j/partial": { attempt: 1, next: "1.1", chunks: [] },
+    "/api/v1/jobs/j/result": { summary: { certificate } },
+  });
+  const before = globalThis.fetch;
+  globalThis.fetch = async (path) =>
+    new Response(JSON.stringify(answers[path]), { headers: { "content-type": "application/json" } });
+  try {
+    const plan = new PartialPlan(),
+      said = [];
+    plan.add({ attempt: 1, chunks: [{ kind: "certificate", checks: [check("com_error_max", true)] }] });
+    await new PartialReader("j", plan, () => said.push(plan.certificateText)).readLast();
+    assert.deepEqual(said, ["Certified: all 2 checks passed."]);
+    answers["/api/v1/jobs/j/result"] = { summary: { certificate: null } };
+    await new PartialReader("j", new PartialPlan(), () => said.push("no certificate")).readLast();
+    assert.equal(said.length, 1);
+  } finally {
+    globalThis.fetch = before;
+  }
+});
+
 test("a request while another one is on its way resolves after the parts that come last", async () => {
   const answers = [
     { attempt: 1, next: "1.1", chunks: [START] },

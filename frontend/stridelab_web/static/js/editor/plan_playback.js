@@ -99,7 +99,7 @@ export class PlanPlayback {
 
   // Resolves when the last parts of a job that has ended are shown, or after a while.
   async showLastParts() {
-    await Promise.race([this.reader?.request(), new Promise((resolve) => setTimeout(resolve, LAST_PARTS_MS))]);
+    await Promise.race([this.reader?.readLast(), new Promise((resolve) => setTimeout(resolve, LAST_PARTS_MS))]);
   }
 
   onParts() {
