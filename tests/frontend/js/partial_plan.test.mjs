@@ -118,7 +118,7 @@ test("a certificate whose last parts were deleted with the end of the job is rea
   });
   const before = globalThis.fetch;
   globalThis.fetch = async (path) =>
-    new Response(JSON.stringify(answers[path]), { headers: { "content-type": "application/json" } });
+    new Response(JSON.stringify(answers[String(path)]), { headers: { "content-type": "application/json" } });
   try {
     const plan = new PartialPlan(),
       said = [];
