@@ -54,15 +54,15 @@ def draw_claim(
     space = MARGIN * (last - first or abs(first) or 1.0)
     first, span = first - space, last - first + 2 * space
 
-    def place(value: float) -> float:
+    def place_percent(value: float) -> float:
         return round(100 * (value - first) / span, 2)
 
-    start, end = (0.0 if low is None else place(low)), (100.0 if high is None else place(high))
+    start, end = (0.0 if low is None else place_percent(low)), (100.0 if high is None else place_percent(high))
     if end - start < LEAST_WIDTH:
         start, end = (start + end - LEAST_WIDTH) / 2, (start + end + LEAST_WIDTH) / 2
-    edges = None if interval is None else (place(interval[0]), place(interval[1]))
+    edges = None if interval is None else (place_percent(interval[0]), place_percent(interval[1]))
     return ClaimBar(
-        ours_x=place(ours),
+        ours_x=place_percent(ours),
         range_x=round(start, 2),
         range_width=round(end - start, 2),
         interval_x=edges[0] if edges else None,

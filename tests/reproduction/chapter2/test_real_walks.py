@@ -13,7 +13,7 @@ from stridelab.reproduction.claims import Reproduction
 from stridelab.reproduction.common.intervals import rms_ratio
 from support.recorded_claims import assert_as_recorded, assert_steps_as_recorded, assert_tables_as_recorded
 from support.recorded_steps import recorded_steps
-from support.recordings.walks import cut_recording, link_adults
+from support.recordings.walks import cut_recording, link_adults, link_people
 
 ADULTS, CHILDREN = ("2014001", "2014015"), ("HC002D", "HC030A")
 
@@ -22,9 +22,7 @@ ADULTS, CHILDREN = ("2014001", "2014015"), ("HC002D", "HC030A")
 def found(gait: Path, tmp_path_factory: pytest.TempPathFactory) -> Reproduction:
     few = tmp_path_factory.mktemp("gait")
     for study, persons in (("rehazenter-adult-walking", ADULTS), ("biomechzoo-sample-study", CHILDREN)):
-        (few / study).mkdir()
-        for person in persons:
-            (few / study / person).symlink_to((gait / study / person).resolve())
+        link_people(gait / study, persons, few / study)
     cut_recording(gait, few, table_real_walks.GROUPS["children"])
     with recorded_steps() as steps:
         result = table_real_walks.run(few, lambda _fraction, _message: None)

@@ -117,8 +117,8 @@ def test_a_change_with_the_speed_is_that_of_people_with_both() -> None:
     assert claim.n == 2
     assert claim.threshold == "ours", "the thesis has no bound of it"
     apart = {"comfortable": walks["comfortable"][:1], "fast": walks["fast"][1:]}
-    for nobody in (apart, {"comfortable": walks["comfortable"]}, {"fast": walks["fast"]}):
-        assert people_parameter_claims._speed_claims(nobody, "R_m", "R", 0.005) == []
+    for without_both in (apart, {"comfortable": walks["comfortable"]}, {"fast": walks["fast"]}):
+        assert people_parameter_claims._speed_claims(without_both, "R_m", "R", 0.005) == []
 
 
 def test_double_support_needs_both_crossings() -> None:

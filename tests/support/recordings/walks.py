@@ -288,11 +288,19 @@ def mirrored_tracks(tracks: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 def link_adults(gait: Path, people: Sequence[str], folder: Path) -> Path:
     """Link the recordings of some adults of ``gait`` into ``folder``, as that of all; returns ``folder``."""
-    adults = "rehazenter-adult-walking"
-    (folder / adults).mkdir()
-    for person in people:
-        (folder / adults / person).symlink_to((gait / adults / person).resolve())
+    link_people(gait / "rehazenter-adult-walking", people, folder / "rehazenter-adult-walking")
     return folder
+
+
+def link_people(study: Path, people: Sequence[str], folder: Path) -> None:
+    """Link the files of some people of ``study`` into ``folder``, which is made.
+
+    Each file has its own link: through one to a folder, a test that removes a file would remove the recording itself.
+    """
+    for person in people:
+        (folder / person).mkdir(parents=True)
+        for path in (study / person).iterdir():
+            (folder / person / path.name).symlink_to(path.resolve())
 
 
 def cut_recording(gait: Path, folder: Path, pattern: str, person: str = "cut") -> Path:

@@ -43,9 +43,9 @@ def run(seeds: range, tell: Progress) -> Reproduction:
     for number, (robot, name, card) in enumerate(effectors):
         tell(number / len(effectors), f"fitting {ROBOTS[robot]}, {name}")
         density = effector_density(robot, name, seed)
-        found.append(_EffectorSizes(robot, name, card, density.kernels.bandwidth_m, density.divergences(seed)))
+        found.append(_EffectorSizes(robot, name, card, density.kernels.bandwidth_m, density.compute_divergences(seed)))
     return Reproduction(
-        claims=tuple(claim for each in found for claim in each.claims()),
+        claims=tuple(claim for each in found for claim in each.make_claims()),
         note=NOTE,
         tables={
             "sizes": {
@@ -63,8 +63,8 @@ def run(seeds: range, tell: Progress) -> Reproduction:
                 "robot": np.array([each.robot for each in found for _ in SIZES]),
                 "effector": np.array([each.name for each in found for _ in SIZES]),
                 **{
-                    name: np.concatenate([each.sizes.columns(SIZES)[name] for each in found])
-                    for name in found[0].sizes.columns(SIZES)
+                    name: np.concatenate([each.sizes.make_columns(SIZES)[name] for each in found])
+                    for name in found[0].sizes.make_columns(SIZES)
                 },
             },
         },
@@ -96,7 +96,7 @@ class _EffectorSizes:
     def kl_nats(self, size: int) -> float:
         return self.sizes.of_size[size].kl_nats
 
-    def claims(self) -> list[Claim]:
+    def make_claims(self) -> list[Claim]:
         """Claims that the divergence stagnates at the thesis' size and rises beyond it for the hands of HRP-2."""
         size, is_of_thesis = self.thesis_size, self.robot == "hrp2"
         who, key = f"{ROBOTS[self.robot]}, {self.name.replace('_', ' ')}", f"{self.robot}_{self.name}"

@@ -66,7 +66,7 @@ class FootDensity:
     held_out: Points
     mixtures: Mapping[int, Mixture]
 
-    def divergences(self, seed: int) -> "SizeDivergences":
+    def compute_divergences(self, seed: int) -> "SizeDivergences":
         """The divergence of every mixture from the kernel density, from the same draws."""
         rng = np.random.default_rng(seed)
         found = kl_divergences(self.kernels, list(self.mixtures.values()), DRAWS, rng)
@@ -95,7 +95,7 @@ class SizeDivergences:
         half = STANDARD_ERRORS_95 * self.of_size[size].excess_sd_nats / fall_nats
         return self.excess_share(size) - half, self.excess_share(size) + half
 
-    def columns(self, sizes: Sequence[int]) -> dict[str, Float[np.ndarray, "_"]]:
+    def make_columns(self, sizes: Sequence[int]) -> dict[str, Float[np.ndarray, "_"]]:
         """A table of some sizes."""
         rows = [(size, *astuple(self.of_size[size])) for size in sizes]
         names = ("components", "kl_nats", "kl_sd_nats", "excess_sd_nats")
@@ -150,7 +150,7 @@ def reproduce_foot_density(
     """Reproduce the figure for one robot with mixtures of ``sizes``, of which ``size`` is the one that it shows."""
     tell(0.1, f"fitting {title}")
     density = effector_density(robot, EFFECTOR, seed)
-    divergences = density.divergences(seed)
+    divergences = density.compute_divergences(seed)
     density = replace(density, mixtures={k: density.mixtures[k] for k in sizes})
     grid = grid_around(density.kernels)
     x, y, z = (project_kernels(density.kernels, grid, along) for along in range(3))
@@ -165,7 +165,7 @@ def reproduce_foot_density(
         claims=claims,
         note=f"{title}, right foot, postures uniform in the joints: 5000 bundled samples with bandwidth "
         f"{density.kernels.bandwidth_m:g} m, by held-out likelihood. The thesis does not state its bandwidth.",
-        tables={"level_sets": sets, "divergence": divergences.columns(sorted({1, *sizes, divergences.least}))},
+        tables={"level_sets": sets, "divergence": divergences.make_columns(sorted({1, *sizes, divergences.least}))},
         drawing=svg_maps(rows, grid),
         references=REFERENCES,
     )

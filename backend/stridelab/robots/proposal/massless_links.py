@@ -82,7 +82,7 @@ def share_masses(root: ET.Element, assumed: dict[str, str]) -> None:
         ):
             end = further
         heavy = links[joint_end(end, "child")]
-        if (split := _split(heavy)) is None:
+        if (split := _split_inertia(heavy)) is None:
             continue
         share, sphere, rest = split
         _write_inertia(heavy, rest)
@@ -97,7 +97,7 @@ def _only_turning(joints: list[ET.Element]) -> ET.Element | None:
     return joints[0] if len(joints) == 1 and joints[0].attrib["type"] != "fixed" else None
 
 
-def _split(link: ET.Element) -> tuple[float, pin.Inertia, pin.Inertia] | None:
+def _split_inertia(link: ET.Element) -> tuple[float, pin.Inertia, pin.Inertia] | None:
     """A share, a sphere of water with that share of a link's mass at its joint, and the rest; None if none is left."""
     whole = _inertia_of(link)
     if whole is None or whole.mass <= 0.0:

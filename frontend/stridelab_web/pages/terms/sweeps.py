@@ -16,7 +16,7 @@ FIELD_TERMS: Final[Mapping[str, Term]] = {
 }
 """Varied fields: columns of the table and axes of the charts."""
 OUTCOME_TERMS: Final[Mapping[str, Term]] = {
-    "feasible": Term("a motion was found, and with the whole body its certificate passed", _LIMIT),
+    "feasible": Term("there is a motion, and with the whole body its certificate passed", _LIMIT),
     "refused": Term("the contacts contradict the robot or the terrain; nothing was solved", _CHECKED),
     "infeasible": Term("no motion obeys all limits, or the body cannot follow it", _LIMIT),
     "failed": Term("the computation ended with an error; nothing is known", _LIMIT),
