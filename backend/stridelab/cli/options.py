@@ -1,9 +1,8 @@
 """Options that several commands share, groups of them, and the request of ``stridelab estimate`` made of them."""
 
-import shutil
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from functools import cached_property
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_type_hints
@@ -11,6 +10,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 import typer
 
 from stridelab.errors import Fault, InvalidInput
+from stridelab.recordings.files.trial_pairs import forces_beside, pack_trial
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.marker_sets import SourceMarkerSet
 from stridelab.schemas.methods import NODE_RATE_HZ, Formulation, Method
@@ -227,11 +227,13 @@ class EstimateRequest:
         """The static trial of the same person, or None."""
         return self.preparation.static
 
-    @property
+    @cached_property
     def files(self) -> tuple[Path, ...]:
-        """The files of the recording: itself, its body model and its forces."""
+        """The files of the recording: itself, its body model and its forces, given or beside a TRC file."""
         model = () if self.preparation.model is None else (self.preparation.model,)
-        return (self.file, *model, *(self.preparation.forces or ()))
+        forces = tuple(self.preparation.forces or ())
+        beside = None if model or forces else forces_beside(self.file)
+        return (self.file, *model, *forces, *(() if beside is None else (beside,)))
 
     @property
     def upload_name(self) -> str:
@@ -247,12 +249,7 @@ class EstimateRequest:
         if len(set(names)) < len(names):
             fault = Fault("--forces", "the name of each file must differ")
             raise InvalidInput("option-invalid", "Two files of the recording have the same name.", [fault])
-        if len(names) == 1:
-            shutil.copyfile(self.file, target)
-            return
-        with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as packed:
-            for path in self.files:
-                packed.write(path, path.name)
+        pack_trial(self.files, target)
 
     def subject_fields(self) -> SubjectFields:
         """Given data of the subject. Raises ``InvalidInput`` naming the invalid option."""

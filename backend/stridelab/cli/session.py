@@ -5,6 +5,7 @@ result folder. Static trials are estimated only if there are no other recordings
 """
 
 import json
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -48,7 +49,7 @@ def estimate_session(requests: Sequence[EstimateRequest], delivery: Delivery) ->
             "Several recordings are estimated on this machine only; a service finds the trials of a session itself."
         )
         raise InvalidInput("option-invalid", message, [Fault("--server", "takes one recording")])
-    if any(len(request.files) > 1 for request in requests):
+    if any(request.preparation.model or request.preparation.forces for request in requests):
         message = "The options --model and --forces belong to one recording; estimate one file at a time."
         raise InvalidInput("option-invalid", message, [Fault("--model", "takes one recording")])
     request_of = {request.file: request for request in requests}
@@ -141,9 +142,11 @@ def _read_members(
     refused: dict[str, StridelabError] = {}
     for count, (path, request) in enumerate(request_of.items()):
         bar(count / len(request_of), path.name)
-        source = request.to_source(path.name, static_labels=list(request.marker_map().values()))
+        source = request.to_source("trial", static_labels=list(request.marker_map().values()))
         try:
-            trial = trial_facts(names[path], source, path.parent)
+            with tempfile.TemporaryDirectory(prefix="stridelab-") as work:
+                request.write_upload(Path(work, "trial"))
+                trial = trial_facts(names[path], source, Path(work))
         except StridelabError as error:
             refused[names[path]] = error
             continue

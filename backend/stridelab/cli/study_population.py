@@ -18,6 +18,7 @@ from stridelab.cli.results import Bar, deliver_result, err, out, run_in_scratch,
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings.files.batch_zip import BatchLimits, is_batch, unpack_batch
 from stridelab.recordings.files.recording_files import recordings_in
+from stridelab.recordings.files.trial_pairs import forces_beside, pack_trial
 from stridelab.schemas.base import Contract
 from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidTask
 from stridelab.schemas.jobs import JobResult
@@ -80,8 +81,12 @@ def collect_files(paths: Sequence[Path], subjects: Path | None, folder: Path) ->
         table = subjects.read_bytes()
     for index, path in enumerate(paths):
         if path.is_dir():
-            recordings = recordings_in(path)
-            files += [(p.relative_to(path).as_posix(), p) for p in recordings]
+            for recording in recordings_in(path):
+                forces = forces_beside(recording)
+                packed = recording if forces is None else folder / f"trial-{len(files)}.zip"
+                if forces is not None:
+                    pack_trial((recording, forces), packed)
+                files.append((recording.relative_to(path).as_posix(), packed))
             continue
         require_file(path)
         if not is_batch(path):

@@ -15,6 +15,7 @@ from typing import Any
 
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.pipelines.session_values import TrialFacts, share_session
+from stridelab.recordings.files.trial_pairs import copy_recording
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.measures import GaitReportInput, GaitReportTask, MeasuresMember, ReferencePerson
 from stridelab.schemas.recordings import SubjectFields
@@ -81,7 +82,7 @@ def stage_walks(
         name = f"recording-{len(list(folder.glob('recording-*'))):03d}"
         (folder / name).mkdir()
         with contextlib.suppress(OSError):
-            shutil.copyfile(path, folder / name / "trial")
+            copy_recording(path, folder / name / "trial")
         source = RecordingSource(file="trial", filename=shown, subject=subject)
         static_source = None
         if static is not None:

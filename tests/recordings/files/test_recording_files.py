@@ -68,11 +68,29 @@ def test_several_trc_files_are_unpacked(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("beside", ["b.trc", "b.c3d"])
 def test_forces_are_not_left_out_silently(beside: str, tmp_path: Path) -> None:
-    path = packed(tmp_path, "a.trc", "a_grf.mot", beside, a_grf_mot=GRF)
+    path = packed(tmp_path, "a.trc", "trial_7_grf.mot", beside, trial_7_grf_mot=GRF)
     with pytest.raises(UnreadableFile) as refusal:
         unpacked(tmp_path, path)
     assert refusal.value.code == "zip-several-trials"
-    assert {"a.trc", "a_grf.mot"} <= {fault.where for fault in refusal.value.faults}
+    assert [fault.where for fault in refusal.value.faults] == ["trial_7_grf.mot"]
+
+
+def test_forces_of_the_same_name_are_unpacked_with_their_trial(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    path = packed(tmp_path, "p/a.trc", "p/a_grf.mot", "p/b.trc", "p/a_ik.mot", p_a_grf_mot=GRF, p_a_ik_mot=ANGLES)
+    files = dict(unpack_batch(path, tmp_path / "out", LIMITS).files)
+    assert sorted(files) == ["p/a.trc", "p/b.trc"]
+    with zipfile.ZipFile(files["p/a.trc"]) as trial:
+        assert {name: trial.read(name).decode() for name in trial.namelist()} == {"a.trc": "p/a.trc", "a_grf.mot": GRF}
+    assert files["p/b.trc"].read_text() == "p/b.trc"
+    assert sorted(one.name for one in (tmp_path / "out").iterdir()) == ["member-0000", "member-0001"]
+
+
+def test_forces_count_for_the_limits_of_a_zip(tmp_path: Path) -> None:
+    path = packed(tmp_path, "a.trc", "a_grf.mot", "b.trc", a_grf_mot=GRF + "0\t0\n" * 3000)
+    with pytest.raises(UnreadableFile) as refusal:
+        unpacked(tmp_path, path)
+    assert refusal.value.code == "zip-bomb"
 
 
 def test_forces_beside_c3d_files_alone_do_no_harm(tmp_path: Path) -> None:

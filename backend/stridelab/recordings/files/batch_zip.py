@@ -1,7 +1,8 @@
 """Unpacks a zip of many recordings into files with generated names; names and sizes in the zip are not trusted.
 
-Members are ``.c3d`` files, ``.trc`` files, ``.zip`` files of one TRC and one force file each (opened later by the
-reader, without further nesting), and at most one ``.csv``: the subject table.
+Members are ``.c3d`` files, ``.trc`` files with their force files (``walk.trc`` and ``walk_grf.mot``, in the same folder
+or in one for forces), ``.zip`` files of one TRC and one force file each (opened later by the reader, without further
+nesting), and at most one ``.csv``: the subject table.
 """
 
 import zipfile
@@ -12,13 +13,11 @@ from typing import Final
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.recordings.files.opensim_zip import ZIP_ERRORS, damaged_zip_error, has_ground_forces
 from stridelab.recordings.files.recording_files import recordings_among
+from stridelab.recordings.files.trial_pairs import FORCES, HEAD_BYTES, TRC, pair_trials
 
-TRC: Final = ".trc"
-FORCES: Final = (".mot", ".sto")
 TABLE: Final = ".csv"
 TABLE_BYTES: Final = 1_000_000
 PIECE_BYTES: Final = 1 << 20
-HEAD_BYTES: Final = 20_000
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ def unpack_batch(path: Path, folder: Path, limits: BatchLimits) -> UnpackedBatch
 
     Reading stops at the limits regardless of the sizes in the zip's directory. Raises ``UnreadableFile``
     (``zip-damaged``, ``zip-bomb``, ``zip-too-many-files``, ``zip-name-twice``, ``zip-several-tables``, and
-    ``zip-several-trials`` if force files cannot be assigned to TRC files).
+    ``zip-several-trials`` if force files cannot be assigned to TRC files by their names).
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -66,11 +65,15 @@ def unpack_batch(path: Path, folder: Path, limits: BatchLimits) -> UnpackedBatch
             recordings = _recording_members(members)
             tables = [member for member in members if _member_suffix(member) == TABLE]
             _check_contents(path.name, recordings, tables, limits)
-            _check_unassigned_forces(archive, members, recordings)
+            forces = _forces_of_trials(archive, members, recordings)
             left, files = limits.total_bytes, []
             for index, member in enumerate(recordings):
                 target = folder / f"member-{index:04d}"
                 left -= _unpack_member(archive, member, target, min(left, limits.file_bytes), limits)
+                if member.filename in forces:
+                    left -= _add_forces(
+                        archive, member, forces[member.filename], target, min(left, limits.file_bytes), limits
+                    )
                 files.append((_member_name(member), target))
             return UnpackedBatch(tuple(files), _read_table(archive, tables, limits))
     except ZIP_ERRORS as error:
@@ -95,26 +98,55 @@ def _check_contents(
         raise UnreadableFile("zip-name-twice", "The zip holds two files of the same name.", faults)
 
 
-def _check_unassigned_forces(
+def _forces_of_trials(
     archive: zipfile.ZipFile, members: list[zipfile.ZipInfo], recordings: list[zipfile.ZipInfo]
-) -> None:
-    """Raise if TRC files would be read without the force files beside them."""
-    trials = [_member_name(member) for member in recordings if _member_suffix(member) == TRC]
-    if not trials:
-        return
-    forces = []
+) -> dict[str, zipfile.ZipInfo]:
+    """Force files by the names of their TRC files; raises if one of them belongs to no TRC file.
+
+    A zip whose TRC files are all exports of other recordings may hold any force files.
+    """
+    if all(_member_suffix(one) != TRC for one in recordings):
+        return {}
+    trials = {PurePosixPath(_member_name(one)): one for one in members if _member_suffix(one) == TRC}
+    forces = {}
     for member in members:
         if _member_suffix(member) in FORCES:
             with archive.open(member) as file:
                 if has_ground_forces(file.read(HEAD_BYTES).decode("utf-8-sig", errors="replace")):
-                    forces.append(_member_name(member))
-    if forces:
+                    forces[PurePosixPath(_member_name(member))] = member
+    pairs = pair_trials(trials, forces)
+    unassigned = sorted(str(path) for path in forces.keys() - pairs.values())
+    if unassigned:
         message = (
-            "The zip holds several recordings, TRC files and force files among them; it is not known which of these "
-            "belong together. Put each pair of a TRC and a MOT or STO file into a zip of its own inside this one."
+            "The zip holds several recordings, and force files whose names do not say to which TRC file they belong. "
+            "Name each pair alike (walk.trc and walk_grf.mot), or put it into a zip of its own inside this one."
         )
-        faults = [Fault(name[:120], "one of several") for name in (*trials[:10], *forces[:10])]
-        raise UnreadableFile("zip-several-trials", message, faults)
+        raise UnreadableFile(
+            "zip-several-trials", message, [Fault(name[:120], "of no TRC file") for name in unassigned[:20]]
+        )
+    return {trials[trial].filename: forces[force] for trial, force in pairs.items()}
+
+
+def _add_forces(
+    archive: zipfile.ZipFile,
+    trial: zipfile.ZipInfo,
+    force: zipfile.ZipInfo,
+    target: Path,
+    limit: int,
+    limits: BatchLimits,
+) -> int:
+    """Make an unpacked TRC file a zip with its forces; returns their size."""
+    markers, forces = target.with_suffix(".markers"), target.with_suffix(".forces")
+    target.rename(markers)
+    try:
+        size = _unpack_member(archive, force, forces, limit, limits)
+        with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as packed:
+            packed.write(markers, _member_name(trial).rpartition("/")[2])
+            packed.write(forces, _member_name(force).rpartition("/")[2])
+    finally:
+        markers.unlink(missing_ok=True)
+        forces.unlink(missing_ok=True)
+    return size
 
 
 def _unpack_member(
