@@ -31,6 +31,7 @@ from stridelab.walking.event_calibration import (
     common_difference,
 )
 from stridelab.walking.gait_events import contacts_of_foot, find_contacts
+from stridelab.walking.low_passed_plates import LEAD_SD_S
 from stridelab.walking.preconditions import require_walk
 
 PERSON: Final = re.compile(r"(NP\d{4}|HC\d{3}[A-D]|20\d{5}(?=_C)|(?<=/)(PC|TD)\d{3}|(?<=/)00\d\d(?=_Davis)|patient\d)")
@@ -39,8 +40,11 @@ WITHIN_S: Final = 0.015
 MOVED: Final = re.compile(r"static|_ST\.|calib|_out\.c3d|run|sprint|jog|jump|squat|stair", re.IGNORECASE)
 """In the names of files that are no walks, or copies of them."""
 Others = Literal["recording", "recording and session", "session alone"]
-Differences = dict[EventKind, list[tuple[PlateDifference, bool]]]
-"""Differences of a recording by kind of event, with whether the whole foot was on plates: only these are judged."""
+Differences = dict[EventKind, list[tuple[PlateDifference, bool, float]]]
+"""Differences of a recording by kind of event, with whether the whole foot was on plates, since only these are judged,
+and the standard deviation of the event on the plate in seconds."""
+UNCERTAIN_S: Final = LEAD_SD_S
+"""Deviation from which a strike on a plate is no sharp reference: that of a force that was low-passed."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,7 @@ class Calibrated:
     rest_s: float
     sd_s: float
     lands_flat: bool
+    plate_sd_s: float
 
 
 def main() -> None:
@@ -64,7 +69,7 @@ def main() -> None:
             if MOVED.search(f"{path.relative_to(folder)}"):
                 continue
             known = tried_differences(path)
-            key = tuple(round(one.late_s, 4) for many in known.values() for one, _ in many)
+            key = tuple(round(one.late_s, 4) for many in known.values() for one, *_ in many)
             if key and key not in copies:
                 copies.add(key)
                 person = PERSON.search(f"{path}")
@@ -81,6 +86,8 @@ def main() -> None:
             if kind == "strike":
                 groups |= {"heel strikes": [row for row in rows if not row.lands_flat]}
                 groups |= {"flat": [row for row in rows if row.lands_flat]}
+                groups |= {"on sharp plates": [row for row in rows if row.plate_sd_s < UNCERTAIN_S]}
+                groups |= {"on uncertain plates": [row for row in rows if row.plate_sd_s >= UNCERTAIN_S]}
             for name, own in groups.items():
                 if own:
                     sys.stdout.write(f"| {kind} | {others} | {name} | {' | '.join(timing_columns(own))} |\n")
@@ -102,14 +109,14 @@ def timing_columns(rows: Sequence[Calibrated]) -> list[str]:
 def left_out(source: str, kind: EventKind, others: Others, session: dict[str, Differences]) -> Iterator[Calibrated]:
     """Events of a session, each calibrated by the others; those that no other event informs are left out."""
     for name, known in session.items():
-        rest = [[one for one, _ in own[kind]] for other, own in session.items() if other != name]
+        rest = [[one for one, *_ in own[kind]] for other, own in session.items() if other != name]
         heels = [[one for one in own if not one.lands_flat] for own in rest]
-        for k, (one, is_judged) in enumerate(known[kind]):
-            own = [] if others == "session alone" else [other for j, (other, _) in enumerate(known[kind]) if j != k]
+        for k, (one, is_judged, plate_sd_s) in enumerate(known[kind]):
+            own = [] if others == "session alone" else [other for j, (other, *_) in enumerate(known[kind]) if j != k]
             late = common_difference(kind, own, [] if others == "recording" or one.lands_flat else heels)
             if is_judged and late is not None:
                 sd_s = float(np.hypot(late[1], one.own_s))
-                yield Calibrated(source, name, one.late_s, one.late_s - late[0], sd_s, one.lands_flat)
+                yield Calibrated(source, name, one.late_s, one.late_s - late[0], sd_s, one.lands_flat, plate_sd_s)
 
 
 def tried_differences(path: Path) -> Differences:
@@ -137,10 +144,10 @@ def tried_differences(path: Path) -> Differences:
             is_whole = bool(stance.any()) and float(off[stance].mean()) <= 1.0 - LEAST_ON_PLATES
             if c.strike_s is not None and m.strike_s is not None:
                 late = PlateDifference(m.strike_s - c.strike_s, m.strike_error.own_s, m.lands_flat)
-                differences["strike"].append((late, is_whole))
+                differences["strike"].append((late, is_whole, c.strike_error.own_s))
             if c.lift_off_s is not None and m.lift_off_s is not None:
                 late = PlateDifference(m.lift_off_s - c.lift_off_s, m.lift_off_error.own_s)
-                differences["lift_off"].append((late, is_whole))
+                differences["lift_off"].append((late, is_whole, c.lift_off_error.own_s))
     return differences
 
 

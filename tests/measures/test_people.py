@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from make_cop_lengths import compare_steps
 from stridelab.measures import MeasureSummary, summarise
 from stridelab.measures.spatiotemporal import timing_sd
 from stridelab.pipelines.gait_measures.recording import MeasuredRecording, measure_recording
@@ -182,6 +183,18 @@ def test_two_steps_add_up_to_a_stride(measures_of: dict[str, MeasuredRecording])
     assert len(differences_m) >= 12
     assert abs(np.mean(differences_m)) < 0.003
     assert np.abs(differences_m).max() < 0.01
+
+
+def test_lengths_of_steps_are_those_of_the_centres_of_pressure() -> None:
+    """Plates say where a foot stands without a marker; a landing heel that is read at its strike is too short."""
+    compared = [step for path in (*ADULTS, *CHILDREN) for step in compare_steps("people", path)]
+    assert len(compared) >= 25
+    heels_m, at_strike_m, widths_m = np.array([step.by_heels_m for step in compared]).T
+    ahead_m, outwards_m = np.array([step.by_cop_m["10 to 90 %"] for step in compared]).T
+    assert abs(np.mean(heels_m - ahead_m)) < 0.005
+    assert np.mean(at_strike_m - ahead_m) < -0.005
+    assert np.corrcoef(heels_m, ahead_m)[0, 1] > 0.97
+    assert np.mean(widths_m - outwards_m) < -0.02
 
 
 def test_the_width_of_a_step_does_not_depend_on_the_interval_of_the_estimate(
