@@ -56,3 +56,6 @@ def test_measures_of_a_folder_use_the_forces(folder: Path, tmp_path: Path) -> No
     summary = json.loads((tmp_path / "out" / "result.json").read_text())["summary"]
     assert summary["method"] == "smoother"
     assert summary["mass_kg"] == pytest.approx(64.0, rel=0.02)
+    lines = " ".join(answer.output.split())
+    assert "not measured local dynamic stability: " in lines
+    assert "foot placement gain position, foot placement gain velocity, foot placement explained: " in lines

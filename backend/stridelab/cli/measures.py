@@ -13,6 +13,7 @@ from stridelab.cli.results import Bar, deliver_result, out, run_in_scratch, show
 from stridelab.errors import UnreadableFile
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.measures import (
+    REASON_OF,
     GaitMeasuresInput,
     GaitMeasuresTask,
     GaitReportInput,
@@ -213,8 +214,12 @@ def _show_measures(result: JobResult, target: Path) -> None:
             cells = [_format_mean(one), _format_interval(one), *sides, str(one.n), _display_unit(one)]
             table.add_row(one.name.replace("_", " "), *cells)
     out.print(table)
+    given = {one.name for one in summary.measures}
+    named = given | {missing.name for missing in summary.not_measured}
     for missing in summary.not_measured:
-        out.print(f"[yellow]not measured[/] {missing.name.replace('_', ' ')}: {escape(missing.message)}")
+        alike = [name for name, other in REASON_OF.items() if other == missing.name and name not in named]
+        titles = ", ".join(name.replace("_", " ") for name in (missing.name, *alike))
+        out.print(f"[yellow]not measured[/] {titles}: {escape(missing.message)}")
     for left_out in summary.left_out:
         out.print(f"[yellow]left out[/] {escape(left_out.filename)}: {escape(left_out.message)}")
     show_remarks(summary.warnings)

@@ -5,35 +5,9 @@ from typing import Final
 
 from stridelab.pipelines.gait_measures.pooled import SEVERAL_PEOPLE, SPEEDS_MIXED
 from stridelab.pipelines.gait_measures.recording import SIDES
-from stridelab.schemas.measures import MEASURE_TITLES, GaitReportSummary, measure_title
+from stridelab.schemas.measures import MEASURE_TITLES, REASON_OF, GaitReportSummary, measure_title
 from stridelab.translations.catalogue import gettext, ngettext, translate_sentence
 
-REASON_OF: Final[Mapping[str, str]] = {
-    "cadence": "step_time",
-    "double_support_share": "step_time",
-    "stride_time": "stride_length",
-    "stance_share": "stride_length",
-    "swing_share": "stride_length",
-    "com_vertical_excursion": "stride_length",
-    "com_lateral_excursion": "stride_length",
-    "com_speed": "stride_length",
-    "margin_of_stability_ml_contact": "margin_of_stability_ml_min",
-    "margin_of_stability_ap_contact": "margin_of_stability_ml_min",
-    "capture_point_offset_ap": "margin_of_stability_ml_min",
-    "capture_point_offset_ml": "margin_of_stability_ml_min",
-    "external_work": "energy_recovery",
-    "limb_work_left_negative": "limb_work_left_positive",
-    "limb_work_right_negative": "limb_work_right_positive",
-    "angular_momentum_range_y": "angular_momentum_range_x",
-    "angular_momentum_range_z": "angular_momentum_range_x",
-    "cycloid_point_radius": "cycloid_wheel_radius",
-    "cycloid_hub_height": "cycloid_wheel_radius",
-    "cycloid_angular_speed": "cycloid_wheel_radius",
-    "foot_placement_gain_position": "foot_placement_residual",
-    "foot_placement_gain_velocity": "foot_placement_residual",
-    "foot_placement_explained": "foot_placement_residual",
-}
-"""The measure of ``not_measured`` that has the reason of a measure without an entry of its own."""
 FEW_STEPS: Final = 6
 CAUTIONS: Final = ("force-not-used", SEVERAL_PEOPLE.code, SPEEDS_MIXED)
 """Codes of the remarks that stand before the numbers."""
