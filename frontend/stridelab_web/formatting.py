@@ -287,10 +287,16 @@ def short_time(seconds: float) -> str:
 
 
 def served_text(message: str) -> Markup | str:
-    """A sentence of the service: translated if the catalogue knows it, else marked as English."""
+    """A sentence of the service: translated if the catalogue knows it, else marked as English.
+
+    Of a progress message, "stage: activity", each part is a sentence; it is translated if all of them are.
+    """
     if current_language() == ENGLISH or not message:
         return message
     translated = translate_sentence(message)
+    if translated is None:
+        parts = [translate_sentence(part) for part in message.split(": ")]
+        translated = None if None in parts else ": ".join(filter(None, parts))
     return translated if translated is not None else Markup('<span lang="en">{}</span>').format(message)
 
 

@@ -20,6 +20,7 @@ from stridelab.recordings.gap_filling import bridge_force_gaps
 from stridelab.recordings.marker_sets import all_substitutes
 from stridelab.schemas.quality import Quality
 from stridelab.schemas.sessions import SessionValues
+from stridelab.service.jobs.progress_words import STAGE_WORDS, progress_words
 from stridelab.translations import catalogue, served_sentences
 from stridelab.translations.catalogue import LANGUAGES, gettext, in_language, ngettext
 from stridelab_web import languages
@@ -253,3 +254,28 @@ def test_failed_check_is_stated_with_its_numbers() -> None:
     assert _check_text(failed) == "In English."
     with in_language("de"):  # as the report names it
         assert _check_text(failed) == "Kraftresiduum: 8.0 %, erwartet höchstens 5.0 %."
+
+
+def test_every_stage_and_activity_of_a_progress_message_is_translated() -> None:
+    activities = (
+        "looking at the scenario",
+        "iteration 12, cost 3.1",
+        "solving for 2.50 s",
+        "1.0 of 4.0 s",
+        "40 %, 1.0 of 4.0 s",
+        "whole body at 1.0 s of 4.0 s",
+        "pace 0.8",
+    )
+    shown = [progress_words(f"{stage}: {activity}") for stage in STAGE_WORDS for activity in activities]
+    shown += [progress_words("start: waiting for the libraries"), "3 of 8 files read", "3 of 8 recordings fitted"]
+    for language in LANGUAGES.keys() - {"en"}:
+        with in_language(language):
+            for text in shown:
+                translated = served_text(text)
+                assert 'lang="en"' not in translated, (language, text)
+                assert translated != text, (language, text)
+    with in_language("de"):
+        assert served_text("planning the centre of mass: improved 12 times so far") == (
+            "Bewegung des Schwerpunkts wird geplant: bisher 12-mal verbessert"
+        )
+        assert 'lang="en"' in served_text("planning the centre of mass: unknown activity")

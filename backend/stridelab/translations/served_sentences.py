@@ -5,34 +5,9 @@
 
 from typing import Final
 
+from stridelab.translations.progress_sentences import PROGRESS
 from stridelab.translations.walk_sentences import LEFT_OUT
 
-PROGRESS: Final = (
-    "waiting again",
-    "its process was killed; waiting again",
-    "its worker was lost; waiting again",
-    "cancelling",
-    "cancelled",
-    "done",
-    "reading the recording",
-    "placing the body segments",
-    "comparing the clocks of force and markers",
-    "fusing markers and force",
-    "smoothing the geometry",
-    "estimating the centre of mass",
-    "fitting the wheel of every step",
-    "running %(number)s estimators",
-    "recording markers and plates",
-    "writing the recording",
-    "reading it back",
-    "writing the result",
-    "writing the tables",
-    "writing the report",
-    "reading the file",
-    "reading the robot's reach",
-    "unpacking",
-)
-"""What a job does, beside its bar."""
 VERDICTS: Final = (
     "Sensors agree",
     "Doubtful: %(checks)s",

@@ -46,3 +46,16 @@ test("sentences of the service keep their values, and checks are translated", ()
   assert.equal(translateServed("took 1.5 s (2 of 3)"), "2 sur 3 en 1.5 s");
   assert.equal(translateServed("took 1.5 s"), "took 1.5 s");
 });
+
+test("a progress message is translated part by part, or not at all", () => {
+  globalThis.stridelabSentences = ["planning the centre of mass", "improved %(number)s times so far"];
+  globalThis.stridelabMessages = {
+    "planning the centre of mass": "planification du centre de masse",
+    "improved %(number)s times so far": "amélioré %(number)s fois",
+  };
+  assert.equal(
+    translateServed("planning the centre of mass: improved 12 times so far"),
+    "planification du centre de masse: amélioré 12 fois",
+  );
+  assert.equal(translateServed("planning the centre of mass: unknown"), "planning the centre of mass: unknown");
+});

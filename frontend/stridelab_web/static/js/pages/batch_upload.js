@@ -11,7 +11,7 @@ import {
   problemSentence,
 } from "../shared/api.js";
 import { createElement } from "../shared/elements.js";
-import { translate } from "../shared/translate.js";
+import { translate, translateServed } from "../shared/translate.js";
 
 const form = document.querySelector("[data-batch]");
 const bar = form.querySelector("progress");
@@ -28,7 +28,8 @@ function upload(data) {
     request.setRequestHeader("Accept", "application/json");
     request.upload.addEventListener("progress", (event) => {
       if (event.lengthComputable) bar.value = event.loaded / event.total;
-      if (event.loaded === event.total) form.querySelector("[data-said]").textContent = "checking the files…";
+      if (event.loaded === event.total)
+        form.querySelector("[data-said]").textContent = translate("checking the files…");
     });
     request.addEventListener("load", () => {
       const response = responseJson(request);
@@ -46,7 +47,7 @@ async function readByJob(id) {
   const status = form.querySelector("[data-said]");
   const job = await followJob(id, ({ progress }) => {
     bar.value = progress.fraction;
-    status.textContent = progress.text || progress.message || "waiting to be read…";
+    status.textContent = translateServed(progress.text || progress.message) || translate("waiting to be read…");
   });
   if (job.state !== "succeeded")
     throw new Error(jobHeadline(job) || `The files were not read: ${job.state.replaceAll("_", " ")}.`);

@@ -31,16 +31,25 @@ export function translateCount(one, many, num, values = {}) {
   return fill(form || (num === 1 ? one : many), { num, ...values });
 }
 
-// A sentence of the service in the language of the page; in English if no known sentence matches it.
+// A sentence of the service in the language of the page; in English if no known sentence matches it. Of a progress
+// message, "stage: activity", each part is a sentence; it is translated if all of them are.
 /** @param {string} sentence @returns {string} */
 export function translateServed(sentence) {
+  const whole = translateSentence(sentence);
+  if (whole !== null) return whole;
+  const parts = sentence.split(": ").map(translateSentence);
+  return parts.includes(null) ? sentence : parts.join(": ");
+}
+
+/** @param {string} sentence @returns {string | null} null if no known sentence matches */
+function translateSentence(sentence) {
   for (const pattern of globalThis.stridelabSentences ?? []) {
     const match = patternOf(pattern).exec(sentence);
     if (!match) continue;
     const { checks, ...values } = match.groups ?? {};
     return translate(pattern, checks ? { checks: translateChecks(checks), ...values } : values);
   }
-  return sentence;
+  return null;
 }
 
 // The checks that a verdict lists, as "a, b and 2 more".
