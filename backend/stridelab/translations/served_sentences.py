@@ -275,7 +275,7 @@ ON_PAGES: Final = (
     "No single support lies within the estimate with the foot marked.",
     "No step has a strike of each foot within the recording.",
     "No step within the estimate is a curtate cycloid of a walker.",
-    "The force is measured throughout no stride; between the plates the velocity is too uncertain for energies.",
+    "The force is measured throughout no stride; elsewhere the velocity is too uncertain for energies.",
     "No stride from strike to strike of one foot lies within the estimate.",
     "No whole stance of this foot is measured on plates of its own, or the body mass is not known.",
     "State the stature, by which the momentum is scaled.",

@@ -272,7 +272,7 @@ _EXPECTED: Final[Mapping[str, tuple[str, str]]] = {
     "cycloid_wheel_radius": ("no-whole-step", "No step within the estimate is a curtate cycloid of a walker."),
     "energy_recovery": (
         "velocity-uncertain",
-        "The force is measured throughout no stride; between the plates the velocity is too uncertain for energies.",
+        "The force is measured throughout no stride; elsewhere the velocity is too uncertain for energies.",
     ),
     "angular_momentum_range_x": _STRIDE_REASON,
     "limb_work_left_positive": _FORCE_REASON,
