@@ -150,11 +150,11 @@ def test_a_change_with_the_speed_is_that_of_people_at_both_speeds() -> None:
 
 def test_a_rank_is_the_one_farthest_from_that_of_the_thesis() -> None:
     for ranks, worst in (((7, 7), 7), ((7, 6, 7), 6), ((7, 9, 6), 9)):
-        claim = numbers._rank_claim("rank", "says", 7, np.array(ranks))
+        claim = numbers._rank_claim("rank", "says", 7, np.array(ranks), "2.3.1")
         assert claim.ours == worst
         assert claim.verdict == ("met" if worst == 7 else "thesis_in_error")
         assert claim.note == ("The same in all 2 states." if worst == 7 else "")
-    assert numbers._rank_claim("rank", "says", 7, np.array([7])).note == ""
+    assert numbers._rank_claim("rank", "says", 7, np.array([7]), "2.3.1").note == ""
 
 
 def test_masses_and_perfect_inputs_are_judged_by_their_worst(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,7 @@
 """Chapter 3 on real adults: every step counts, and what the simulated walker cannot witness is judged on people."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -89,7 +90,7 @@ def test_forty_claims_of_the_thesis_in_the_book_stand_on_people_and_all_figures_
 
 def test_every_claim_says_that_it_is_about_people_and_how_many(claims: dict[tuple[str, str], Claim]) -> None:
     assert {claim.evidence for claim in claims.values()} == {"people"}
-    assert len(claims) == 49
+    assert len(claims) == 55
     assert claims["fig-3.6-people", "below_1_mm"].n == 4
     assert claims["fig-3.4-people", "events_s"].n == 32
     assert all((claim.n or 0) >= 4 for claim in claims.values())
@@ -119,7 +120,7 @@ def test_the_thresholds_are_those_that_the_thesis_prints(claims: dict[tuple[str,
 def test_what_is_said_of_a_fast_speed_is_none_of_the_thesis(claims: dict[tuple[str, str], Claim]) -> None:
     """Its people walk at their normal speed; bounds and words are the same."""
     fast = {key: claim for key, claim in claims.items() if key[1].startswith("fast_")}
-    assert len(fast) == 18
+    assert len(fast) == 21
     for (item, name), claim in fast.items():
         assert (claim.aim, claim.threshold, claim.where) == (True, "ours", ""), name
         assert str(claim.thesis).startswith("aim ")
@@ -165,6 +166,24 @@ def test_the_convex_part_is_where_the_height_accelerates_upwards(walk: FittedWal
     advance = np.gradient(walk.estimate.com_m[inside] @ walk.ahead)
     up = walk.estimate.acceleration_m_s2[inside, 2] > 0.0
     assert walk.convex_share() == pytest.approx(advance[up].sum() / advance.sum(), abs=0.04)
+
+
+def test_the_convex_part_of_the_curve_bends_upwards(walk: FittedWalk) -> None:
+    """By differences of the curve itself."""
+    fit = next(fit for fit in walk.fits if fit.step.measured)
+    x, z = fit.path.wheel.position_m(np.linspace(*fit.path.theta_rad[[0, -1]], 4000)).T
+    up = np.gradient(np.gradient(z, x), x) > 0.0
+    assert walk.curve_convex_share() == pytest.approx(np.diff(x)[up[1:]].sum() / (x[-1] - x[0]), abs=0.02)
+
+
+def test_a_curve_that_passes_through_its_step_predicts_as_well_as_the_step(walk: FittedWalk) -> None:
+    exact = replace(walk, fits=tuple(
+        replace(fit, path_m=fit.path.wheel.position_m(fit.path.theta_rad)) for fit in walk.fits
+    ))  # fmt: skip
+    assert exact.prediction_error_m() == pytest.approx(exact.height_variability_m())
+    assert exact.curve_variability_m() == pytest.approx(exact.height_variability_m())
+    assert walk.curve_variability_m() == pytest.approx(exact.curve_variability_m())
+    assert abs(walk.prediction_error_m() / exact.prediction_error_m() - 1.0) > 0.001
 
 
 def test_crossings_are_counted_from_the_start_and_end_of_double_support(walk: FittedWalk) -> None:

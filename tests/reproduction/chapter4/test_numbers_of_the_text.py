@@ -122,7 +122,8 @@ def test_a_kernel_takes_the_least_time_over_all_pairs(monkeypatch: pytest.Monkey
 
 def test_what_is_printed_is_in_a_tenth_of_what_is_ours() -> None:
     """Around 100 kg: 90 to 110 kg; durations to 2 %."""
-    claim = numbers._around_claim("k", "says", 100.0, 91.0, "kg", "")
+    claim = numbers._around_claim("k", "says", 100.0, 91.0, "kg", "", "4.6.4")
+    assert claim.where == "4.6.4"
     assert (claim.holds_from, claim.holds_to, claim.verdict) == (pytest.approx(90.0), pytest.approx(110.0), "met")
     bounds = {claim.key: (claim.thesis, claim.holds_from, claim.holds_to) for claim in numbers._duration_claims()}
     for key, printed_s in (("motion_1_s", 8.0), ("motion_2_s", 24.0), ("motion_3_s", 36.0)):

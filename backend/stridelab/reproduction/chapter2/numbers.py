@@ -102,15 +102,19 @@ def _rank_claims(trial: StudyTrial) -> tuple[Claim, ...]:
     )
     falling = int(np.linalg.matrix_rank(force_matrix(np.zeros(3), np.zeros(3), np.asarray(g)), tol=TOLERANCE))
     return (
-        _rank_claim("rank_force", f"(2.19): 7 of {STATES} states are observable from force and moment", 7, rank),
         _rank_claim(
-            "rank_both", f"(2.23): with the geometry, 11 of {STATES_WITH_BIAS} states are observable", 11, both
+            "rank_force", f"(2.19): 7 of {STATES} states are observable from force and moment", 7, rank, "2.3.1"
         ),
-        _rank_claim("rank_falling", "in free fall only the acceleration is observable", 3, np.array([falling])),
+        _rank_claim(
+            "rank_both", f"(2.23): with the geometry, 11 of {STATES_WITH_BIAS} states are observable", 11, both, "2.3.2"
+        ),
+        _rank_claim(
+            "rank_falling", "in free fall only the acceleration is observable", 3, np.array([falling]), "2.3.1"
+        ),
     )
 
 
-def _rank_claim(key: str, says: str, thesis: int, ranks: np.ndarray) -> Claim:
+def _rank_claim(key: str, says: str, thesis: int, ranks: np.ndarray, where: str) -> Claim:
     worst = int(ranks[np.argmax(np.abs(ranks - thesis))])
     return Measured(
         key,
@@ -122,6 +126,7 @@ def _rank_claim(key: str, says: str, thesis: int, ranks: np.ndarray) -> Claim:
         says,
         f"The same in all {len(ranks)} states." if len(ranks) > 1 and np.ptp(ranks) == 0 else "",
         **DETERMINISTIC,
+        where=where,
     )
 
 
@@ -140,16 +145,18 @@ def _axis_claims(gait: str, trial: StudyTrial, off_m: Points) -> tuple[Claim, ..
     share = float((low_power**2).sum() / (total_power**2).sum())
     return (
         Measured(f"{gait}_off_axis_m", "several cm", largest, "m", at_least(SEVERAL_CENTIMETRES_M, "ours")).says(
-            f"{gait} gait: gesticulation separates CoM and central axis by up to several centimetres (2.3.3)",
+            f"{gait} gait: gesticulation separates CoM and central axis by up to several centimetres",
             "Largest distance of the walk, without noise and model error. It grows with the square of the cadence.",
             **DETERMINISTIC,
+            where="2.3.3",
         ),
         Measured(f"{gait}_slow_gesticulation", "almost none", share, "1", at_most(0.01, "ours")).says(
-            f"{gait} gait: below half of the stepping frequency there is almost no gesticulation (2.3.3)",
+            f"{gait} gait: below half of the stepping frequency there is almost no gesticulation",
             f"Share of the power of L' below {stride_hz:.2f} Hz. The mean offset of the axis from the CoM is "
             f"nevertheless {1e3 * float(np.linalg.norm(off_m.mean(axis=0))):.1f} mm, because force and L' are "
             "correlated.",
             **DETERMINISTIC,
+            where="2.3.3",
         ),
     )
 
@@ -174,25 +181,29 @@ def _noise_claims(gait: str, clean: StudyTrial, noisy: list[StudyTrial]) -> tupl
     sigma = KalmanFilter().sigma_jerk_m_s3
     return (
         Measured(f"{gait}_perfect_m", 0.0, perfect, "m", at_most(1e-5, "words")).says(
-            f"{gait} gait: with perfect measurements the filter gives the exact value, without latency (2.4)",
+            f"{gait} gait: with perfect measurements the filter gives the exact value, without latency",
             "Largest error over all samples and coordinates, with the central axis through the CoM.",
             **DETERMINISTIC,
+            where="2.4",
         ),
         Measured(f"{gait}_mass", "good", mass, "1", at_most(GOOD_MASS_SHARE, "ours")).says(
-            f"{gait} gait: the mean vertical force gives a good estimate of the mass (2.5.1)",
+            f"{gait} gait: the mean vertical force gives a good estimate of the mass",
             "Largest relative error, over a walk that begins and ends at rest, with the noise of 2.5.1.",
             cases_inside=exact,
+            where="2.5.1",
         ),
         Measured(f"{gait}_jerk", sigma, jerk_rms, "m/s³", at_most(2.0 * sigma, "ours")).says(
-            f"{gait} gait: with a jerk of 1 m/s³ the Kalman filter trusts the measurements (2.5.3)",
+            f"{gait} gait: with a jerk of 1 m/s³ the Kalman filter trusts the measurements",
             "RMS of the jerk of the motion along the axis with the largest jerk: a filter that expects less jerk "
             "trusts its prediction and is delayed (item lag). The thesis speaks of the gain of its filter, on a robot.",
             **DETERMINISTIC,
+            where="2.5.3",
         ),
         Measured(f"{gait}_both_passes", "< 1", both_over_one(range(len(noisy))), "1", below(1.0, "words")).says(
-            f"{gait} gait: an average of a forward and a backward pass increases the precision (2.6.3)",
+            f"{gait} gait: an average of a forward and a backward pass increases the precision",
             "Horizontal RMS error of the average over that of the forward pass alone.",
             interval=resampled_interval(both_over_one, len(noisy)),
+            where="2.6.3",
         ),
     )
 

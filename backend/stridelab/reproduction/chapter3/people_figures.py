@@ -24,8 +24,8 @@ from stridelab.reproduction.chapter3.people_parameter_claims import (
 )
 from stridelab.reproduction.chapter3.people_path_claims import (
     distance_claims,
+    fitted_curve_claims,
     largest_error_m,
-    one_step_claims,
     segmentation_claims,
     shape_claims,
     text_claims,
@@ -97,7 +97,7 @@ PEOPLE_ITEMS: Final = (
         lambda walk: 1e3 * walk.height_variability_m(), "variability of the height between steps, mm",
     ),
     _people_item(
-        "3.5", "One step and the wheel through it", one_step_claims, lambda walk: 1e3 * largest_error_m(walk),
+        "3.5", "One step and the wheel through it", fitted_curve_claims, lambda walk: 1e3 * largest_error_m(walk),
         "largest distance in a step, mm",
     ),
     _people_item(

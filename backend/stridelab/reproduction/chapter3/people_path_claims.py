@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.conventions import Series
 from stridelab.reproduction.chapter3.numbers import MEASURED_MM, MIN_SUBJECT_SHARE, pendulum_rise_m, speed_variations
 from stridelab.reproduction.chapter3.people_walks import SPEEDS, FittedWalk, Walks, path_of
 from stridelab.reproduction.claims import (
@@ -20,6 +21,7 @@ from stridelab.reproduction.claims import (
     within,
 )
 from stridelab.reproduction.common.intervals import interval_of, resampled_interval
+from stridelab.reproduction.common.own_aims import as_own_aim
 from stridelab.walking.step_fit import StepFit
 
 SLIGHT_SHARE: Final = 0.1
@@ -167,6 +169,42 @@ def one_step_claims(walks: Walks) -> list[Claim]:
     return claims
 
 
+def fitted_curve_claims(walks: Walks) -> list[Claim]:
+    """Figure 3.5 and 3.3.1."""
+    return [*one_step_claims(walks), *asymmetry_claims(walks)]
+
+
+def asymmetry_claims(walks: Walks) -> list[Claim]:
+    """3.3.1: the fitted curve is as asymmetric as the path, which the plates say without a model of the path."""
+    claims = []
+    for speed, of in walks.items():
+        shares = np.array([(walk.curve_convex_share(), walk.convex_share()) for walk in of])
+        of_curve, measured = shares[np.isfinite(shares).all(axis=1)].T
+        if not len(measured):
+            continue
+
+        def over_symmetric(chosen: Sequence[int], curve: Series = of_curve, plates: Series = measured) -> float:
+            missed, there = curve[list(chosen)] - plates[list(chosen)], plates[list(chosen)] - 0.5
+            return float(np.sqrt(np.mean(missed**2) / np.mean(there**2)))
+
+        n = len(measured)
+        claims.append(
+            Measured(
+                f"{speed}_asymmetry", "reproduces", over_symmetric(range(n)), "1", below(1.0, "words")
+            ).says(
+                f"{speed} speed: the fitting is able to reproduce its asymmetry",
+                "RMS difference of the convex shares of the length, of the curve and of the step by the plates, over "
+                "that of a symmetric curve (a half). Means of the shares: "
+                f"{of_curve.mean():.3f} and {measured.mean():.3f}. Interval: people drawn with replacement.",
+                n=n,
+                interval=resampled_interval(over_symmetric, n),
+                comparator="a symmetric curve",
+                where="3.3.1",
+            )
+        )  # fmt: skip
+    return claims
+
+
 def distance_claims(walks: Walks) -> list[Claim]:
     """Figure 3.6 and 3.3.1."""
     good = {
@@ -254,6 +292,22 @@ def text_claims(walks: Walks) -> list[Claim]:
     ]  # fmt: skip
     for speed in SPEEDS:
         claims += [
+            *mean_claim(
+                walks, speed, "curve_variability", "comparable", "1", within(0.5, 2.0, "ours"),
+                lambda walk: walk.curve_variability_m() / walk.height_variability_m(),
+                "the parameters of a subject follow a tight distribution which spans a space comparable to the "
+                "variability of the gait itself",
+                "Difference of the heights of successive curves over that of the steps.", "3.4.3",
+                "variability between steps",
+            ),
+            *map(as_own_aim, mean_claim(
+                walks, speed, "prediction", "reliable", "1", at_most(1.0, "ours"),
+                lambda walk: walk.prediction_error_m() / walk.height_variability_m(),
+                "the curve of one step predicts the next as well as the step itself does",
+                "Difference of the height of a step and the curve of the step beside it, over that of both steps. "
+                "3.4.3 calls the model a reliable predictor, without a number.",
+                comparator="the step beside it, as measured",
+            )),
             *mean_claim(
                 walks, speed, "orbit", "constant", "1", at_most(0.1, "ours"), _orbit_variation,
                 "in the frame of the hub the CoM orbits at a constant distance from the origin",

@@ -100,13 +100,32 @@ class FittedWalk:
             shares.append(float(advance[convex].sum() / advance.sum()))
         return float(np.mean(shares)) if shares else float("nan")
 
+    def curve_convex_share(self) -> float:
+        """The same share of the fitted curves of the measured steps; NaN without a measured step."""
+        shares = []
+        for fit in self.fits:
+            if fit.step.measured:
+                wheel, theta = fit.path.wheel, fit.path.theta_rad
+                advance = np.gradient(wheel.position_m(theta)[:, 0])
+                convex = wheel.R_m * np.cos(theta) > wheel.branch * wheel.r_m  # x' z'' > z' x''
+                shares.append(float(advance[convex].sum() / advance.sum()))
+        return float(np.mean(shares)) if shares else float("nan")
+
     def height_variability_m(self) -> float:
         """RMS difference of the heights of successive steps at the same share of the step, over the root of two."""
-        heights = [
-            np.interp(PERCENT, np.linspace(0.0, 1.0, len(fit.path_m)), fit.path_m[:, 1] - fit.path_m[:, 1].mean())
-            for fit in self.fits
-        ]
+        heights = [_relative_height_m(fit.path_m) for fit in self.fits]
         return float(np.sqrt(np.mean(np.diff(heights, axis=0) ** 2) / 2.0)) if len(heights) > 1 else float("nan")
+
+    def curve_variability_m(self) -> float:
+        """The same of the fitted curves."""
+        heights = [_curve_height_m(fit) for fit in self.fits]
+        return float(np.sqrt(np.mean(np.diff(heights, axis=0) ** 2) / 2.0)) if len(heights) > 1 else float("nan")
+
+    def prediction_error_m(self) -> float:
+        """RMS difference of the height of each step and the curve of the step beside it, over the root of two."""
+        pairs = [*zip(self.fits, self.fits[1:], strict=False), *zip(self.fits[1:], self.fits, strict=False)]
+        errors_m = [_relative_height_m(fit.path_m) - _curve_height_m(other) for fit, other in pairs]
+        return float(np.sqrt(np.mean(np.square(errors_m)) / 2.0)) if errors_m else float("nan")
 
     def event_differences_s(self) -> list[float]:
         """Strikes and lift-offs of the steps minus the closest event of the same kind that the laboratory stored."""
@@ -190,6 +209,16 @@ def pooled_spread(spreads_m: Sequence[float]) -> tuple[float, Interval]:
 def path_of(fit: StepFit) -> Plane:
     """The centre of mass relative to the hub of its wheel."""
     return np.asarray(fit.path_m - fit.path.wheel.hub_m(fit.path.theta_rad))
+
+
+def _relative_height_m(path_m: Plane) -> np.ndarray:
+    """Height about its mean at each per cent of a step."""
+    heights = path_m[:, 1] - path_m[:, 1].mean()
+    return np.asarray(np.interp(PERCENT, np.linspace(0.0, 1.0, len(heights)), heights))
+
+
+def _curve_height_m(fit: StepFit) -> np.ndarray:
+    return _relative_height_m(fit.path.wheel.position_m(fit.path.theta_rad))
 
 
 def _standard_deviation(values: Sequence[float]) -> float:
