@@ -116,3 +116,26 @@ def test_of_many_obstacles_the_largest_pieces_remain() -> None:
         for k, other in enumerate(room):
             corners = (one.corners_m - other.origin_m) @ other.axes
             assert i == k or (corners @ other.A.T > other.b + 1e-6).any()
+
+
+def test_a_piece_loses_the_gap_or_nine_tenths_of_its_largest_circle() -> None:
+    """Against the linear program of the largest circle: pieces beside turned posts, and strips at the change-over."""
+    floor = Box("floor", Placement.from_wxyz([0.0, 0.0, -0.05]), np.array([1.6, 1.6, 0.1]))
+    posts = [box(x, y, 0.0, 0.5, x) for x, y in np.random.default_rng(0).uniform(-0.6, 0.6, (3, 2))]
+    cases = [(floor, posts)]
+    for radius_m in (0.04, 0.05, 0.0555, 0.0556, 0.06):
+        size_m = np.array([1.0, 2.0 * (radius_m + SOLE.half_size_m[1]), 0.1])
+        cases.append((Box("strip", Placement.identity(), size_m), []))
+    narrow = []
+    for face, others in cases:
+        whole, shrunk = (
+            [region for region in floor_regions(0.0, gap_m, *others, floor=face) if region.surface == face.name]
+            for gap_m in (0.0, 0.05)
+        )
+        assert len(whole) == len(shrunk) > 0
+        for one, other in zip(whole, shrunk, strict=True):
+            circle = linprog([0, 0, -1], np.hstack([one.A, np.ones((len(one.A), 1))]), one.b, bounds=[(None, None)] * 3)
+            np.testing.assert_allclose(one.b - other.b, min(0.05, 0.9 * circle.x[2]), atol=1e-9)
+            narrow.append(bool(0.9 * circle.x[2] < 0.05))
+    assert sum(narrow) > 3
+    assert len(narrow) - sum(narrow) > 3

@@ -182,6 +182,15 @@ def test_an_obstacle_is_walked_around(x_m: float, y_m: float, size_m: tuple[floa
             assert max(apart) > -1e-6
 
 
+def test_a_plan_does_not_depend_on_the_terrains_planned_before() -> None:
+    """A planner stores the regions of one plan only: walls of the same name at two places, each with its own plan."""
+    ways = [way_with(block(1.0, y_m, (0.2, 1.2, 1.0))) for y_m in (0.2, -0.2)]
+    one_planner = [PLANNER.plan(way).scenario["phases"] for way in ways]
+    fresh = [ContactPlanner(SHAPES, planner_limits("talos")).plan(way).scenario["phases"] for way in ways]
+    assert one_planner == fresh
+    assert one_planner[0] != one_planner[1]
+
+
 def test_steps_around_an_obstacle_are_easy() -> None:
     """No step goes farther than one of a walk ahead or aside, and soles beside the wall leave room for half the body.
 

@@ -23,6 +23,8 @@ from stridelab.conventions import Points, Rotation, Vector3
 BLOCKING_LAYER_M: Final = (0.010, 0.10)
 """Heights above a face between which a box blocks a sole."""
 MIN_AREA_M2: Final = 1e-9
+INRADIUS_SHARE: Final = 0.9
+"""Largest margin of a piece relative to its inradius."""
 PIECES_MAX: Final = 60
 """Maximum number of pieces of one face; the smallest ones are dropped."""
 
@@ -212,17 +214,28 @@ def _shrunk_region(
     face: ContactArea, polygon: Polygon, R: Rotation, gap_m: float, outside: OutsideEdges
 ) -> Region | None:
     A, b = _half_planes(polygon)
-    lengths = np.ones((len(A), 1))
-    circle = linprog([0, 0, -1], np.hstack([A, lengths]), b, bounds=[(None, None), (None, None), (0, None)])
-    if circle.status != 0:
-        return None
-    b = b - min(gap_m, 0.9 * float(circle.x[2]))
+    margin_m = gap_m
+    if not _holds_circle(polygon, A, b, gap_m / INRADIUS_SHARE):
+        lengths = np.ones((len(A), 1))
+        circle = linprog([0, 0, -1], np.hstack([A, lengths]), b, bounds=[(None, None), (None, None), (0, None)])
+        if circle.status != 0:
+            return None
+        margin_m = min(gap_m, INRADIUS_SHARE * float(circle.x[2]))
+    b = b - margin_m
     for n, offset in zip(A, b, strict=True):
         polygon = _clip_polygon(polygon, n, float(offset))
     corners = face.center_m + polygon @ face.frame[:, :2].T
     if not len(polygon):
         return None
     return Region(face.surface.name, face.center_m, face.frame[:, :2], A, b, R, corners, outside)
+
+
+def _holds_circle(polygon: Polygon, A: Float[np.ndarray, "m 2"], b: Float[np.ndarray, "m"], radius_m: float) -> bool:
+    """Whether a circle of ``radius_m`` around a point of the polygon satisfies ``A x <= b``; no if it just does."""
+    centres = polygon
+    for n, offset in zip(A, b - radius_m - 1e-6, strict=True):
+        centres = _clip_polygon(centres, n, float(offset))
+    return len(centres) > 0
 
 
 def _half_planes(polygon: Polygon) -> tuple[Float[np.ndarray, "m 2"], Float[np.ndarray, "m"]]:

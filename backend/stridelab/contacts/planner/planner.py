@@ -51,6 +51,9 @@ EASY_SHARE: Final = 0.05
 LEVEL_MOVE_SHARE: Final = 0.7
 """Duration of a level step relative to a step to another height."""
 
+RegionCache = dict[tuple[tuple[str, ...], str, int], tuple[Region, ...]]
+"""Regions by the names of the obstacles around which they lie, the effector and its heading in microradians."""
+
 
 @dataclass(frozen=True, eq=False)
 class ContactPlan:
@@ -65,12 +68,17 @@ class ContactPlan:
 
 @dataclass(frozen=True)
 class ContactPlanner:
-    """Contact planner of one robot, given its effectors and its limits; ``seconds`` limits its processor time."""
+    """Contact planner of one robot, given its effectors and its limits; ``seconds`` limits its processor time.
+
+    ``region_cache`` holds the foothold regions of one terrain, for its attempts with easy steps and with all, ahead and
+    aside; without it each attempt computes its own.
+    """
 
     effectors: Mapping[str, EffectorShape]
     limits: RobotLimits
     seconds: float = 60.0
     extra_steps: int = 6
+    region_cache: RegionCache | None = None
 
     def plan(
         self,
@@ -91,12 +99,13 @@ class ContactPlanner:
         stances = task_ends(task, self.effectors)
         ends = StartAndGoal.from_stances(stances.start, stances.goal, self.limits.feet)
         ends = replace(ends, forbidden=tuple(forbidden))
+        same_regions = replace(self, region_cache={})
         try:
-            easy = replace(self, limits=replace(self.limits, is_easy=True))
+            easy = replace(same_regions, limits=replace(self.limits, is_easy=True))
             most = PlanningBudget(EASY_SHARE * self.seconds)
             plan = easy.plan_ahead_or_aside(task, stances.draft, ends, most, report_progress)
         except NotEstimable:
-            plan = self.plan_ahead_or_aside(task, stances.draft, ends, budget, report_progress)
+            plan = same_regions.plan_ahead_or_aside(task, stances.draft, ends, budget, report_progress)
         return replace(plan, solve_time_s=time.process_time() - began)
 
     def plan_ahead_or_aside(
@@ -202,11 +211,12 @@ class ContactPlanner:
         Beside many obstacles a heading takes a tenth of a second, and each number of steps has headings of its own. The
         lookup raises ``contact-plan-timeout`` if ``budget`` is spent.
         """
-        cache: dict[tuple[str, int], tuple[Region, ...]] = {}
+        cache: RegionCache = {} if self.region_cache is None else self.region_cache
+        names = tuple(obstacle.name for obstacle in obstacles)
         gap_m = self.limits.defaults.toe_gap_m
 
         def regions_at(effector: str, yaw_rad: float) -> tuple[Region, ...]:
-            key = (effector, round(yaw_rad * 1e6))
+            key = (names, effector, round(yaw_rad * 1e6))
             if key not in cache:
                 if budget.is_spent:
                     raise _timeout_error(self.seconds)
