@@ -171,7 +171,7 @@ def test_the_convex_part_is_where_the_height_accelerates_upwards(walk: FittedWal
 def test_the_convex_part_of_the_curve_bends_upwards(walk: FittedWalk) -> None:
     """By differences of the curve itself."""
     fit = next(fit for fit in walk.fits if fit.step.measured)
-    x, z = fit.path.wheel.position_m(np.linspace(*fit.path.theta_rad[[0, -1]], 4000)).T
+    x, z = fit.path.wheel.position_m(np.linspace(fit.path.theta_rad[0], fit.path.theta_rad[-1], 4000)).T
     up = np.gradient(np.gradient(z, x), x) > 0.0
     assert walk.curve_convex_share() == pytest.approx(np.diff(x)[up[1:]].sum() / (x[-1] - x[0]), abs=0.02)
 
