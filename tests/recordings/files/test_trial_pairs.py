@@ -65,6 +65,14 @@ def test_joint_angles_are_no_forces(tmp_path: Path) -> None:
     assert forces_beside(tmp_path / "run.mot") is None
 
 
+def test_a_path_relative_to_the_folder_is_as_good(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("MarkerData/walk.trc", "MarkerData/ForceData/walk_grf.mot", "ForceData/walk_grf.mot"):
+        (tmp_path / name).parent.mkdir(exist_ok=True, parents=True)
+        (tmp_path / name).write_text(GRF)
+    monkeypatch.chdir(tmp_path / "MarkerData")
+    assert forces_beside(Path("walk.trc")) == tmp_path / "ForceData" / "walk_grf.mot"
+
+
 def test_a_trial_is_copied_with_its_forces(tmp_path: Path) -> None:
     (tmp_path / "MarkerData").mkdir()
     (tmp_path / "ForceData").mkdir()

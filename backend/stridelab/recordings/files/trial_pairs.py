@@ -39,17 +39,19 @@ def pair_trials(trials: Iterable[_P], forces: Iterable[_P]) -> dict[_P, _P]:
 
 
 def forces_beside(trial: Path) -> Path | None:
-    """The file of ground forces that belongs to a TRC file on the disk, as in ``pair_trials``, or None."""
+    """The file of ground forces that belongs to a TRC file on the disk, as in ``pair_trials``, or None.
+
+    Only files whose names say the same are opened.
+    """
     if trial.suffix.lower() != TRC:
         return None
-    folders = [
-        trial.parent,
-        *(one for one in trial.parent.parent.glob("*") if _is_force_folder_beside(one, trial.parent)),
-    ]
-    files = [path for folder in folders for path in sorted(folder.glob("*")) if path.is_file()]
-    forces = [path for path in files if path.suffix.lower() in FORCES and _holds_forces(path)]
+    trial = trial.absolute()
+    name = _name_without(_MARKER_WORDS, trial)
+    near = [one for one in trial.parent.parent.glob("*") if _is_force_folder_beside(one, trial.parent)]
+    files = [path for folder in (trial.parent, *near) for path in sorted(folder.glob("*")) if path.is_file()]
+    alike = [path for path in files if path.suffix.lower() in FORCES and _name_without(_FORCE_WORDS, path) == name]
     trials = [path for path in files if path.suffix.lower() == TRC]
-    return pair_trials(trials, forces).get(trial)
+    return pair_trials(trials, filter(_holds_forces, alike)).get(trial)
 
 
 def copy_recording(recording: Path, target: Path) -> None:
