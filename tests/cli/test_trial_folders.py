@@ -36,6 +36,7 @@ def test_a_trc_file_is_estimated_with_the_forces_beside_it(several: bool, folder
     words = ["estimate", str(given), "--method", "complementary", "--height", "1.75", "--out", str(tmp_path / "out")]
     answer = CliRunner().invoke(app, words)
     assert answer.exit_code == 0, answer.output
+    assert several or "walk0_grf.mot" in answer.stderr.replace("\n", "")
     results = sorted((tmp_path / "out").rglob("result.json"))
     assert len(results) == (2 if several else 1)
     for result in results:

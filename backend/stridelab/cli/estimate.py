@@ -6,8 +6,20 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from rich.markup import escape
+
 from stridelab.cli.options import Delivery, EstimateRequest, parse_named_value, parse_numbers
-from stridelab.cli.results import Show, deliver_result, out, run_here, show_files, show_quality, show_remarks, show_rows
+from stridelab.cli.results import (
+    Show,
+    deliver_result,
+    err,
+    out,
+    run_here,
+    show_files,
+    show_quality,
+    show_remarks,
+    show_rows,
+)
 from stridelab.schemas.jobs import (
     EstimateComInput,
     EstimateComSummary,
@@ -42,6 +54,8 @@ def deliver_estimate(
         for path in (*request.files, request.static, truth):
             if path is not None:
                 require_file(path)
+        if request.unstated_forces is not None:
+            err.print(f"[dim]with the forces of[/] {escape(str(request.unstated_forces))}")
         if delivery.server is None:
             return estimate_here(request, folder, kind, task_model, truth=truth)
         from stridelab.cli.remote import estimate_remotely

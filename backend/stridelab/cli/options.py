@@ -228,12 +228,16 @@ class EstimateRequest:
         return self.preparation.static
 
     @cached_property
+    def unstated_forces(self) -> Path | None:
+        """Forces beside a TRC file for which neither forces nor a body model are given."""
+        stated = self.preparation.model is not None or bool(self.preparation.forces)
+        return None if stated else forces_beside(self.file)
+
+    @cached_property
     def files(self) -> tuple[Path, ...]:
         """The files of the recording: itself, its body model and its forces, given or beside a TRC file."""
-        model = () if self.preparation.model is None else (self.preparation.model,)
-        forces = tuple(self.preparation.forces or ())
-        beside = None if model or forces else forces_beside(self.file)
-        return (self.file, *model, *forces, *(() if beside is None else (beside,)))
+        more = (self.preparation.model, *(self.preparation.forces or ()), self.unstated_forces)
+        return (self.file, *(path for path in more if path is not None))
 
     @property
     def upload_name(self) -> str:
