@@ -1,5 +1,6 @@
 """Options that several commands share, groups of them, and the request of ``stridelab estimate`` made of them."""
 
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import cached_property
@@ -10,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 import typer
 
 from stridelab.errors import Fault, InvalidInput
-from stridelab.recordings.files.trial_pairs import forces_beside, pack_trial
+from stridelab.recordings.files.trial_pairs import TRC, forces_beside, pack_trial
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.marker_sets import SourceMarkerSet
 from stridelab.schemas.methods import NODE_RATE_HZ, Formulation, Method
@@ -231,7 +232,7 @@ class EstimateRequest:
     def unstated_forces(self) -> Path | None:
         """Forces beside a TRC file for which neither forces nor a body model are given."""
         stated = self.preparation.model is not None or bool(self.preparation.forces)
-        return None if stated else forces_beside(self.file)
+        return None if stated or self.file.suffix.lower() != TRC else forces_beside(self.file)
 
     @cached_property
     def files(self) -> tuple[Path, ...]:
@@ -253,7 +254,10 @@ class EstimateRequest:
         if len(set(names)) < len(names):
             fault = Fault("--forces", "the name of each file must differ")
             raise InvalidInput("option-invalid", "Two files of the recording have the same name.", [fault])
-        pack_trial(self.files, target)
+        if len(names) == 1:
+            shutil.copyfile(self.file, target)
+        else:
+            pack_trial(self.files, target)
 
     def subject_fields(self) -> SubjectFields:
         """Given data of the subject. Raises ``InvalidInput`` naming the invalid option."""
