@@ -17,7 +17,7 @@ from support.recordings.export_files import write_trc_mot
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trial_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two walks of one person, as TRC and MOT files of equal names."""
     home = tmp_path_factory.mktemp("lab")
     walk = HumanWalker(mass_kg=64.0, duration_s=3.0, seed=4).walk()
@@ -31,8 +31,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("several", [False, True])
-def test_a_trc_file_is_estimated_with_the_forces_beside_it(several: bool, folder: Path, tmp_path: Path) -> None:
-    given = folder if several else folder / "walk0.trc"
+def test_a_trc_file_is_estimated_with_the_forces_beside_it(several: bool, trial_folder: Path, tmp_path: Path) -> None:
+    given = trial_folder if several else trial_folder / "walk0.trc"
     words = ["estimate", str(given), "--method", "complementary", "--height", "1.75", "--out", str(tmp_path / "out")]
     answer = CliRunner().invoke(app, words)
     assert answer.exit_code == 0, answer.output
@@ -44,15 +44,17 @@ def test_a_trc_file_is_estimated_with_the_forces_beside_it(several: bool, folder
         assert summary["mass_kg"] == pytest.approx(64.0, rel=0.02)
 
 
-def test_folders_of_studies_hold_trials_with_their_forces(folder: Path, tmp_path: Path) -> None:
-    files = dict(collect_files([folder], None, tmp_path).files)
+def test_folders_of_studies_hold_trials_with_their_forces(trial_folder: Path, tmp_path: Path) -> None:
+    files = dict(collect_files([trial_folder], None, tmp_path).files)
     assert sorted(files) == ["walk0.trc", "walk1.trc"]
     for path in files.values():
         assert len(read_recording(path).plates) == 2
 
 
-def test_measures_of_a_folder_use_the_forces(folder: Path, tmp_path: Path) -> None:
-    answer = CliRunner().invoke(app, ["measures", str(folder), "--height", "1.75", "--out", str(tmp_path / "out")])
+def test_measures_of_a_folder_use_the_forces(trial_folder: Path, tmp_path: Path) -> None:
+    answer = CliRunner().invoke(
+        app, ["measures", str(trial_folder), "--height", "1.75", "--out", str(tmp_path / "out")]
+    )
     assert answer.exit_code == 0, answer.output
     summary = json.loads((tmp_path / "out" / "result.json").read_text())["summary"]
     assert summary["method"] == "smoother"

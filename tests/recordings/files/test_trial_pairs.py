@@ -11,7 +11,7 @@ GRF = "grf\nnRows=1\nendheader\ntime\tground_force_vx\n0\t0\n"
 ANGLES = "angles\nnRows=1\nendheader\ntime\tknee_angle\n0\t0\n"
 
 
-def paired(*names: str) -> dict[str, str]:
+def pairs_by_name(*names: str) -> dict[str, str]:
     paths = [PurePosixPath(name) for name in names]
     trials = [path for path in paths if path.suffix == ".trc"]
     pairs = pair_trials(trials, [path for path in paths if path.suffix != ".trc"])
@@ -33,7 +33,7 @@ def paired(*names: str) -> dict[str, str]:
     ],
 )
 def test_names_that_say_the_same_are_a_pair(trial: str, force: str) -> None:
-    assert paired(trial, force, "static.trc", "other/walk2_grf.mot") == {trial: force}
+    assert pairs_by_name(trial, force, "static.trc", "other/walk2_grf.mot") == {trial: force}
 
 
 @pytest.mark.parametrize(
@@ -48,11 +48,11 @@ def test_names_that_say_the_same_are_a_pair(trial: str, force: str) -> None:
     ],
 )
 def test_names_that_leave_a_doubt_are_no_pair(names: tuple[str, ...]) -> None:
-    assert paired(*names) == {}
+    assert pairs_by_name(*names) == {}
 
 
 def test_forces_in_the_same_folder_come_before_others() -> None:
-    assert paired("day/m/walk.trc", "day/m/walk_grf.mot", "day/Forces/walk_grf.mot") == {
+    assert pairs_by_name("day/m/walk.trc", "day/m/walk_grf.mot", "day/Forces/walk_grf.mot") == {
         "day/m/walk.trc": "day/m/walk_grf.mot"
     }
 
